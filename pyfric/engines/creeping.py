@@ -86,15 +86,11 @@ class Creeping:
         scene: the scene.
         known: its static states, in linear geometry.
         accuracy: largest error of contact forces, in N.
-        V: speed of the driver, in m/s, > 0.
     """
 
-    def __init__(self, scene: Scene, known: StaticSolver, accuracy: float, V: float) -> None:
-        self.scene, self.known, self.V = scene, known, V
+    def __init__(self, scene: Scene, known: StaticSolver, accuracy: float) -> None:
+        self.scene, self.known, self.force = scene, known, accuracy / scene.N_x
         self._spaces: list[_Space] = []
-        self.force = accuracy / scene.N_x
-        self.kink = self.force / (math.sqrt(scene.slider.k * scene.m) * V)
-        self.fastest = INERTIA * self.kink
 
     @functools.cached_property
     def problem(self) -> ContactProblem:
@@ -107,43 +103,54 @@ class Creeping:
         return self.scene.d * float(np.mean(self.known.u_drv0))
 
     @staticmethod
-    def possible(scene: Scene, geometry: str, V: float) -> bool:
-        """Whether jumps over stable slip are possible.
+    def possible(scene: Scene, geometry: str) -> bool:
+        """Whether jumps are possible: in linear geometry, with friction that falls with slip."""
+        return geometry == "linear" and creeps(scene.law)
 
-        They need linear geometry, friction that depends on slip alone, and V (m/s) > 0.
+    def speed(self, t: float) -> float:
+        """Return the speed (m/s) of the driver, or 0 if no jump is possible from t (s) on.
+
+        The driver has to move forward at a constant speed under the loads at t = 0.
         """
-        return geometry == "linear" and creeps(scene.law) and V > 0
+        V, F_N, T = (self.scene.piece(what, t) for what in ("V", "F_N", "T"))
+        steady = V.slope == F_N.slope == T.slope == 0
+        same = self.scene.load_at(0.0) in (None, (F_N.value, T.value))
+        return max(V.value, 0.0) if steady and same else 0.0
 
-    def land(self, state: State, held: Callable[[], Linearised], last: int) -> Landing | None:
+    def land(
+        self, state: State, V: float, held: Callable[[], Linearised], last: int
+    ) -> Landing | None:
         """Return the end of a jump over stable slip, or None if no jump is possible.
 
         Args:
             state: the present state.
+            V: speed of the driver, in m/s, > 0.
             held: function that returns the slider linearised with all blocks in contact held.
             last: number of the last step that the jump may reach.
         """
-        V, dt = self.V, state.dt
+        kink, dt = self.force / (math.sqrt(self.scene.slider.k * self.scene.m) * V), state.dt
+        fastest = INERTIA * kink
         drive = self.scene.drive(state.t) + self.home
         way = np.where(np.abs(state.mode) == 1, state.mode, 0)
         creep = Creep(self.problem, state.y[0, 0], way, state.mode != OPEN, state.s_0)
         begin = creep.at(drive)
-        if begin is None or creep.wrong(begin, self.fastest) is not None:
+        if begin is None or creep.wrong(begin, fastest) is not None:
             return None
         space = self._space(held(), np.flatnonzero(way))
         modes = _Modes(self.scene, space, creep, begin)
-        q, v = self._path(modes, begin, dt)
+        q, v = self._path(modes, begin, V, dt)
         w = self.known.coordinates(state.y[:, :2], state.rod[:3]) - q
         a, left = modes.split(w, self.known.coordinates(state.y[:, 2:], state.rod[3:]) - v)
         if math.sqrt(2 * self.scene.slider.k * left) > self.force:
             return None
         end = drive + (last - state.step) * V * dt
-        path, _ = creep.follow(begin, end, self.fastest, self.kink)
+        path, _ = creep.follow(begin, end, fastest, kink)
         n = math.floor(modes.safe(path, V, a, left, dt) / dt)
         point = creep.on(path, drive + n * V * dt)
         if n < 1 or point is None:
             return None
         after = _Modes(self.scene, space, creep, point)
-        q, v = self._path(after, point, dt)
+        q, v = self._path(after, point, V, dt)
         w, w_v = modes.deviation(a, n * dt)
         times = np.array([(one.drive - drive) / V for one in path])
         forces = np.array([one.F_T for one in path])
@@ -160,9 +167,11 @@ class Creeping:
         self._spaces = [*self._spaces[1 - KEPT :], _Space(system, slips)]
         return self._spaces[-1]
 
-    def _path(self, modes: _Modes, point: Point, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    def _path(
+        self, modes: _Modes, point: Point, V: float, dt: float
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return coordinates (m) and rates (m/s) on the path, with the lag due to C and M."""
-        space, V, by = modes.space, self.V, APART * dt
+        space, by = modes.space, APART * dt
         system = space.system
         drive = point.drive - self.home
         v, bend = V * space.carried(point.rate), np.zeros(system.n_q)

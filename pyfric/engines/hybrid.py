@@ -185,34 +185,21 @@ class HybridRun(Run):
         # as many were made or spared.
         self.paid = self.state.step
         self.slide_cost = steps_of_slide(self.scene, self.method.geometry)
-        self._creepings: dict[float, Creeping] = {}
-        fastest = self.scene.driver.fastest
-        self.creeps = Creeping.possible(self.scene, self.method.geometry, fastest)
+        force = self.method.accuracy * self.scene.F_N
+        self.creeping = Creeping(self.scene, self.known, force)
+        self.creeps = Creeping.possible(self.scene, self.method.geometry)
 
     def _slips(self) -> np.ndarray:
         return np.abs(self.state.mode) == 1
 
-    @property
-    def creeping(self) -> Creeping | None:
-        """The calculator of jumps over stable slip, or None if such jumps are not possible."""
-        scene, t = self.scene, just_after(self.state)
-        if not self.creeps:
-            return None
-        V, *loads = (scene.piece(what, t) for what in ("V", "F_N", "T"))
-        first = scene.load_at(0.0)
-        steady = V.slope == 0 and all(one.slope == 0 for one in loads)
-        steady &= first is None or (*first,) == tuple(one.value for one in loads)
-        if not (steady and Creeping.possible(scene, self.method.geometry, V.value)):
-            return None
-        if V.value not in self._creepings:
-            force = self.method.accuracy * scene.F_N
-            self._creepings[V.value] = Creeping(scene, self.known, force, V.value)
-        return self._creepings[V.value]
+    def _speed(self) -> float:
+        """Return the driver's speed (m/s) for a jump over stable slip, 0 if none is possible."""
+        return self.creeping.speed(just_after(self.state)) if self.creeps else 0.0
 
     def call_length(self) -> int:
         """Return how many steps may be made before the next attempt to jump."""
         slips = self._slips()
-        if slips.any() and self.creeping is None:
+        if slips.any() and not self._speed():
             # the core returns when the last block stops, apart from corner slip
             return TRY if self.state.corner[slips].all() else 2**30
         return max(1, self.try_at - self.state.step)
@@ -220,9 +207,10 @@ class HybridRun(Run):
     def before_call(self, last: int) -> None:
         """Jump if nothing slips, or over stable slip, if an attempt is due."""
         state, slips = self.state, bool(self._slips().any())
-        if slips != self.slid or (slips and self.creeping is None):
+        integrated = slips and not self._speed()
+        if slips != self.slid or integrated:
             self.try_at, self.slid = state.step + TRY * (self.made["steps"] > 0), slips
-        if slips and self.creeping is None:
+        if integrated:
             return
         if state.step >= self.try_at:
             wait = self.slide(last) if slips else self.jump(last)
@@ -312,9 +300,8 @@ class HybridRun(Run):
         landing = None
         self.made["attempts"] += 1
         if most > 0:
-            landing = self.creeping.land(
-                state, lambda: self.rests.system(state.mode != OPEN), state.step + most
-            )
+            held = functools.partial(self.rests.system, state.mode != OPEN)
+            landing = self.creeping.land(state, self._speed(), held, state.step + most)
         self.made["slides"] += 1
         self.paid = state.step + self.slide_cost
         if landing is None or landing.n < min(most, TRY):

@@ -28,7 +28,7 @@ from __future__ import annotations
 
 import functools
 import warnings
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -67,16 +67,6 @@ JUNCTION_STEPS = 100
 """Largest number of steps to the loaded state on junctions."""
 JUNCTION_ROUNDED = 1e-12
 """Residual force on junctions that counts as rounding, over F_N/N_x."""
-
-
-class _Found(NamedTuple):
-    """Static coordinates at fixed contact states, and the result of the iteration."""
-
-    q: np.ndarray
-    forces: np.ndarray  # on the coordinates, without friction of stuck blocks, N
-    F_T: float
-    residual: float  # N
-    steps: int
 
 
 class StaticSolver(System):
@@ -202,10 +192,8 @@ class StaticSolver(System):
             residual = float(np.max(np.abs(forces)))
             rounded = JUNCTION_ROUNDED * unit
             if residual <= rounded or (least <= 1e3 * rounded and residual >= least):
-                found = _Found(q, forces, F_T, residual, step)
-                return self._result(
-                    found, states, Values(u_x, -held * u_x, u_z, p, F_T), None, step
-                )
+                now = Values(u_x, -held * u_x, u_z, p, F_T)
+                return self._result(q, states, now, None, residual, step)
             least = min(least, residual)
             springs = np.zeros(len(q))
             springs[:N_x] = held
@@ -246,19 +234,19 @@ class StaticSolver(System):
         scene, N_x, steps = self.scene, self.scene.N_x, 0
         for _ in range(CORRECTIONS):
             q[:N_x][states.stuck] = given[states.stuck]
-            found = self._newton(q, states, drive)
-            q, steps = found.q.copy(), steps + found.steps
+            (found, forces, F_T), residual, made = self._newton(q, states, drive)
+            q, steps = found.copy(), steps + made
             states.tol = rounding(scene, self.largest(q))
             f = states.slip * (states.law.slide(scene.k_f) * q[N_x : 2 * N_x])
-            f = np.where(states.stuck, -found.forces[:N_x], f)
+            f = np.where(states.stuck, -forces[:N_x], f)
             p = np.where(states.closed, -scene.k_f * q[N_x : 2 * N_x], 0.0)
-            now = Values(q[:N_x], f, q[N_x : 2 * N_x], p, found.F_T)
+            now = Values(q[:N_x], f, q[N_x : 2 * N_x], p, F_T)
             if drive is not None:
                 unmet = states.misplaced(now, STUCK, given)
             else:
                 unmet = states.unmet_in_loading(now, given) if scene.N_z > 1 else None
             if unmet is None:
-                return self._result(found, states, now, drive, steps)
+                return self._result(found, states, now, drive, residual, steps)
             contact = self._contact(states, now, given, drive)
             if drive is not None:
                 contact.hold_at(given, loose | (contact.slip != 0))
@@ -268,7 +256,7 @@ class StaticSolver(System):
             states.enter(slice(None), contact.mode)
         T = scene.top.T if drive is None else 0.0
         what = "contact states do not settle" + f" under top.T = {T:g} N" * bool(T)
-        raise EquilibriumError(what, found.residual, states.tol, steps)
+        raise EquilibriumError(what, residual, states.tol, steps)
 
     def _contact(
         self, states: States, now: Values, given: np.ndarray, drive: float | None
@@ -285,8 +273,13 @@ class StaticSolver(System):
         problem = problem.corrected(now, at)
         return Contact(problem, given, at, states.mode, law=law, driven=driven)
 
-    def _newton(self, q: np.ndarray, states: States, drive: float | None) -> _Found:
+    def _newton(
+        self, q: np.ndarray, states: States, drive: float | None
+    ) -> tuple[tuple[np.ndarray, np.ndarray, float], float, int]:
         """Return the static state for one set of contact states.
+
+        It is given by coordinates, forces on them (without friction of stuck blocks, in N) and F_T;
+        then follow the residual force (N) and the number of steps.
 
         The factors are those of the reference state (a chord iteration); they are renewed if it
         converges slowly. The iteration ends at the level of rounding. It also ends below `ACCEPTED`
@@ -324,12 +317,18 @@ class StaticSolver(System):
             raise EquilibriumError("Newton's method does not converge", least, limit, step)
         if drive is not None and self.geometry == "finite" and self.largest_turn(best[0]) > 1:
             raise EquilibriumError("the slider turns over", least, limit, step)
-        return _Found(*best, least, step)
+        return best, least, step
 
     def _result(
-        self, found: _Found, states: States, now: Values, drive: float | None, steps: int
+        self,
+        q: np.ndarray,
+        states: States,
+        now: Values,
+        drive: float | None,
+        residual: float,
+        steps: int,
     ) -> Equilibrium:
-        scene, (u, rod) = self.scene, self.displacements(found.q)
+        scene, (u, rod) = self.scene, self.displacements(q)
         return Equilibrium(
             u=u,
             rod=rod,
@@ -341,7 +340,7 @@ class StaticSolver(System):
             slipped=(states.slip != 0) & (drive is None),
             drive=0.0 if drive is None else drive,
             u_drv0=scene.u_driven(u) if drive is None else self.u_drv0,
-            residual=found.residual,
+            residual=residual,
             iterations=steps,
         )
 

@@ -78,6 +78,6 @@ def test_where_stable_slip_is_left_to_dynamics():
         other = dataclasses.replace(scene.interface, **change)
         other = dataclasses.replace(scene, interface=other)
         assert not Creeping.possible(other, "linear")
-    for V, possible in ((1e-3, True), (0.0, False), (-1e-3, False)):
-        other = dataclasses.replace(scene, driver=dataclasses.replace(scene.driver, V=V))
-        assert (Creeping(other, StaticSolver(other), 1.0).speed(0.0) > 0) == possible
+    back = scene.replace({"driver.protocol": [(1.0, 2e-3), (1.0, 0.0), (2.0, 0.0), (2.0, -1e-3)]})
+    creeping = Creeping(back, StaticSolver(back), 1.0)
+    assert [creeping.speed(t) for t in (0.5, 1.5, 2.5)] == [2e-3, 0.0, 0.0]

@@ -69,7 +69,7 @@ class RestStates:
 
     def system(self, stuck: np.ndarray) -> Linearised:
         """Return the slider linearised at these contact states."""
-        return self._systems.get(stuck.tobytes(), lambda: self._linearised(stuck))
+        return self._systems.made(stuck.tobytes(), lambda: self._linearised(stuck))
 
     def _linearised(self, stuck: np.ndarray) -> Linearised:
         """Extend the space of the loaded slider, if few of its blocks were released."""
@@ -87,7 +87,8 @@ class RestStates:
 
     def renew(self, stuck: np.ndarray, q: np.ndarray) -> Linearised:
         """Return the slider linearised at a state q, and keep it for later calls of `system`."""
-        return self._systems.put(stuck.tobytes(), self.system(stuck).at(q))
+        renewed = self._systems[stuck.tobytes()] = self.system(stuck).at(q)
+        return renewed
 
     def at(
         self,
@@ -119,7 +120,7 @@ class RestStates:
         if found is not None:
             self._latest[key] = found[0]
             path = np.array([found[0], system.drift, np.zeros_like(found[0])])
-            self._rests.get(place, lambda: (drive, path))
+            self._rests.made(place, lambda: (drive, path))
         return found
 
     def keep(self, u_x: np.ndarray, stuck: np.ndarray, jump: Jump) -> None:
@@ -127,7 +128,7 @@ class RestStates:
         outside = jump.outside
         if outside.steady and outside.V and not any(outside.gain):
             path = jump.path.q / np.array([[1.0], [outside.V], [outside.V**2]])
-            self._rests.put((stuck.tobytes(), u_x[stuck].tobytes()), (outside.drive, path))
+            self._rests[stuck.tobytes(), u_x[stuck].tobytes()] = outside.drive, path
 
     def solve(
         self,
@@ -138,25 +139,19 @@ class RestStates:
         load: tuple[float, float] | None = None,
         near: Equilibrium | None = None,
     ) -> Static | Equilibrium:
-        """Return the static state, for the catalogue."""
-        found = None if free.all() else self._static(u_x, drive, free, load)
-        return found or self.known.solve(u_x, drive, free=free, load=load, near=near)
-
-    def _static(
-        self, u_x: np.ndarray, drive: float, free: np.ndarray, load: tuple[float, float] | None
-    ) -> Static | None:
-        """Return the static state at these contact states, or None if contact would change them."""
-        scene, N_x = self.known.scene, len(free)
-        found = self.at(u_x, ~free, drive, load, BALANCED * scene.F_N)
-        if found is None:
-            return None
-        q, forces = found
-        u_z = q[N_x : 2 * N_x]
-        if (np.where(free, u_z, -u_z) < 0).any():
-            return None
-        F_T = scene.driver_force(drive, float(self.known.driven_row @ q), self.known.u_drv0)
-        tau = np.where(free, 0.0, scene.d * forces[:N_x])
-        return Static(F_T, tau, np.where(free, 0.0, -scene.k_f * u_z))
+        """Return the static state, for the catalogue, at these contact states if they hold."""
+        scene, N_x, found = self.known.scene, len(free), None
+        if not free.all():
+            found = self.at(u_x, ~free, drive, load, BALANCED * scene.F_N)
+        if found is not None:
+            q, forces = found
+            u_z = q[N_x : 2 * N_x]
+            if not (np.where(free, u_z, -u_z) < 0).any():
+                moved = float(self.known.driven_row @ q)
+                F_T = scene.driver_force(drive, moved, self.known.u_drv0)
+                tau = np.where(free, 0.0, scene.d * forces[:N_x])
+                return Static(F_T, tau, np.where(free, 0.0, -scene.k_f * u_z))
+        return self.known.solve(u_x, drive, free=free, load=load, near=near)
 
 
 class HybridRun(Run):

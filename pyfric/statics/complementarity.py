@@ -130,7 +130,7 @@ class ContactProblem:
 
     def base(self, closed: np.ndarray) -> np.ndarray:
         """Return the table with all u_x held: rows u_x, f, u_z, F_T; columns u_x, drive, 1."""
-        return self._bases.get(closed.tobytes(), lambda: self._base(closed))
+        return self._bases.made(closed.tobytes(), lambda: self._base(closed))
 
     def _base(self, closed: np.ndarray) -> np.ndarray:
         S, drive, N_x = self.slider.S, self.slider.G[:, 0], self.scene.N_x

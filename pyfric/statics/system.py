@@ -248,7 +248,7 @@ class System:
             of_bonds = self._tangents if q is None else self.bond_tangents(q)
             return self._factorised(self.stiffness(of_bonds, mode, driven=driven), mode, friction)
 
-        return make() if q is not None else self._factors.get((driven, mode.tobytes()), make)
+        return make() if q is not None else self._factors.made((driven, mode.tobytes()), make)
 
     def unknown(self, mode: np.ndarray) -> np.ndarray:
         """Return the indices of the coordinates that are not held."""

@@ -35,7 +35,7 @@ from pyfric.engines.history import History
 from pyfric.engines.integration import strain_notes
 from pyfric.engines.pauses import loading_notes, longest_pause
 from pyfric.engines.stopping import stopping_of
-from pyfric.engines.stretches import Stretch, bends, check_ladder, stretches
+from pyfric.engines.stretches import Stretch, bends, stretches
 from pyfric.record import (
     QUIET_COLUMNS,
     Method,
@@ -368,8 +368,6 @@ def static_sequence(
     """
     if not isinstance(initial, Record | None):
         raise StateError(f"initial: the {engine.name} engine continues records only")
-    check_ladder(engine.name, scene)
-    t_end = check_number("t_end", t_end, "s", ge=0.0)
     gap = longest_pause(scene) if t_gap is None else t_gap
     run = engine(scene, gap, stopping_of(stop_when, scene, gap, initial, t_end))
     with run_bar(progress, scene.name, 0.0, t_end) as bar, answered() as stop:

@@ -51,7 +51,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pyfric.core import STEPPERS
-from pyfric.engines import ACCURACY, RunError, work, work_so_far
+from pyfric.engines import ACCURACY, RunError, kept, work, work_so_far
 from pyfric.planning.price import Reference, Runs, affordable, budget, operations
 from pyfric.record import Errors, differences, statistics
 from pyfric.scene import default_geometry
@@ -112,12 +112,9 @@ class Specification:
 
     def again(self, record: Record, most: float | None = None, **changes: Any) -> Record:
         """Return a run made like a record, with some options changed; it ends at a work (s)."""
-        method = record.method
-        same = {"dt": method.dt, "geometry": method.geometry, "switching": method.switching}
-        same |= {"accuracy": method.accuracy, "rtol": method.rtol, "fidelity": method.engine}
-        same |= {"stepper": method.stepper or "rk4"}
-        plain = {"method": None, "checkpoint": None, "budget": method.budget, "verify": None}
-        options = dataclasses.replace(self.options, **(plain | same | changes))
+        same = kept(record.method) | {"fidelity": record.method.engine}
+        plain = {"sample": self.options.sample, "checkpoint": None, "verify": None}
+        options = dataclasses.replace(self.options, **(same | plain | changes))
         enough = None if most is None else lambda run: work_so_far(run) > most
         return self.run(self.scene, self.t_end, options, enough=enough)
 

@@ -218,8 +218,8 @@ class Guard:
         protocol, times the largest displacement. Between two states, it is the sum of both bounds.
         """
         top, parts = self.scene.top, 0.0
-        for name, first, c in (("protocol", self.scene.F_N, 1), ("T_protocol", 0.0, 0)):
-            change = max((abs(value - first) for _, value in getattr(top, name, ())), default=0.0)
+        for protocol, first, c in ((top.protocol, self.scene.F_N, 1), (top.T_protocol, 0.0, 0)):
+            change = max((abs(value - first) for _, value in protocol), default=0.0)
             parts += change * float(np.abs(state.y[-1, c]).max())
         changing = [one for one in top.push if not one.ever]
         most = sum(abs(one.force) + abs(one.at(min(state.t, one.end))) for one in changing)
@@ -283,16 +283,6 @@ def folded(scene: Scene, u: np.ndarray) -> tuple[int, int] | None:
     return None
 
 
-def largest_load(scene: Scene, t_end: float = math.inf) -> tuple[float, float]:
-    """Return the largest F_N and |T| up to t_end (s), in N."""
-    if scene.load_at(0.0) is None:
-        return scene.F_N, 0.0
-    times = [0.0, *(one for one in scene.corners if one < t_end)]
-    times += [t_end] * math.isfinite(t_end)
-    F_N, T = np.abs([scene.load_at(t) for t in times]).max(axis=0)
-    return float(F_N), float(T)
-
-
 def largest_strain(scene: Scene, F_T: float, t_end: float = math.inf) -> float:
     """Return the largest strain of a bond under the driver force F_T or under F_N and T.
 
@@ -304,8 +294,10 @@ def largest_strain(scene: Scene, F_T: float, t_end: float = math.inf) -> float:
     unit = scene.slider.k * scene.slider.l
     if scene.N_z == 1 or scene.prescribed:
         return abs(F_T) / unit
-    loads = max(largest_load(scene, t_end)) / scene.N_x
-    return max(STRAIN_SHARE * abs(F_T), loads) / unit
+    times = [0.0, *(one for one in scene.corners if one < t_end)]
+    times += [t_end] * math.isfinite(t_end)
+    load = max(max(map(abs, scene.load_at(t) or (scene.F_N,))) for t in times)
+    return max(STRAIN_SHARE * abs(F_T), load / scene.N_x) / unit
 
 
 def strain_notes(scene: Scene, engine: str, F_T: float, t_end: float) -> tuple[str, ...]:

@@ -92,7 +92,7 @@ def stretches(scene: Scene, drive_0: float, t_end: float) -> list[Stretch]:
     if scene.load_at(0.0) is None:
         return [Stretch(leg, drive_0) for leg in scene.legs(t_end)]
     found, K = [], scene.driver.K
-    load = scene.F_N, getattr(scene.top, "T", 0.0)
+    load = scene.F_N, scene.top.T
     times = sorted({0.0, *scene.corners})
     pieces = [  # of V, cut at all corners
         one._replace(t=t, value=one.at(t), integral=one.integral_at(t))

@@ -232,7 +232,7 @@ def _on_springs(scene: Scene) -> float:
     """
     if scene.law.rests:
         return 0.0
-    loads = [scene.F_N, *(F_N for _, F_N in getattr(scene.top, "protocol", ()))]
+    loads = [scene.F_N, *(F_N for _, F_N in scene.top.protocol)]
     p = max(2 * max(loads) / scene.N_x, float(scene.p_prescribed.max()))
     return float(np.max(scene.law.stiffness(p)))
 

@@ -97,8 +97,7 @@ def steps_of_slide(scene: Scene, geometry: Geometry) -> int:
 
 def work_so_far(run: Run | Record) -> float:
     """Return the work so far of a run with time steps, or of its record, in s."""
-    counts = run.counts() if callable(run.counts) else run.counts
-    return work(run.scene, run.method.geometry, counts)
+    return work(run.scene, run.method.geometry, run.counts)
 
 
 def full_counts(

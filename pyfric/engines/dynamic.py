@@ -148,8 +148,9 @@ class Run:
         """Return the largest number of steps of the next call."""
         return MAX_CALL
 
+    @property
     def counts(self) -> dict[str, int]:
-        """Return the counts of steps, of force evaluations times blocks, and of jumps."""
+        """Counts of steps, of force evaluations times blocks, and of jumps."""
         old = self.before.counts if self.before else {}
         return {name: value + old.get(name, 0) for name, value in self.made.items()}
 
@@ -439,7 +440,7 @@ class Run:
             motion=motion,
             versions=versions(),
             timings=timings,
-            counts=self.counts(),
+            counts=self.counts,
             notes=(*kept_notes(self.before), *notes),
             status=status,
             final_state=state,

@@ -215,7 +215,7 @@ class HybridRun(Run):
 
     def notes(self) -> tuple[str, ...]:
         """Return the notes, with one more if jumps spared little."""
-        notes, done = super().notes(), self.counts()
+        notes, done = super().notes(), self.counts
         share = done["steps"] / max(done["steps"] + done["steps_spared"], 1)
         if share <= MOSTLY or done["steps"] < 1000:
             return notes

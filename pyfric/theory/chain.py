@@ -43,7 +43,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from pyfric.theory.inputs import checked, checked_array, refusal
+from pyfric.scene import SceneError
+from pyfric.theory.inputs import checked, checked_array
 
 SLOWEST, FASTEST = 1e-4, 1e4
 """Range of front speeds, in c."""
@@ -252,5 +253,5 @@ def _inverse(
     if at_low > 0 or at_high < 0:
         limit = tau_bar + (at_low if at_low > 0 else at_high)
         sign = ">=" if at_low > 0 else "<="
-        raise refusal("tau_bar", float(tau_bar), "", f"a number {sign} {limit:.9g}, for {what}")
+        raise SceneError("tau_bar", float(tau_bar), "", f"a number {sign} {limit:.9g}, for {what}")
     return scipy.optimize.brentq(excess, low, high, xtol=1e-15, rtol=1e-11)

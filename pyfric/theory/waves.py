@@ -19,7 +19,8 @@ from typing import Literal, NamedTuple, Self, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pyfric.theory.inputs import checked, checked_array, choice, refusal
+from pyfric.scene import SceneError
+from pyfric.theory.inputs import checked, checked_array, choice
 
 Polarisation = Literal["longitudinal", "shear", "chain"]
 
@@ -86,7 +87,7 @@ def density_factor(N_x: int, N_z: int) -> float:
     """
     for name, N in (("N_x", N_x), ("N_z", N_z)):
         if checked(name, N, ge=2) % 1:
-            raise refusal(name, N, "", "an integer >= 2")
+            raise SceneError(name, N, "", "an integer >= 2")
     return N_x * N_z / ((N_x - 1) * (N_z - 1))
 
 

@@ -127,16 +127,17 @@ class Quantity(Annotation):
 
 @dataclasses.dataclass(frozen=True)
 class Whole(Annotation):
-    """A whole number from 0 up to a largest one."""
+    """A whole number from a smallest to a largest one."""
 
     largest: int
+    least: int = 0
 
     @property
     def allowed(self) -> str:
-        return f"a whole number from 0 to {self.largest}"
+        return f"a whole number from {self.least} to {self.largest}"
 
     def check(self, value: Any, written: Written | None = None) -> int:
-        return check_whole("", value, 0, self.largest)
+        return check_whole("", value, self.least, self.largest)
 
 
 @dataclasses.dataclass(frozen=True)

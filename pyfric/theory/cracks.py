@@ -33,7 +33,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from pyfric.scene import SceneError
-from pyfric.theory.inputs import checked, checked_array, choice, same_shape
+from pyfric.theory.inputs import checked, checked_array, each, same_shape
 from pyfric.theory.waves import Material, reduced_D
 
 Bodies = Literal[1, 2]
@@ -152,8 +152,7 @@ def stress_intensity(
     if len(breaks):
         breaks = checked_array("breaks", breaks, "m", gt=0)
     breaks = np.sort(np.ravel(breaks))
-    K = [_intensity(one, stress_drop, breaks[breaks < one]) for one in a.flat]
-    return np.reshape(K, a.shape)[()]
+    return each(lambda one: _intensity(one, stress_drop, breaks[breaks < one]), a)
 
 
 def energy_release_rate(
@@ -312,7 +311,9 @@ def strength_excess(tau_p: ArrayLike, tau_0: ArrayLike, tau_r: ArrayLike) -> np.
 
 def _share(bodies: Bodies) -> float:
     """The share of the two bodies' energy that goes by this convention."""
-    return choice("bodies", bodies, (1, 2)) / 2
+    if isinstance(bodies, bool) or bodies not in (1, 2):
+        raise SceneError("bodies", bodies, "", "1 or 2")
+    return bodies / 2
 
 
 def _friction_drop(mu_s: float, mu_k: float, p: ArrayLike) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -48,15 +49,9 @@ def checked(field: str, value: Any, unit: str = "", **limits: float) -> float:
     return float(array)
 
 
-def choice(field: str, value: Any, allowed: tuple) -> Any:
-    """Return the value if it is one of those allowed.
-
-    Raises:
-        SceneError: it is not.
-    """
-    if isinstance(value, bool) or value not in allowed:
-        raise SceneError(field, value, "", " or ".join(map(repr, allowed)))
-    return value
+def each(of: Callable[[float], float], values: np.ndarray) -> np.ndarray:
+    """Return the results of a function of one number, in the shape of the values."""
+    return np.reshape([of(one) for one in values.flat], values.shape)[()]
 
 
 def same_shape(**arrays: np.ndarray) -> list[np.ndarray]:

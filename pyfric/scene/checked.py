@@ -268,7 +268,7 @@ def table(part: Any, marks: Mapping[str, Annotation] | None = None) -> dict[str,
         name, value = field.name, getattr(part, field.name)
         default = dataclasses.is_dataclass(value) and value == field.default
         if not (default or value in (None, (), "")):
-            found[name] = marks[name].written(value) if name in marks else value
+            found[name] = marks[name].written(value)
     return found
 
 

@@ -99,7 +99,7 @@ class Quantity(Annotation):
         if self.listed and isinstance(value, list | tuple):
             if len(value) > MAX_LISTED:
                 raise SceneError("", value, "", f"at most {MAX_LISTED} numbers", "too many")
-            number = dataclasses.replace(self, listed=False, drawn=None, optional=False, note="")
+            number = Quantity(self.unit, **self._limits)
             return numbered(self.each, lambda one: number.check(one, written), value)
         if written and self.unit:
             value = parse_quantity("", value, self.unit, allowed=self.allowed)
@@ -132,10 +132,6 @@ class Whole(Annotation):
     largest: int
     least: int = 0
 
-    @property
-    def allowed(self) -> str:
-        return f"a whole number from {self.least} to {self.largest}"
-
     def check(self, value: Any, written: Written | None = None) -> int:
         return check_whole("", value, self.least, self.largest)
 
@@ -154,7 +150,9 @@ class Words(Annotation):
     def check(self, value: Any, written: Written | None = None) -> str | None:
         if (isinstance(value, str) and value in self.words) or (self.optional and value is None):
             return value
-        reason = unknown("", value, str(value), self.words).reason
+        reason = "missing" if value is None else "not text"
+        if isinstance(value, str):
+            reason = unknown("", value, value, self.words).reason
         raise SceneError("", value, "", self.allowed, reason)
 
 
@@ -190,6 +188,8 @@ NotNegative = functools.partial(Quantity, ge=0.0)
 class OneOf(Annotation):
     """A part of one of several classes. In a scene file the entry `kind` selects the class.
 
+    The class makes itself of a table of the file if it has a method `from_file`.
+
     Args:
         classes: the classes, or a common base class.
         kinds: kinds to classes; None means the attributes `kind` of the classes.
@@ -213,17 +213,12 @@ class OneOf(Annotation):
             reason = "missing" if value is None else "not a table"
             raise SceneError(self.section, value, "", f"a table [{self.section}]", reason)
         entries = dict(value)
-        cls = self._asked(entries.pop("kind", None)) if self.kinds else self.classes[0]
-        return from_table(cls, entries, written.folder)
-
-    def _asked(self, kind: Any) -> type:
-        """Return the class of a kind."""
-        if isinstance(kind, str) and kind in self.kinds:
-            return self.kinds[kind]
-        field, allowed = f"{self.section}.kind", " or ".join(map(repr, self.kinds))
-        if isinstance(kind, str):
-            raise unknown(field, kind, kind, self.kinds)
-        raise SceneError(field, kind, "", allowed, "missing" if kind is None else "not text")
+        cls = self.classes[0]
+        if self.kinds:
+            with naming(f"{self.section}.kind"):
+                cls = self.kinds[Words(tuple(self.kinds)).check(entries.pop("kind", None))]
+        make = getattr(cls, "from_file", functools.partial(from_entries, cls))
+        return make(entries, written.folder)
 
     def written(self, value: Any) -> Any:
         return table(value)
@@ -243,18 +238,11 @@ def annotations(cls: type) -> dict[str, Annotation]:
     return found
 
 
-def from_table(cls: type, entries: Mapping[str, Any], folder: Path | None) -> Any:
-    """Return the part that a table of a scene file describes, by `cls.from_file` if there is one.
-
-    Without a folder, the table may not name files.
-    """
-    if hasattr(cls, "from_file"):
-        return cls.from_file(entries, folder)
-    return from_entries(cls, entries, folder)
-
-
 def from_entries(cls: type, entries: Mapping[str, Any], folder: Path | None, **more: Any) -> Any:
-    """Return the part with these entries of a scene file; see `from_table`."""
+    """Return the part that a table of a scene file describes; files that it names are in `folder`.
+
+    A part with a method `from_file` uses this for all that its file does not give another way.
+    """
     marks = annotations(cls)
     values = {n: Written(v, folder) if n in marks else v for n, v in entries.items()}
     return cls(**values, **more)

@@ -63,10 +63,6 @@ def condition(text: str) -> tuple[str, tuple[float, ...]]:
 class Conditions(Annotation):
     """Annotation of conditions: a text, or a list of texts."""
 
-    @property
-    def allowed(self) -> str:
-        return f"a list of {_names()}"
-
     def check(self, value: Any, written: Written | None = None) -> tuple[str, ...]:
         texts = (value,) if isinstance(value, str) else value
         if not (isinstance(texts, list | tuple) and all(isinstance(one, str) for one in texts)):

@@ -26,7 +26,7 @@ from pyfric.scene import PrescribedLoad, Scene, SceneError, Slider, chain, prese
 from pyfric.scene.checked import MAX_LISTED
 from pyfric.scene.presets import settings as names_of
 from pyfric.statics import StaticSolver, loaded_state, stability_limit, stiffness
-from pyfric.statics.stability import radius
+from pyfric.statics.stability import least_limit
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic", sample=1e-5)  # few points
 
@@ -325,9 +325,7 @@ def test_stability_limit(eta, k_top, k_f, K):
             n = len(a)
             z = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [a, b]]))
             z = z[np.abs(z) > 1e-4]
-            angle = np.angle(np.minimum(z.real, 0) + 1j * np.abs(z.imag))
-            limits = radius(core.STEPPERS["rk4"], angle) / np.abs(z)
-            exact = np.min(limits, initial=exact)
+            exact = min(exact, least_limit(core.STEPPERS["rk4"], z)[0])
     limit = stability_limit(scene)[0]
     assert 0.97 * exact < limit < exact * (1 + 1e-6)
 

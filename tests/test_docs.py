@@ -17,6 +17,7 @@ import pandas as pd
 import pytest
 
 import pyfric
+from pyfric.cli.commands import main
 
 ROOT = Path(__file__).parents[1]
 ROWS = [
@@ -172,6 +173,8 @@ def test_options_are_typed_by_their_names():
     keywords = pyfric.engines.options.Keywords.__annotations__
     assert list(keywords) == [one.name for one in dataclasses.fields(pyfric.Options)]
     assert get_args(pyfric.engines.options.StepperName) == tuple(pyfric.core.STEPPERS)
+    (stepper,) = (one.type for one in main.commands["run"].params if one.name == "stepper")
+    assert tuple(stepper.choices) == tuple(pyfric.core.STEPPERS)
 
 
 def test_blocks_of_a_page_keep_their_lines():

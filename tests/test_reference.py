@@ -251,10 +251,8 @@ THREE = (regression.loading_curve, regression.stresses, regression.crack_speeds)
 def test_the_same_run_has_no_error(comparison, within):
     known = reference("fig1", "linear")
     made = hybrid("fig1", "linear")
-    tight = dataclasses.replace(
-        within,
-        **{name: 0.1 * getattr(within, name) for name in ("start", "arrest", "time", "stress")},
-    )
+    names = ("start", "arrest", "time", "stress")
+    tight = within._replace(**{name: 0.1 * getattr(within, name) for name in names})
     assert_all(comparison(known, made, tight))
 
 

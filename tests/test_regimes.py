@@ -42,10 +42,10 @@ def test_the_table_covers_what_it_is_for():
 @pytest.mark.parametrize(
     ("seen", "right"),
     [
-        (Observed("answer", "x", 0.5, 1.0, "fine"), True),
-        (Observed("answer", "x", 2.0, 1.0, "too far"), False),
-        (Observed("answer", "x", np.nan, 1.0, "no number"), False),
-        (Observed("silence", "x", 0.5, 1.0, "nothing said"), False),
+        (Observed("answer", "fine", "x", 0.5, 1.0), True),
+        (Observed("answer", "too far", "x", 2.0, 1.0), False),
+        (Observed("answer", "no number", "x", np.nan, 1.0), False),
+        (Observed("silence", "nothing said", "x", 0.5, 1.0), False),
     ],
 )
 def test_what_is_not_as_stated_is_shown(seen, right):
@@ -85,6 +85,6 @@ def test_command_line(tmp_path, monkeypatch):
     done = CliRunner().invoke(main, ["regimes", "--json"])
     assert len(json.loads(done.stdout)) == 2
     assert CliRunner().invoke(main, ["regimes", "--out", "/no/where/x.csv"]).exit_code == 2
-    wrong = dataclasses.replace(REGIMES[1], look=lambda _: Observed("silence", "", 0.0, 0.0, "!"))
+    wrong = dataclasses.replace(REGIMES[1], look=lambda _: Observed("silence", "!"))
     monkeypatch.setattr(inspect.unwrap(regimes.observe), "__defaults__", ((wrong,), lambda _: None))
     assert CliRunner().invoke(main, ["regimes"]).exit_code == 1

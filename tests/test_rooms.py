@@ -20,11 +20,8 @@ SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))[
 BY_NAME = {"import_module", "__import__", "resolve_name", "run_module", "run_path", "exec", "eval"}
 """What can import a module that a string names."""
 DOOR = "pyfric/__init__.py"
-OF_THEIR_OWN = {
-    "pyfric/checks/__init__.py",
-    "pyfric/core/builds.py",
-}
-"""Registries, which read modules of their own folder by name."""
+OF_THEIR_OWN = {"pyfric/core/builds.py"}
+"""What reads modules of its own folder by name."""
 
 
 def layers():

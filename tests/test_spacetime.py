@@ -227,7 +227,9 @@ def test_command_line(run, tmp_path):
     assert CliRunner().invoke(main, one).exit_code == 0
     assert (tmp_path / "x.png").is_file()
     assert (tmp_path / "x_slip_rate.csv").is_file()
-    for wrong in ([], ["--event", "0"], ["--event", "99999"]):
+    (tmp_path / "y_pinned.csv").touch()  # which junctions have instead of slip rates
+    there = ["--event", "1", "--out", str(tmp_path / "y")]
+    for wrong in ([], ["--event", "0"], ["--event", "99999"], there):
         assert CliRunner().invoke(main, ["spacetime", str(path), *wrong]).exit_code == 2
 
 

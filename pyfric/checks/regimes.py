@@ -43,13 +43,13 @@ BUDGET = 1e-6
 
 
 class Observed(NamedTuple):
-    """What was seen: a behaviour, a quantity with its value and limit, and text."""
+    """What was seen: a behaviour, text and, of an answer, a quantity with its value and limit."""
 
     behaviour: str
-    quantity: str
-    value: float
-    limit: float
     text: str
+    quantity: str = ""
+    value: float = 0.0
+    limit: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -101,10 +101,9 @@ def _refused(scene: Callable[[], Scene], *, field: str, **how) -> Observed:
     try:
         _run(scene(), 1e-3, **how)
     except SceneError as error:
-        one = next((e for e in error.flat() if e.field == field), error)
-        right = float(one.field != field)
-        return Observed("refusal", f"field other than {field}", right, 0.0, str(one))
-    return Observed("silence", "", math.nan, 0.0, "the run is complete")
+        named = [str(one) for one in error.flat() if one.field == field]
+        return Observed("refusal", named[0]) if named else Observed("other refusal", str(error))
+    return Observed("silence", "the run is complete")
 
 
 def _above_limit(scene: Callable[[], Scene]) -> Observed:
@@ -121,18 +120,15 @@ def _stopped(scene: Callable[[], Scene], *, t_end: float) -> Observed:
         named = all(word in text for word in ("at step", "t = ", "block in column"))
         kept = record.final_state.step > 0 and np.isfinite(record.curve.to_numpy()).all()
         sound = folded(record.scene, record.final_state.y[:, :2]) is None
-        wrong = float(not (named and kept and sound))
-        return Observed("stop", "something missing", wrong, 0.0, text)
-    return Observed("silence", "", math.nan, 0.0, "the run is complete")
+        return Observed("stop" if named and kept and sound else "something missing", text)
+    return Observed("silence", "the run is complete")
 
 
 def _noted(scene: Callable[[], Scene], *, note: str, t_end: float = 1e-5, **how) -> Observed:
     """A note in the record."""
     notes = _run(scene(), t_end, **how).notes
     found = [one for one in notes if note in one]
-    if not found:
-        return Observed("silence", "", math.nan, 0.0, f"notes: {notes}")
-    return Observed("warning", "notes missing", 0.0, 0.0, found[0])
+    return Observed("warning", found[0]) if found else Observed("silence", f"notes: {notes}")
 
 
 def _moved_up(scene: Callable[[], Scene], *, t_end: float, damps: bool, finer: int) -> Observed:
@@ -143,14 +139,14 @@ def _moved_up(scene: Callable[[], Scene], *, t_end: float, damps: bool, finer: i
     record = _run(scene(), t_end, verify="none")
     said = next((note for note in record.notes if note.startswith("planned")), "")
     if record.method.engine != "dynamic" or "hybrid (" not in said:
-        return Observed("silence", "", math.nan, 0.0, f"{record.method.engine}: {record.notes}")
+        return Observed("silence", f"{record.method.engine}: {record.notes}")
     how = {"fidelity": "dynamic", "geometry": record.method.geometry}
     full = _run(scene(), t_end, **how, dt=record.method.dt / finer)
     missing = [note for note in _run(scene(), t_end, **how).notes if "budget misses" in note]
-    quantity, text = f"budget error at dt/{finer}", "; ".join([said, *missing])
     if damps and not missing:
-        return Observed("silence", quantity, math.nan, BUDGET, "the budget is not noted")
-    return Observed("switch", quantity, budget_error(full.curve), BUDGET, text)
+        return Observed("silence", "the budget is not noted")
+    error, text = budget_error(full.curve), "; ".join([said, *missing])
+    return Observed("switch", text, f"budget error at dt/{finer}", error, BUDGET)
 
 
 def _same(
@@ -162,15 +158,16 @@ def _same(
     # Slip that weakens grows before it ruptures, and with it what jumps leave.
     weakens = {"accuracy": 1e-8} if scene().law.weakens else {}
     b = _run(scene(), t_end, fidelity="hybrid", **weakens, **how)
-    quantity, n = "force of events, hybrid - dynamic, over F_N", len(a.events)
+    n = len(a.events)
     text = f"{n} events, dt = {a.method.dt:g} s"
     names = ("first_block", "last_block", "nucleation_block", "n_episodes")
     same = n == len(b.events) and all((a.events[x] == b.events[x]).all() for x in names)
     opened = bool((a.switches["new"] == OPEN).any())
     if not same or n < least or (opens and not opened) or not np.isfinite(a.curve).all(axis=None):
-        return Observed("wrong answer", quantity, math.inf, FORCE, text)
+        return Observed("wrong answer", text)
     apart = [(a.events[x] - b.events[x]).abs().max() for x in ("F_T_start", "F_T_arrest")]
-    return Observed("answer", quantity, float(np.nanmax(apart)) / a.scene.F_N, FORCE, text)
+    quantity = "force of events, hybrid - dynamic, over F_N"
+    return Observed("answer", text, quantity, float(np.nanmax(apart)) / a.scene.F_N, FORCE)
 
 
 def _continuous(scene: Callable[[], Scene], *, t_end: float) -> Observed:
@@ -183,9 +180,8 @@ def _continuous(scene: Callable[[], Scene], *, t_end: float) -> Observed:
     slipped = len(np.unique(record.switches["block"]))
     quantity = "F_T, dynamics - equilibrium, over F_N"
     text = f"{slipped} of {record.scene.N_x} blocks slip, {len(record.switches['t'])} switches"
-    return Observed(
-        "answer" if slipped > 2 else "nothing slips", quantity, float(apart), 5e-3, text
-    )
+    seen = "answer" if slipped > 2 else "nothing slips"
+    return Observed(seen, text, quantity, float(apart), 5e-3)
 
 
 def _nothing_slips(scene: Callable[[], Scene], *, t_end: float) -> Observed:
@@ -195,7 +191,7 @@ def _nothing_slips(scene: Callable[[], Scene], *, t_end: float) -> Observed:
     exact = driver.K * driver.V * curve["t"]
     apart = float(np.abs(curve["F_T"] - exact).max() / exact.iloc[-1])
     seen = "answer" if not len(record.events) else "something slips"
-    return Observed(seen, "F_T against K V t, relative", apart, 1e-6, f"to {exact.iloc[-1]:.2g} N")
+    return Observed(seen, f"to {exact.iloc[-1]:.2g} N", "F_T against K V t, relative", apart, 1e-6)
 
 
 def _cascade(scene: Callable[[], Scene], *, t_end: float) -> Observed:
@@ -211,9 +207,8 @@ def _cascade(scene: Callable[[], Scene], *, t_end: float) -> Observed:
         f"{100 * steps / (steps + spared):.2g} % of the time integrated"
     )
     seen = "answer" if opened and single > 5 and steps < 0.2 * (steps + spared) else "no cascade"
-    return Observed(
-        seen, "F_T at the end, hybrid - quasi-static, over F_N", abs(ends[0] - ends[1]), 0.03, text
-    )
+    quantity = "F_T at the end, hybrid - quasi-static, over F_N"
+    return Observed(seen, text, quantity, abs(ends[0] - ends[1]), 0.03)
 
 
 def _at_once(scene: Callable[[], Scene]) -> Observed:
@@ -236,7 +231,7 @@ def _at_once(scene: Callable[[], Scene]) -> Observed:
     apart = float(np.abs(record.final_state.y[0, 0] / stop - 1).max())
     text = f"{len(first)} blocks released in the same step, {len(record.events)} event"
     seen = "answer" if together else "not at once"
-    return Observed(seen, "displacement at arrest, relative", apart, 1e-5, text)
+    return Observed(seen, text, "displacement at arrest, relative", apart, 1e-5)
 
 
 def _pulled(scene: Callable[[], Scene], *, force: float, t_end: float) -> Observed:
@@ -261,7 +256,7 @@ def _pulled(scene: Callable[[], Scene], *, force: float, t_end: float) -> Observ
         last < 0 and budget_error(record.curve) < BUDGET and (moved < 0 if slipped else moved == 0)
     )
     seen = "answer" if fine else "wrong answer"
-    return Observed(seen, "F_T at rest against statics, over F_N", float(apart), 1e-5, text)
+    return Observed(seen, text, "F_T at rest against statics, over F_N", float(apart), 1e-5)
 
 
 # --- the table -----------------------------------------------------------------------------------
@@ -362,9 +357,9 @@ def observe(
         progress: called with the name of each before it runs.
 
     Returns:
-        Columns regime, scene, stated (behaviour), text, observed (behaviour), quantity, value,
-        limit, as_stated (behaviour as stated and value within the limit), seconds (processor
-        time) and says (what pyfric said, or what the run was like).
+        Columns regime, scene, stated (behaviour), text, observed (behaviour), quantity ("" where
+        nothing was measured), value, limit, as_stated (behaviour as stated and value within the
+        limit), seconds (processor time) and says (what pyfric said, or what the run was like).
     """
     rows = []
     for one in regimes:
@@ -397,7 +392,7 @@ def report(table: pd.DataFrame) -> str:
         mark = "as stated" if row.as_stated else f"NOT AS STATED ({row.observed})"
         lines.append(f"{row.regime} [{row.scene}]: {row.stated}, {mark}; {row.seconds:.1f} s")
         lines.append(f"    {row.text}")
-        if row.stated == "answer" or not row.as_stated:
+        if row.quantity:
             lines.append(f"    {row.quantity}: {row.value:.2g} (limit {row.limit:g}); {row.says}")
         else:
             lines.append(f"    {row.says}")

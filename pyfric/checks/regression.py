@@ -15,11 +15,11 @@ What a run may differ by is in `HYBRID`, `DYNAMIC` and `STEP_END`, with its reas
 
 from __future__ import annotations
 
-import itertools
 import math
 import os
 import tomllib
-from dataclasses import dataclass, replace
+from collections import namedtuple
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -86,35 +86,6 @@ def rms(error: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(error)))) if len(error) else math.nan
 
 
-@dataclass(frozen=True)
-class Tolerances:
-    """What a run may differ by from full dynamics with located switching; see `_TABLE`.
-
-    `why` says where the values come from. What is None is not compared.
-    """
-
-    start: float
-    arrest: float
-    time: float
-    small: float | None
-    blocks: int
-    stress: float
-    behind: float
-    rupture: float | None
-    speed: float
-    spread: float
-    curve: float | None
-    why: str
-
-    def checks(self, *measured: tuple[Any, ...]) -> list[Check]:
-        """Return checks of what was measured: name, value, tolerance and, maybe, unit."""
-        return [
-            Check(name, float(value), limit, *unit, why=self.why)
-            for name, value, limit, *unit in measured
-            if limit is not None
-        ]
-
-
 # fmt: off
 _TABLE = {
     # hybrid engine, linear and finite geometry; hybrid engine with switching at step ends
@@ -137,7 +108,9 @@ _TABLE = {
     ),
 }
 # fmt: on
-_LINEAR, _FINITE, STEP_END = itertools.starmap(Tolerances, zip(*_TABLE.values(), strict=True))
+Tolerances = namedtuple("Tolerances", _TABLE)
+"""What a run may differ by from full dynamics with located switching, and why; None: anything."""
+_LINEAR, _FINITE, STEP_END = map(Tolerances, *_TABLE.values())
 """Hybrid with switching at step ends. Measured: start 1.2e-3, arrest 5.1e-3, 1.9 ms, 2 blocks,
 stresses 0.06, behind the tip 0.12 (run 3), v_c 0.13, spread 0.07. Slow nucleation takes up to
 0.8 ms longer or shorter, so that rupture times say nothing."""
@@ -146,7 +119,7 @@ HYBRID = {"linear": _LINEAR, "finite": _FINITE}
 geometry forces 3.5e-7, stresses 2e-6, rupture times 2e-8 s, v_c 5e-5; in finite geometry forces
 3e-6 (2.3e-4 for a single-block event of run 3), stresses 1.2e-5, rupture times 2.3e-7 s, v_c 6e-5;
 no block more or less."""
-DYNAMIC = {geometry: replace(within, curve=None) for geometry, within in HYBRID.items()}
+DYNAMIC = {geometry: within._replace(curve=None) for geometry, within in HYBRID.items()}
 """Full dynamics of one event, from a hybrid state."""
 
 
@@ -237,7 +210,8 @@ def loading_curve(known: Reference, made: Record, within: Tolerances) -> list[Ch
     still = _still(known, known.curve["t"].to_numpy()[i])
     curve = (made.curve["F_T"].to_numpy()[j] - known.curve["F_T"].to_numpy()[i])[still] / F_N
     which = "main events" if within.small is None else "events"
-    return within.checks(
+    return _checks(
+        within,
         (f"{which} that are missing or new", missing, 0),
         ("main events: static force at first slip, over F_N", first, within.start),
         ("main events: static force at last stick, over F_N", last, within.arrest),
@@ -269,7 +243,8 @@ def stresses(known: Reference, made: Record, within: Tolerances) -> list[Check]:
         )
         behind.append(own - stored)
     about = "main events, RMS, over F_N/N_x"
-    return within.checks(
+    return _checks(
+        within,
         (f"tau and p before {about}", largest(errors["before"]), within.stress),
         (f"tau and p after {about}", largest(errors["after"]), within.stress),
         ("scaled tau/p behind the tip, RMS", largest(behind), within.behind),
@@ -294,7 +269,8 @@ def crack_speeds(known: Reference, made: Record, within: Tolerances) -> list[Che
         ratios.append(np.log(both["v_c_b"] / both["v_c_a"]).dropna())
         theirs.append(a)
         ours.append(b)
-    checks = within.checks(
+    checks = _checks(
+        within,
         ("blocks in only one of two fronts", largest(alone), within.blocks),
         ("v_c of blocks, RMS of its ln", rms(np.concatenate([*ratios, []])), within.speed),
         ("rupture times in events", largest(np.concatenate([*times, []])), within.rupture, "s"),
@@ -310,7 +286,7 @@ def crack_speeds(known: Reference, made: Record, within: Tolerances) -> list[Che
         median = curve.median[np.clip(in_bin, 0, len(curve.median) - 1)]
         difference = abs(rms(np.log(points["v_c"].to_numpy() / median)) - curve.rms)
         name = f"collapse of v_c: spread less the stored {curve.rms:.3f}"
-        checks += within.checks((name, difference, within.spread))
+        checks += _checks(within, (name, difference, within.spread))
     return checks
 
 
@@ -383,6 +359,15 @@ def _laddered(what: str, value: float, tolerance: float) -> Check:
 
 
 # --- parts ---------------------------------------------------------------------------------------
+
+
+def _checks(within: Tolerances, *measured: tuple[Any, ...]) -> list[Check]:
+    """Return checks of what was measured: name, value, tolerance and, maybe, unit."""
+    return [
+        Check(name, float(value), limit, *unit, why=within.why)
+        for name, value, limit, *unit in measured
+        if limit is not None
+    ]
 
 
 def _events(

@@ -27,11 +27,10 @@ from pyfric.checks import regression, tpv3
 from pyfric.checks.regression import DYNAMIC, HYBRID, STEP_END, Check, Tolerances
 from pyfric.display import plain
 from pyfric.engines import step_size
-from pyfric.paper.claims import CLAIMS, chain_front
+from pyfric.paper.claims import CLAIMS, chain_front, shaken
 from pyfric.record import Record
 from pyfric.scene import laws, preset, setup1
 from pyfric.signals import at_once
-from pyfric.statics import loaded_state
 
 STEPS, SWITCHES = 300, 50
 """Steps of the runs whose bits are compared, and how many contacts have to switch in them."""
@@ -228,10 +227,7 @@ def digest(
     """
     kind = laws.KINDS[law]
     scene = setup1(L=0.05, H=0.025).replace({"interface.law": kind(**kind.example)})
-    state, log = loaded_state(scene, geometry).state(scene, 4e-7), core.Log(scene.N_x)
-    noise = np.random.default_rng(0).standard_normal((scene.N_z - 1, 2, scene.N_x))
-    state.y[:-1, 2:] = 20.0 * noise
-    state.y[0, 2] = 0.0
+    state, log = shaken(scene, geometry, 4e-7, 20.0), core.Log(scene.N_x)
     model = core.model(scene, geometry, state.u_drv0)
     how = {"switching": switching, "variant": variant, "threads": threads}
     logged, switches = defaultdict(list), 0

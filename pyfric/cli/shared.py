@@ -72,17 +72,6 @@ def stop_unless_complete(record: Record, hint: str) -> None:
 # --- parameters ----------------------------------------------------------------------------------
 
 
-class Registered(click.Choice):
-    """A name from a registry. Loading a registry is slow, and is done only if names are needed."""
-
-    def __init__(self, names: Callable[[], list[str]]) -> None:
-        self.case_sensitive, self._names = True, names
-
-    @functools.cached_property
-    def choices(self) -> tuple[str, ...]:
-        return tuple(self._names())
-
-
 class SceneName(click.ParamType):
     """A preset or a file. Shells complete both."""
 

@@ -55,7 +55,7 @@ RELEASE, STATIC_EVENT = 1e-8, 1e-3
 FLOPS, BYTES, UNKNOWN = 13e9, 11.6e9, 25e-6
 """Operations per second of a banded factorisation, bytes per second of its solutions, and remaining
 seconds for each unknown."""
-SOLUTIONS = 88
+SOLUTIONS = 78
 """Solutions with the factor that are needed to find the modes of one set of contact states."""
 TIMED = 250
 """Time steps by which `machine_speed` is measured."""

@@ -59,7 +59,7 @@ N_MODES = 32
 FAST = 6
 """Number of modes with viscous corrections of second order: the fastest, for which those of first
 order are the least accurate."""
-LANCZOS = 1e-6
+LANCZOS = 1e-4
 """Relative error of squared frequencies. It need not be small, because the part of a mode that the
 space misses counts as truncated."""
 SLOWEST = 7.0
@@ -223,7 +223,8 @@ class Linearised:
         shape, squares, shapes = (len(free), len(free)), np.full(1, np.inf), driven[:, None]
         with contextlib.suppress(ArpackError):  # without modes, all other motion is truncated
             inverse = LinearOperator(shape, lambda x: root * self._factor.solve(root * x), float)
-            squares, modes = eigsh(inverse, count, v0=root * driven, tol=LANCZOS)
+            room = 1 + 3 * count // 2  # fewer solutions than with twice the modes
+            squares, modes = eigsh(inverse, count, v0=root * driven, tol=LANCZOS, ncv=room)
             shapes = np.column_stack([modes / root[:, None], driven])  # the fastest first
         if scene.eta > 0:
             C, n = self.C[free][:, free], shapes.shape[1]
@@ -482,8 +483,8 @@ class Linearised:
         For the truncated part, M w, M v and K w are orthogonal to B, but viscosity couples it to
         the modes. It adds phi.C w/(phi.C phi + 2 lambda phi.M phi) to the amplitude of a mode phi.
         """
-        y_0, y_1, drawn = (one @ self.B for one in (self.M * w, self.M * v, self.C @ w))
-        w, v = w - self.B @ y_0, v - self.B @ y_1
+        y_0, y_1, drawn = np.array([self.M * w, self.M * v, self.C @ w]) @ self.B
+        w, v = np.array([w, v]) - np.array([y_0, y_1]) @ self.B.T
         force, drag, momentum = self.K @ w, self.C @ v, self.M * v
         twice_kinetic = float(v @ momentum)
         energy = 0.5 * (twice_kinetic + float(w @ force))

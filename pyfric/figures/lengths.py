@@ -124,7 +124,7 @@ def fig2b(records: Sequence[Record]) -> DataFigure:
     points, curves = lengths_of(records), _predictions([one.scene for one in records])
     fig, (axes,) = panels(2.7)
     handles = []
-    for n, theta in enumerate(_values(records, lambda scene: scene.top.theta)):
+    for n, theta in enumerate(sorted({one.scene.top.theta for one in records})):
         colour, shape = (BLUE, BLACK, VERMILION, GREEN)[n % 4], MARKERS[n % 4]
         curve = curves[curves["theta"] == theta]
         axes.plot(curve["F_T_over_F_N"], curve["L_p_over_L"], color=colour, lw=0.8, zorder=1)
@@ -198,10 +198,6 @@ def _prediction(record: Record) -> pd.DataFrame:
     return pd.DataFrame({"F_T_over_F_N": force, "L_p_over_L": curve["L_p_over_L"]})
 
 
-def _values(records: Sequence[Record], get: object) -> list[float]:
-    return sorted({get(one.scene) for one in records})
-
-
 def _draw(axes: Axes, rows: pd.DataFrame, colour: str, shape: str) -> None:
     ahead = {"marker": shape, "ms": 3.2, "mec": "white", "mfc": colour, "mew": 0.3, "zorder": 3}
     behind = {"marker": ".", "ms": 2, "mec": colour, "zorder": 2}
@@ -216,7 +212,7 @@ def _dot(colour: str, label: str, shape: str = "o") -> Line2D:
 
 
 def _frame(axes: Axes, records: Sequence[Record]) -> None:
-    for mu_k in _values(records, lambda scene: scene.law.mean.mu_k):
+    for mu_k in sorted({one.scene.law.mean.mu_k for one in records}):
         mark(axes, mu_k, r"$\mu_\mathrm{k}$", vertical=True, at=0.02, away=(3, 2))
     axes.set_xlim(0, 1.1 * max(one.scene.law.mean.mu_k for one in records))
     axes.set_ylim(0, 1.02)

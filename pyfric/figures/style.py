@@ -233,8 +233,7 @@ def scene_text(scenes: Sequence[Scene]) -> str:
     else:
         load = f"distributed load, theta = {of(lambda s: s.top.theta)}"
     blocks = sorted({(one.N_x, one.N_z) for one in scenes})
-    names = sorted({one.name for one in scenes}) if len(scenes) == 1 else []
-    head = "Scenes" if len(scenes) > 1 else f"Scene{' ' + names[0] if names[0] else ''}"
+    head = "Scenes" if len(scenes) > 1 else f"Scene {first.name}".strip()
     pairs = sorted({(one.law.mean.mu_s, one.law.mean.mu_k) for one in scenes})
     if len(pairs) == 1:
         friction = "mu_s = {:g}, mu_k = {:g}".format(*pairs[0])

@@ -89,7 +89,7 @@ class Catalogue:
 
     def __post_init__(self) -> None:
         names = [name for name, one in held_in("events").items() if one.find and one.required]
-        self.events = table("events", pd.DataFrame({name: self[name] for name in names}))
+        self.events = table("events", {name: self[name] for name in names})
         self.arrays = {name: self[name] for name in found_arrays()}
 
     def __getitem__(self, name: str) -> np.ndarray:

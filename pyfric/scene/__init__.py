@@ -15,7 +15,7 @@ from pyfric.scene.checked import (
 )
 from pyfric.scene.consistency import Geometry, check_geometry, check_push, default_geometry
 from pyfric.scene.ends import Conditions, condition
-from pyfric.scene.errors import SceneError, naming, nearest, unknown
+from pyfric.scene.errors import SceneError, naming, unknown
 from pyfric.scene.files import (
     check_writable,
     clean_drafts,

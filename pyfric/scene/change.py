@@ -38,7 +38,9 @@ def scene_fields(scene: Parts) -> dict[str, Annotation]:
     parts = scene if isinstance(scene, Mapping) else {name: getattr(scene, name) for name in PARTS}
     found: dict[str, Annotation] = {"name": Annotation(), "stop_when": Annotation()}
     for name, part in parts.items():
-        found |= {name: PARTS[name]} | _inside(part, name, annotations(type(part)))
+        found[name] = PARTS[name]
+        if dataclasses.is_dataclass(type(part)):
+            found |= _inside(part, name, annotations(type(part)))
     return found
 
 
@@ -47,9 +49,9 @@ def _inside(owner: Any, prefix: str, marks: Mapping[str, Annotation]) -> dict[st
     found: dict[str, Annotation] = {}
     for field, mark in marks.items():
         name, value = f"{prefix}.{field}", getattr(owner, field)
-        drawn = mark.drawn is not None and isinstance(value, mark.drawn)
-        inner = mark.of_drawn() if drawn else annotations(type(value))
-        found |= {name: mark} | _inside(value, name, inner)
+        found[name] = mark
+        if dataclasses.is_dataclass(type(value)):
+            found |= _inside(value, name, mark.of_drawn() or annotations(type(value)))
     return found
 
 

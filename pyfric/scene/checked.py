@@ -56,12 +56,9 @@ class Annotation:
         """Return a value in the form of a scene file."""
         return value
 
-    def of_drawn(self) -> dict[str, Annotation]:
+    def of_drawn(self) -> Mapping[str, Annotation]:
         """Return the annotations of the class `drawn`; some of its numbers have this unit."""
-        return {
-            name: dataclasses.replace(mark, unit=self.unit) if name in self.drawn.in_unit else mark
-            for name, mark in (annotations(self.drawn).items() if self.drawn else ())
-        }
+        return in_unit(self.drawn, self.unit) if self.drawn else {}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -236,6 +233,15 @@ def annotations(cls: type) -> dict[str, Annotation]:
             elif typing.get_origin(one) is typing.Literal:
                 found[name] = Words(typing.get_args(one), type(None) in inside)
     return found
+
+
+@functools.cache
+def in_unit(cls: type, unit: str) -> dict[str, Annotation]:
+    """Return the annotations of the fields of a part, with this unit for those in `cls.in_unit`."""
+    return {
+        name: dataclasses.replace(mark, unit=unit) if name in cls.in_unit else mark
+        for name, mark in annotations(cls).items()
+    }
 
 
 def from_entries(cls: type, entries: Mapping[str, Any], folder: Path | None, **more: Any) -> Any:

@@ -24,7 +24,7 @@ from pyfric.scene import (
 from pyfric.statics.operators import damping, dispersion, mass, stiffness
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
     from pyfric.core import Stepper
     from pyfric.scene import SceneLike
@@ -36,61 +36,80 @@ BITS = 52
 """Bisections to full precision; half of them leave 1.5e-8 of the interval."""
 
 
-def radius(stepper: Stepper, theta: np.ndarray) -> np.ndarray:
-    """Return the largest |z| up to 4 with |R(z)| <= 1 + `grows` on the ray of angle theta.
+def _least_end(
+    stable: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    low: np.ndarray,
+    high: np.ndarray,
+    size: np.ndarray | float = 1.0,
+) -> tuple[float, int]:
+    """Return the smallest end of stable intervals over `size`, and its number; inf, 0 if none.
 
-    The stable part of each ray in the left half plane is connected, so that bisection finds its
-    end. With RK4 it reaches 2 on all rays.
+    Each interval is bisected until another one is sure to end before.
+
+    Args:
+        stable: whether positions in intervals of these numbers, both of shape (m,), are stable.
+        low, high: a stable and an unstable position in each interval, shape (n,).
+        size: shape (n,) or a number.
+    """
+    if not len(low):
+        return np.inf, 0
+    which, size = np.arange(len(low)), np.broadcast_to(size, low.shape)
+    for _ in range(BITS):
+        middle = (low + high) / 2
+        fine = stable(middle, which)
+        low, high = np.where(fine, middle, low), np.where(fine, high, middle)
+        near = low / size <= (high / size).min()
+        which, size, low, high = which[near], size[near], low[near], high[near]
+    found = int(np.argmin(low / size))
+    return float(low[found] / size[found]), int(which[found])
+
+
+def least_limit(stepper: Stepper, eigenvalues: np.ndarray) -> tuple[float, int]:
+    """Return the smallest limit of eigenvalues, shape (n,), and the number of that eigenvalue.
+
+    The limit of lambda is |z|/|lambda| with the largest |z| up to 4 at which |R(z)| <= 1 + `grows`
+    for z in the direction of lambda. The stable part of each ray in the left half plane is
+    connected, so that bisection finds its end. With RK4 it reaches 2 on all rays. Positive real
+    parts are due to rounding and set to 0.
 
     Args:
         stepper: a stepper with R(z) (`Stepper.growth`).
-        theta: angle of z, any shape, in [pi/2, pi] (rad).
+        eigenvalues: in 1/s, or over any unit, which is that of the inverse limit.
     """
-    ray = np.exp(1j * np.asarray(theta))
-    most = 1 + stepper.grows
-    low = np.where(np.abs(stepper.growth(2 * ray)) <= most, 2.0, 0.0)
-    high = np.full(ray.shape, 4.0)
-    for _ in range(BITS):
-        middle = (low + high) / 2
-        z = middle * ray
-        stable = np.abs(stepper.growth(z)) <= most
-        low, high = np.where(stable, middle, low), np.where(stable, high, middle)
-    return low
+    z, most = np.minimum(eigenvalues.real, 0.0) + 1j * np.abs(eigenvalues.imag), 1 + stepper.grows
+    moving = np.flatnonzero(z)
+    size, ray = np.abs(z[moving]), np.exp(1j * np.angle(z[moving]))
+
+    def stable(s: np.ndarray, which: np.ndarray) -> np.ndarray:
+        return np.abs(stepper.growth(s * ray[which])) <= most
+
+    low = np.where(stable(np.full(ray.shape, 2.0), np.arange(len(ray))), 2.0, 0.0)
+    limit, found = _least_end(stable, low, np.full(ray.shape, 4.0), size)
+    return limit, int(moving[found]) if len(moving) else 0
 
 
-def _step_limits(stepper: Stepper, eigenvalues: np.ndarray) -> np.ndarray:
-    """Return the limit for each eigenvalue; positive real parts, due to rounding, are set to 0."""
-    z = np.minimum(eigenvalues.real, 0.0) + 1j * np.abs(eigenvalues.imag)
-    limits = np.full(z.shape, np.inf)
-    moving = z != 0
-    limits[moving] = radius(stepper, np.angle(z[moving])) / np.abs(z[moving])
-    return limits
-
-
-def _pair_limits(stepper: Stepper, omega: np.ndarray, gamma: np.ndarray) -> np.ndarray:
-    """Return the limit for motion with u'' + gamma u' + omega^2 u = 0, in s."""
+def _least_pair(stepper: Stepper, omega: np.ndarray, gamma: np.ndarray) -> tuple[float, int]:
+    """Return the smallest limit (s) of motions u'' + gamma u' + omega^2 u = 0, and its number."""
     if stepper.growth is not None:
         half = gamma / 2
-        return _step_limits(stepper, -half - np.sqrt((half**2 - omega**2).astype(complex)))
-    # These steppers are unstable above 2/omega without damping and above 2/gamma without stiffness.
-    with np.errstate(divide="ignore"):
-        high = 4 / np.maximum(omega, gamma)
-    low, moving = np.zeros(high.shape), np.isfinite(high)
-    high[~moving] = 0.0
-    one, nil = np.ones(high.shape), np.zeros(high.shape)
-    for _ in range(BITS):
-        h = (low + high) / 2
-        W, g = (h * omega) ** 2, h * gamma
+        return least_limit(stepper, -half - np.sqrt((half**2 - omega**2).astype(complex)))
+
+    def stable(h: np.ndarray, which: np.ndarray) -> np.ndarray:
+        W, g, one, nil = (h * omega[which]) ** 2, h * gamma[which], np.ones(h.shape), 0.0 * h
         (uu, pu), (up, pp) = (
-            stepper.step(lambda u, p, W=W, g=g: -W * u - g * p, *start)
-            for start in ((one, nil), (nil, one))
+            stepper.step(lambda u, p: -W * u - g * p, *start) for start in ((one, nil), (nil, one))
         )
         trace, det = uu + pp, uu * pp - up * pu
-        stable = (np.abs(trace) <= 1 + det) & (det <= 1)
-        stable |= (np.abs(trace) <= 1 + det + ROUNDED) & (det <= 1 + ROUNDED) & (gamma == 0)
-        low, high = np.where(stable, h, low), np.where(stable, high, h)
-    low[~moving] = np.inf
-    return low
+        fine = (np.abs(trace) <= 1 + det) & (det <= 1)
+        rounded = (np.abs(trace) <= 1 + det + ROUNDED) & (det <= 1 + ROUNDED)
+        return fine | rounded & (gamma[which] == 0)
+
+    # These steppers are unstable above 2/omega without damping and above 2/gamma without stiffness.
+    fastest = np.maximum(omega, gamma)
+    moving = np.flatnonzero(fastest)
+    omega, gamma, high = omega[moving], gamma[moving], 4 / fastest[moving]
+    limit, found = _least_end(stable, np.zeros(high.shape), high)
+    return limit, int(moving[found]) if len(moving) else 0
 
 
 @functools.lru_cache(maxsize=256)
@@ -120,9 +139,9 @@ def _waves_limit(scene: Scene, ground: tuple[float, float], drag: float, stepper
         ql = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
         omega, gamma = dispersion(scene, ql / scene.slider.l, ground)
         gamma = np.broadcast_to(gamma.reshape(len(gamma), -1), omega.shape) + drag
-        limits = _pair_limits(STEPPERS[stepper], omega, gamma)
-        if limits.min() < best:
-            best, centre = float(limits.min()), ql[np.argmin(limits.min(axis=1))]
+        limit, found = _least_pair(STEPPERS[stepper], omega.ravel(), gamma.ravel())
+        if limit < best:
+            best, centre = limit, ql[found // omega.shape[1]]
         width = width / 16
     return best
 
@@ -226,8 +245,7 @@ def _small_limit(scene: Scene, stepper: Stepper, enough: float, on: float) -> fl
     """
     unit = np.sqrt(scene.slider.k / scene.m)
     if stepper.growth is not None:
-        limits = (_step_limits(stepper, found).min() for found in _eigenvalues(scene, on))
-        return float(min(limits)) / unit
+        return min(least_limit(stepper, found)[0] for found in _eigenvalues(scene, on)) / unit
     best = np.inf
     for K, C in _matrices(scene, on):
         best = min(best, _map_limit(stepper, K, C, min(best, enough * unit)))

@@ -100,8 +100,11 @@ class System:
 
     def displacements(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return u, shape (N_z, 2, N_x), and rod, shape (3,), from q; a rod sets the top row."""
-        u = (self._T @ q).reshape(self._load.shape)
-        return u, q[-3:].copy() if self.scene.rigid else np.zeros(3)
+        if not self.scene.rigid:
+            return q.reshape(self._load.shape).copy(), np.zeros(3)
+        X, Z, phi = rod = q[-3:].copy()
+        top = np.full(self.scene.N_x, X), Z + phi * self.scene.x
+        return np.concatenate([q[:-3], *top]).reshape(self._load.shape), rod
 
     def translation(self) -> np.ndarray:
         """Return the coordinates of a unit displacement along the interface, shape (n_q,)."""

@@ -67,10 +67,10 @@ Exit codes:
 @telling
 def verify(tell: Tell) -> None:
     """Check this build (a minute): bits, exact answers, and stored runs of full dynamics."""
-    from pyfric import checks
+    from pyfric.checks import verify as checks
 
-    groups = checks.verify.verify(progress=lambda group: tell.step(f"{group.name} ..."))
-    tell.result(checks.verify.table(groups), lambda: checks.verify.report(groups))
+    groups = checks.verify(progress=lambda group: tell.step(f"{group.name} ..."))
+    tell.result(checks.table(groups), lambda: checks.report(groups))
     if not all(group.holds for group in groups):
         stop(Exit.FAILED)
 

@@ -134,7 +134,7 @@ def spacetime(
 
     stem = out or Path(f"spacetime_{event}")
     stem = stem.with_suffix("") if stem.suffix == ".png" else stem
-    ends = figure_ends("slip_rate", "lines", "front")
+    ends = figure_ends("slip_rate", "pinned", "lines", "front")
     check_out(stem, overwrite, ends=ends, reads=[source])
     record = _run_of(source, event, tell, **how)
     tell.files(figures.save_figure(figures.space_time(record, event), stem))

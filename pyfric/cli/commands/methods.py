@@ -62,10 +62,10 @@ def chart(
     the reason. The files in DIR are chart.png, chart.pdf, the points as CSV, and their provenance.
     """
     check_folder(out)
-    from pyfric import checks
+    from pyfric.checks import chart as made
 
-    table = checks.chart.chart(scene_of(scene, changes), t_end, budget=budget, say=tell.step)
-    _tell(checks.chart, table, out / "chart", tell)
+    table = made.chart(scene_of(scene, changes), t_end, budget=budget, say=tell.step)
+    _tell(made, table, out / "chart", tell)
 
 
 @main.command(section="Methods")
@@ -80,10 +80,10 @@ def stability(scene: str, budget: float, changes: tuple[str, ...], out: Path, te
     The files in DIR are stability.png, stability.pdf, the table as CSV, and their provenance.
     """
     check_folder(out)
-    from pyfric import checks
+    from pyfric.checks import stability as made
 
-    table = checks.stability.stability(scene_of(scene, changes), budget=budget, say=tell.step)
-    _tell(checks.stability, table, out / "stability", tell)
+    table = made.stability(scene_of(scene, changes), budget=budget, say=tell.step)
+    _tell(made, table, out / "stability", tell)
 
 
 def _tell(made: Any, table: pd.DataFrame, stem: Path, tell: Tell) -> None:
@@ -102,10 +102,10 @@ def regimes(out: Path | None, overwrite: bool, tell: Tell) -> None:
     The provenance is written beside the table. The exit code is 1 if a result is not as expected.
     """
     check_table(out, overwrite)
-    from pyfric import checks
+    from pyfric.checks import regimes as made
 
-    table = checks.regimes.observe(progress=tell.step)
+    table = made.observe(progress=tell.step)
     save_table(table, out, command_line(), "%.3g")
-    tell.table(table, checks.regimes.report)
+    tell.table(table, made.report)
     if not table["as_stated"].all():
         stop(Exit.FAILED, "Error: not everything is as stated")

@@ -10,7 +10,6 @@ import click
 from pyfric.cli.app import main
 from pyfric.cli.shared import (
     EXIT_CODES,
-    Registered,
     Tell,
     check_folder,
     folder_option,
@@ -18,15 +17,11 @@ from pyfric.cli.shared import (
     telling,
 )
 
-
-def _figures() -> list[str]:
-    from pyfric.figures import FIGURES
-
-    return [*sorted(FIGURES), "all"]
+FIGURES = ("fig1a", "fig1b", "fig2a", "fig2b", "fig3a", "fig3b", "fig4a", "fig4b", "all")
 
 
 @main.command(section="The paper", epilog=EXIT_CODES)
-@click.argument("names", nargs=-1, type=Registered(_figures))
+@click.argument("names", nargs=-1, type=click.Choice(FIGURES))
 @folder_option(
     "--out", metavar="DIR", default="figures", show_default=True, help="Folder for the files."
 )

@@ -16,7 +16,6 @@ from pyfric.cli.app import main
 from pyfric.cli.shared import (
     EXIT_CODES,
     Exit,
-    Registered,
     SceneName,
     Seconds,
     Tell,
@@ -50,12 +49,6 @@ TABLES = tuple(
     f"{name}.csv" for name in ("curve", "events", "episodes", "interface", "stresses", "columns")
 )
 """Files of --csv."""
-
-
-def _steppers() -> list[str]:
-    from pyfric.core import STEPPERS
-
-    return list(STEPPERS)
 
 
 @main.command(section="Simulate")
@@ -130,7 +123,7 @@ def plan(
 )
 @click.option(
     "--stepper",
-    type=Registered(_steppers),
+    type=click.Choice(["rk4", "rk4_opposite", "verlet", "symplectic_euler", "adaptive"]),
     default="rk4",
     show_default=True,
     help="Stepper; all but rk4 need full dynamics.",

@@ -121,7 +121,7 @@ def _momentum(runs: Runs, evaluate: Callable[..., Any] = core.evaluate) -> Itera
     scene = setup2(L=0.012, H=0.005, theta=0.5, V=0.3)
     worst = 0.0
     for geometry in ("linear", "finite"):
-        state = _shaken(scene, geometry, 1e-7)
+        state = shaken(scene, geometry, 1e-7, 1e-7 / stability_limit(scene)[0])
         forces = evaluate(core.model(scene, geometry, state.u_drv0), state, state.t)
         outer = [scene.d * forces.F_T + forces.f.sum(), forces.p.sum() - scene.F_N]
         change = scene.m * forces.a.sum(axis=(0, 2))
@@ -137,11 +137,11 @@ def _momentum(runs: Runs, evaluate: Callable[..., Any] = core.evaluate) -> Itera
     )
 
 
-def _shaken(scene: Scene, geometry: str, dt: float) -> State:
-    """The loaded state with random velocities, the same every time."""
+def shaken(scene: Scene, geometry: str, dt: float, speed: float) -> State:
+    """Return the loaded state with random velocities of this size (m/s), the same every time."""
     state = loaded_state(scene, geometry).state(scene, dt)
     noise = np.random.default_rng(0).standard_normal((scene.N_z, 2, scene.N_x))
-    state.y[:, 2:] = 1e-7 / stability_limit(scene)[0] * noise
+    state.y[:, 2:] = speed * noise
     state.y[0, 2] = 0.0
     if scene.rigid:
         state.y[-1, 2:] = 0.0
@@ -210,9 +210,9 @@ def _mirrored(state: State) -> State:
 @claim("E6")
 def _order(runs: Runs, stepper: str = "rk4") -> Iterator[Claim]:
     scene, ends = setup1(L=0.02, H=0.0125, V=1e-3), []
-    coarse = 0.2 * stability_limit(scene)[0]
+    limit = stability_limit(scene)[0]
     for halvings in range(4):
-        state = _shaken(scene, "finite", coarse / 2**halvings)
+        state = shaken(scene, "finite", 0.2 * limit / 2**halvings, 1e-7 / limit)
         log = core.Log(scene.N_x)
         model = core.model(scene, "finite", state.u_drv0)
         core.advance(model, state, log, 40 * 2**halvings, stepper=stepper)

@@ -12,7 +12,7 @@ from pyfric.display import jobs_bar
 from pyfric.paper.claims import exact, fronts, lengths, stresses  # noqa: F401 they enter claims
 from pyfric.paper.claims.claim import CLAIMS, Claim, Runs
 from pyfric.paper.runs import jobs
-from pyfric.scene import SceneError, nearest
+from pyfric.scene import unknown
 from pyfric.signals import at_once
 from pyfric.sweeps import run_all, side_by_side
 
@@ -75,8 +75,8 @@ def _parts(number: str, letters: set[str], measured: list[Claim]) -> list[Claim]
     """Return the parts of a claim with these letters, in order; "" means all."""
     parts = {claim.number.removeprefix(number): claim for claim in measured}
     for letter in letters - {"", *parts}:
-        allowed = f"{number}, or one of its parts: {', '.join(f'{number}{one}' for one in parts)}"
-        raise SceneError("number", f"{number}{letter}", "", allowed, "no such part")
+        part, known = f"{number}{letter}", [number, *(f"{number}{one}" for one in parts)]
+        raise unknown("number", part, part, known)
     return [parts[letter] for letter in sorted(parts) if letters & {"", letter}]
 
 
@@ -85,8 +85,5 @@ def _known(number: str | int) -> tuple[str, str]:
     text = str(number).upper()
     whole = re.sub(r"(?<=\d)[A-Z]$", "", text)
     if whole not in CLAIMS:
-        guess = nearest(text, NUMBERS)
-        hint = f", did you mean {guess}?" if guess else ""
-        allowed = "1 to 16 or E1 to E10"
-        raise SceneError("number", number, "", allowed, f"there is no such claim{hint}")
+        raise unknown("number", number, text, NUMBERS)
     return whole, text.removeprefix(whole).lower()

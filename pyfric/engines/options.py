@@ -12,7 +12,6 @@ import os
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypedDict
 
 import numpy as np
-from pydantic import SkipValidation
 
 from pyfric import core
 from pyfric.core import STEPPERS, Switching
@@ -172,12 +171,12 @@ class Options:
     rtol: Annotated[float | None, Quantity("", ge=1e-12, le=1.0, optional=True)] = None
     dt: Annotated[float | Literal["auto"], Step()] = "auto"
     accuracy: Annotated[float | None, Quantity("F_N", ge=1e-9, le=1.0, optional=True)] = None
-    budget: Annotated[bool | None, SkipValidation] = None
+    budget: bool | None = None
     sample: Annotated[float | None, Positive("s", optional=True)] = None
     t_gap: Annotated[float | None, NotNegative("s", optional=True)] = None
-    stop_when: Annotated[str | tuple[str, ...] | None, SkipValidation] = None
-    threads: Annotated[int | None, SkipValidation] = None
-    checkpoint: Annotated[str | os.PathLike[str] | None, SkipValidation] = None
+    stop_when: str | tuple[str, ...] | None = None
+    threads: int | None = None
+    checkpoint: str | os.PathLike[str] | None = None
     checkpoint_every: Annotated[float, Positive("s")] = 60.0
 
     _section: ClassVar[str] = ""

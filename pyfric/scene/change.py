@@ -30,7 +30,7 @@ def scene_fields(scene: Parts) -> dict[str, Annotation]:
     """Return all fields of a scene that can be changed, as in a scene file, and their annotations.
 
     Examples are "name", "top", "driver.h", "interface.law.t_c", and "interface.mu_s.seed" if mu_s
-    is a `Spread`. Fields that are one of a few words have an empty `Annotation`.
+    is a `Spread`.
 
     Args:
         scene: a scene, or its parts by name.
@@ -47,9 +47,9 @@ def scene_fields(scene: Parts) -> dict[str, Annotation]:
 def _inside(owner: Any, prefix: str, marks: Mapping[str, Annotation]) -> dict[str, Annotation]:
     """Return the fields of a part and of the parts inside it; `marks` are their annotations."""
     found: dict[str, Annotation] = {}
-    for field in dataclasses.fields(owner):
-        name, value = f"{prefix}.{field.name}", getattr(owner, field.name)
-        found[name] = mark = marks.get(field.name, Annotation())
+    for field, mark in marks.items():
+        name, value = f"{prefix}.{field}", getattr(owner, field)
+        found[name] = mark
         if dataclasses.is_dataclass(type(value)):
             found |= _inside(value, name, mark.of_drawn() or annotations(type(value)))
     return found

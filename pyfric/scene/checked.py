@@ -9,15 +9,11 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import re
 import typing
 import unicodedata
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-
-import pydantic
-from pydantic_core import ArgsKwargs, core_schema
 
 from pyfric.scene.errors import SceneError, naming, numbered, unknown
 from pyfric.scene.units import (
@@ -64,13 +60,6 @@ class Annotation:
         """Return the annotations of the class `drawn`; some of its numbers have this unit."""
         return in_unit(self.drawn, self.unit) if self.drawn else {}
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
-        def checked(value: Any) -> Any:
-            written = isinstance(value, Written)
-            return self.check(value.value, value) if written else self.check(value)
-
-        return core_schema.no_info_plain_validator_function(checked)
-
 
 @dataclasses.dataclass(frozen=True)
 class Quantity(Annotation):
@@ -107,7 +96,7 @@ class Quantity(Annotation):
         if self.listed and isinstance(value, list | tuple):
             if len(value) > MAX_LISTED:
                 raise SceneError("", value, "", f"at most {MAX_LISTED} numbers", "too many")
-            number = dataclasses.replace(self, listed=False, drawn=None, optional=False, note="")
+            number = Quantity(self.unit, **self._limits)
             return numbered(self.each, lambda one: number.check(one, written), value)
         if written and self.unit:
             value = parse_quantity("", value, self.unit, allowed=self.allowed)
@@ -135,16 +124,33 @@ class Quantity(Annotation):
 
 @dataclasses.dataclass(frozen=True)
 class Whole(Annotation):
-    """A whole number from 0 up to a largest one."""
+    """A whole number from a smallest to a largest one."""
 
     largest: int
+    least: int = 0
+
+    def check(self, value: Any, written: Written | None = None) -> int:
+        return check_whole("", value, self.least, self.largest)
+
+
+@dataclasses.dataclass(frozen=True)
+class Words(Annotation):
+    """One of a few words, those of a `Literal`."""
+
+    words: tuple[str, ...]
+    optional: bool = False
 
     @property
     def allowed(self) -> str:
-        return f"a whole number from 0 to {self.largest}"
+        return " or ".join(map(repr, self.words))
 
-    def check(self, value: Any, written: Written | None = None) -> int:
-        return check_whole("", value, 0, self.largest)
+    def check(self, value: Any, written: Written | None = None) -> str | None:
+        if (isinstance(value, str) and value in self.words) or (self.optional and value is None):
+            return value
+        reason = "missing" if value is None else "not text"
+        if isinstance(value, str):
+            reason = unknown("", value, value, self.words).reason
+        raise SceneError("", value, "", self.allowed, reason)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -179,6 +185,8 @@ NotNegative = functools.partial(Quantity, ge=0.0)
 class OneOf(Annotation):
     """A part of one of several classes. In a scene file the entry `kind` selects the class.
 
+    The class makes itself of a table of the file if it has a method `from_file`.
+
     Args:
         classes: the classes, or a common base class.
         kinds: kinds to classes; None means the attributes `kind` of the classes.
@@ -202,17 +210,12 @@ class OneOf(Annotation):
             reason = "missing" if value is None else "not a table"
             raise SceneError(self.section, value, "", f"a table [{self.section}]", reason)
         entries = dict(value)
-        cls = self._asked(entries.pop("kind", None)) if self.kinds else self.classes[0]
-        return from_table(cls, entries, written.folder)
-
-    def _asked(self, kind: Any) -> type:
-        """Return the class of a kind."""
-        if isinstance(kind, str) and kind in self.kinds:
-            return self.kinds[kind]
-        field, allowed = f"{self.section}.kind", " or ".join(map(repr, self.kinds))
-        if isinstance(kind, str):
-            raise unknown(field, kind, kind, self.kinds)
-        raise SceneError(field, kind, "", allowed, "missing" if kind is None else "not text")
+        cls = self.classes[0]
+        if self.kinds:
+            with naming(f"{self.section}.kind"):
+                cls = self.kinds[Words(tuple(self.kinds)).check(entries.pop("kind", None))]
+        make = getattr(cls, "from_file", functools.partial(from_entries, cls))
+        return make(entries, written.folder)
 
     def written(self, value: Any) -> Any:
         return table(value)
@@ -220,13 +223,16 @@ class OneOf(Annotation):
 
 @functools.cache
 def annotations(cls: type) -> dict[str, Annotation]:
-    """Return the annotations of the fields of a part."""
-    return {
-        name: mark
-        for name, hint in typing.get_type_hints(cls, include_extras=True).items()
-        for mark in getattr(hint, "__metadata__", ())
-        if isinstance(mark, Annotation)
-    }
+    """Return the annotations of the fields of a part; a `Literal` stands for its `Words`."""
+    found = {}
+    for name, hint in typing.get_type_hints(cls, include_extras=True).items():
+        inside = typing.get_args(hint)
+        for one in (hint, *inside):
+            if isinstance(one, Annotation):
+                found[name] = one
+            elif typing.get_origin(one) is typing.Literal:
+                found[name] = Words(typing.get_args(one), type(None) in inside)
+    return found
 
 
 @functools.cache
@@ -238,18 +244,11 @@ def in_unit(cls: type, unit: str) -> dict[str, Annotation]:
     }
 
 
-def from_table(cls: type, entries: Mapping[str, Any], folder: Path | None) -> Any:
-    """Return the part that a table of a scene file describes, by `cls.from_file` if there is one.
-
-    Without a folder, the table may not name files.
-    """
-    if hasattr(cls, "from_file"):
-        return cls.from_file(entries, folder)
-    return from_entries(cls, entries, folder)
-
-
 def from_entries(cls: type, entries: Mapping[str, Any], folder: Path | None, **more: Any) -> Any:
-    """Return the part with these entries of a scene file; see `from_table`."""
+    """Return the part that a table of a scene file describes; files that it names are in `folder`.
+
+    A part with a method `from_file` uses this for all that its file does not give another way.
+    """
     marks = annotations(cls)
     values = {n: Written(v, folder) if n in marks else v for n, v in entries.items()}
     return cls(**values, **more)
@@ -263,54 +262,42 @@ def table(part: Any, marks: Mapping[str, Annotation] | None = None) -> dict[str,
         name, value = field.name, getattr(part, field.name)
         default = dataclasses.is_dataclass(value) and value == field.default
         if not (default or value in (None, (), "")):
-            found[name] = marks[name].written(value) if name in marks else value
+            found[name] = marks[name].written(value)
     return found
-
-
-UNEXPECTED = "unexpected_keyword_argument"
-
-
-def _translated(cls: type, error: pydantic.ValidationError) -> SceneError:
-    """Return the `SceneError` for a pydantic error."""
-    prefix = f"{cls._section}." if cls._section else ""
-    names, found = [field.name for field in dataclasses.fields(cls)], {}
-    lines = error.errors(include_url=False)
-    lines.sort(key=lambda line: line["type"] != UNEXPECTED)  # misspelled names go first
-    for line in lines:
-        key = str(line["loc"][0]) if line["loc"] else ""
-        details = line.get("ctx", {})
-        cause = details.get("error")
-        if isinstance(cause, SceneError):
-            refusal = cause if cause.field else cause.at(prefix + key)
-        elif line["type"] == UNEXPECTED:
-            refusal = unknown(prefix + key, line["input"], key, names)
-        elif line["type"] == "literal_error":
-            words = re.findall("'([^']*)'", details["expected"])
-            reason = unknown(key, line["input"], str(line["input"]), words).reason
-            refusal = SceneError(prefix + key, line["input"], "", details["expected"], reason)
-        else:
-            mark = annotations(cls).get(key, Annotation())
-            missing = line["type"] == "missing"
-            value, reason = (None, "missing") if missing else (line["input"], line["msg"])
-            allowed = mark.allowed or details.get("expected", "keyword arguments")
-            refusal = SceneError(prefix + key, value, mark.unit, allowed, reason)
-        found.setdefault(key, refusal)
-    return SceneError.joined(found.values())
 
 
 @typing.dataclass_transform(frozen_default=True, kw_only_default=True)
 def part(cls: type) -> type:
-    """Make a frozen keyword-only pydantic dataclass that raises `SceneError`."""
-    config = pydantic.ConfigDict(extra="forbid", strict=True)
-    cls = pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=config)(cls)
+    """Make a frozen keyword-only dataclass that checks its values with `SceneError`."""
+    cls = dataclasses.dataclass(frozen=True, kw_only=True)(cls)
+    plain = cls.__init__
 
-    @functools.wraps(cls.__init__)
-    def __init__(self: Any, /, *args: Any, **kwargs: Any) -> None:
-        try:
-            given = ArgsKwargs(args, kwargs)
-            cls.__pydantic_validator__.validate_python(given, self_instance=self)
-        except pydantic.ValidationError as error:
-            raise _translated(cls, error) from None
+    @functools.wraps(plain)
+    def __init__(self: Any, /, *args: Any, **given: Any) -> None:
+        plain(self, **_checked(cls, args, given))
 
     cls.__init__ = __init__
     return cls
+
+
+def _checked(cls: type, args: tuple[Any, ...], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the checked values of the fields of a part; the error lists all that is wrong."""
+    prefix, marks = f"{cls._section}." if cls._section else "", annotations(cls)
+    fields = {field.name: field.default for field in dataclasses.fields(cls)}
+    wrong = [SceneError(cls.__name__, one, "", "keyword arguments") for one in args]
+    wrong += [unknown(prefix + n, v, n, fields) for n, v in given.items() if n not in fields]
+    found = {}
+    for name, default in fields.items():
+        mark = marks.get(name, Annotation())
+        if name not in given and default is dataclasses.MISSING:
+            wrong.append(SceneError(prefix + name, None, mark.unit, mark.allowed, "missing"))
+        elif name in given:
+            value = given[name]
+            inside, written = (value.value, value) if isinstance(value, Written) else (value, None)
+            try:
+                found[name] = mark.check(inside, written)
+            except SceneError as error:
+                wrong.append(error if error.field else error.at(prefix + name))
+    if wrong:
+        raise SceneError.joined(wrong)
+    return found

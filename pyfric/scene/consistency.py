@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from pyfric.scene.checked import Annotation, annotations
+from pyfric.scene.checked import annotations
 from pyfric.scene.errors import SceneError
 from pyfric.scene.parts import CHAIN_NOTE, Interface, PrescribedLoad, steps_in
 from pyfric.scene.protocol import Push
@@ -159,7 +159,7 @@ def _check_absent(scene: Scene) -> None:
     for name, (allowed, reason) in absent.items():
         part, _, field = name.partition(".")
         owner = getattr(scene, part)
-        value, mark = getattr(owner, field), annotations(type(owner)).get(field, Annotation())
+        value, mark = getattr(owner, field), annotations(type(owner))[field]
         if value not in (None, 0, "free"):
             raise SceneError(name, value, mark.unit, allowed, reason)
     if scene.driver.K == 0 and scene.N_z > 1 and not scene.prescribed:

@@ -6,7 +6,6 @@ It is the same in Python, on the command line, in scene files and in sweep files
 
 from __future__ import annotations
 
-import functools
 from typing import Any
 
 from pyfric.scene.checked import Annotation, NotNegative, Positive, Quantity, Written
@@ -35,7 +34,6 @@ def _names() -> str:
     return ", ".join(shown)
 
 
-@functools.lru_cache(maxsize=64)
 def condition(text: str) -> tuple[str, tuple[float, ...]]:
     """Return the name of a condition and its values, in SI.
 
@@ -62,10 +60,6 @@ def condition(text: str) -> tuple[str, tuple[float, ...]]:
 
 class Conditions(Annotation):
     """Annotation of conditions: a text, or a list of texts."""
-
-    @property
-    def allowed(self) -> str:
-        return f"a list of {_names()}"
 
     def check(self, value: Any, written: Written | None = None) -> tuple[str, ...]:
         texts = (value,) if isinstance(value, str) else value

@@ -41,7 +41,6 @@ MULTIPLE_RTOL = 1e-9
 FIELDS = ("mu_s", "mu_k", "d_c", "alpha", "k_f")
 """Names of the fields of an interface."""
 A_LAW = "a friction law, such as pyfric.laws.Ageing, or [interface.law] in a scene file"
-_law = OneOf(FrictionLaw, kinds=KINDS, allowed=A_LAW)
 CHAIN_NOTE = ", or 0 for a chain under a prescribed load"
 
 
@@ -375,7 +374,7 @@ class Interface:
     k_f: Annotated[Field | None, Positive("N/m", optional=True, **FIELD)] = None
     d_c: Annotated[Field, NotNegative("m", **FIELD)] = 0.0
     alpha: Annotated[Field, NotNegative("N s/m", **FIELD)] = 0.0
-    law: Annotated[FrictionLaw, _law] = LinearWeakening()
+    law: Annotated[FrictionLaw, OneOf(FrictionLaw, kinds=KINDS, allowed=A_LAW)] = LinearWeakening()
 
     _section: ClassVar[str] = "interface"
 

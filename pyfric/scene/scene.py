@@ -21,7 +21,7 @@ import tomli_w
 from pyfric.display import drawing, html
 from pyfric.scene import toml
 from pyfric.scene.change import changed, joined
-from pyfric.scene.checked import Name, from_table, part, table
+from pyfric.scene.checked import Name, from_entries, part, table
 from pyfric.scene.consistency import check
 from pyfric.scene.ends import Conditions
 from pyfric.scene.files import write
@@ -468,4 +468,4 @@ class Scene:
         missing = dict.fromkeys(("slider", "top", "driver", "interface"))
         entries = missing | toml.parsed(source)
         folder = toml.folder_of(source) if files is True else files or None
-        return from_table(cls, entries, folder)
+        return from_entries(cls, entries, folder)

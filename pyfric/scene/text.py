@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import TYPE_CHECKING, Any
 
@@ -24,12 +23,10 @@ def scene_text(scene: Scene) -> str:
     lines = [f"Scene {scene.name or 'without a name'}: {scene.N_x} x {scene.N_z} blocks"]
     for name in ("slider", "top", "driver", "interface"):
         part = getattr(scene, name)
-        units = {key: mark.unit for key, mark in annotations(type(part)).items()}
-        values = {field.name: getattr(part, field.name) for field in dataclasses.fields(part)}
         entries = [
-            f"{key} = {_short(value)} {units.get(key, '')}".rstrip()
-            for key, value in values.items()
-            if value is not None and value != ()
+            f"{key} = {_short(value)} {mark.unit}".rstrip()
+            for key, mark in annotations(type(part)).items()
+            if (value := getattr(part, key)) not in (None, ())
         ]
         lines.append(f"  {type(part).__name__}: {', '.join(entries)}")
     lines.insert(2, f"  Each block: {_block(scene)}")

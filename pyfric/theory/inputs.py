@@ -1,22 +1,13 @@
-"""Checks of what the theory's functions are given; every refusal is a `ValueError`."""
+"""Checks of what the theory's functions are given; every refusal is a `SceneError`."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-_LIMITS = {
-    "gt": (">", np.greater),
-    "ge": (">=", np.greater_equal),
-    "le": ("<=", np.less_equal),
-    "lt": ("<", np.less),
-}
-
-
-def refusal(field: str, value: Any, unit: str, allowed: str) -> ValueError:
-    """Return the error that says what was given, and what would be accepted."""
-    return ValueError(f"{field} = {value!r} {unit}".rstrip() + f"; allowed: {allowed}")
+from pyfric.scene import LIMITS, SceneError, range_text
 
 
 def checked_array(field: str, value: Any, unit: str = "", **limits: float) -> np.ndarray:
@@ -29,26 +20,24 @@ def checked_array(field: str, value: Any, unit: str = "", **limits: float) -> np
         limits: gt, ge, le, lt: >, >=, <=, <.
 
     Raises:
-        ValueError: not real numbers, none, or one of them not finite or outside the limits. Text
+        SceneError: not real numbers, none, or one of them not finite or outside the limits. Text
             and quantities of a library of units are refused: an array would drop the unit.
     """
     given = value if isinstance(value, list | tuple) else [value]
     if any(isinstance(one, str) or hasattr(one, "magnitude") for one in given):
-        raise refusal(field, value, unit, f"plain numbers{unit and f', in {unit}'}")
+        raise SceneError(field, value, unit, f"plain numbers{unit and f', in {unit}'}")
     try:
         array = np.asarray(value)
     except ValueError:  # rows of different lengths
         array = np.asarray(None)
     if array.dtype.kind not in "iuf" or not array.size:
-        raise refusal(field, value, unit, "real numbers, at least one")
+        raise SceneError(field, value, unit, "real numbers, at least one")
     array = array.astype(float) + 0.0
     fits = np.isfinite(array)
     for name, limit in limits.items():
-        fits &= _LIMITS[name][1](array, limit)
+        fits &= LIMITS[name][1](array, limit)
     if not fits.all():
-        ranges = [f"{_LIMITS[name][0]} {limit:.12g}" for name, limit in limits.items()]
-        allowed = " ".join(["a finite number", " and ".join(ranges), unit]).strip()
-        raise refusal(field, float(array[~fits][0]), unit, allowed)
+        raise SceneError(field, float(array[~fits][0]), unit, range_text(unit, **limits))
     return array
 
 
@@ -56,29 +45,23 @@ def checked(field: str, value: Any, unit: str = "", **limits: float) -> float:
     """Return one number as a float; see `checked_array`."""
     array = checked_array(field, value, unit, **limits)
     if array.ndim:
-        raise refusal(field, value, unit, "one number")
+        raise SceneError(field, value, unit, "one number")
     return float(array)
 
 
-def choice(field: str, value: Any, allowed: tuple) -> Any:
-    """Return the value if it is one of those allowed.
-
-    Raises:
-        ValueError: it is not.
-    """
-    if isinstance(value, bool) or value not in allowed:
-        raise refusal(field, value, "", " or ".join(map(repr, allowed)))
-    return value
+def each(of: Callable[[float], float], values: np.ndarray) -> np.ndarray:
+    """Return the results of a function of one number, in the shape of the values."""
+    return np.reshape([of(one) for one in values.flat], values.shape)[()]
 
 
 def same_shape(**arrays: np.ndarray) -> list[np.ndarray]:
     """Return the arrays broadcast against each other.
 
     Raises:
-        ValueError: their shapes do not fit.
+        SceneError: their shapes do not fit.
     """
     try:
         return list(np.broadcast_arrays(*arrays.values()))
     except ValueError:
         shapes = [array.shape for array in arrays.values()]
-        raise refusal(", ".join(arrays), shapes, "", "shapes that broadcast") from None
+        raise SceneError(", ".join(arrays), shapes, "", "shapes that broadcast") from None

@@ -59,7 +59,7 @@ class Junctions(FrictionLaw):
     and the behaviour of junctions when motion reverses, are choices made here.
     """
 
-    n_s: Annotated[int, Whole(MOST)] = 100
+    n_s: Annotated[int, Whole(MOST, least=2)] = 100
     u_s: Annotated[Field | None, Positive("m", optional=True, **FIELD)] = None
     C: Annotated[Field | None, Positive("N/m^2", optional=True, **FIELD)] = None
     t_R: Annotated[Field, NotNegative("s", **FIELD)] = 2e-3
@@ -75,9 +75,6 @@ class Junctions(FrictionLaw):
     example: ClassVar[dict[str, Any]] = {"n_s": 20, "u_s": 1e-6, "t_R": 5e-5, "t_R_std": 1e-5}
 
     def __post_init__(self) -> None:
-        if self.n_s < 2:
-            allowed = f"a whole number from 2 to {MOST}"
-            raise SceneError(f"{self._section}.n_s", self.n_s, "", allowed)
         if (self.u_s is None) == (self.C is None):
             reason = "both are given" if self.C is not None else "neither is given"
             raise SceneError(f"{self._section}.u_s", self.u_s, "m", "either u_s or C", reason)

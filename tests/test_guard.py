@@ -110,6 +110,18 @@ def test_energy_from_nowhere_is_seen():
     assert "energy" in found.what
 
 
+def test_energy_of_an_earlier_state_is_that_of_its_loads():
+    scene = rod(V=0.01, **{"driver.protocol": [(1e-4, 0.01), (1e-4, 0.0)]})
+    solver = StaticSolver(scene, "linear")
+    state = solver.loaded.state(scene, 1e-6)
+    state.step = 500
+    before, after = (core.model(scene, "linear", state.u_drv0, t) for t in (0.0, 2e-3))
+    guard = Guard(scene, before, "linear", solver.loaded)
+    base = guard.energy(state)
+    guard.model = after
+    assert guard.energy(state, before) == base != guard.energy(state)
+
+
 def test_folded_cells_are_found():
     scene = free()
     l = scene.slider.l

@@ -28,7 +28,6 @@ from pyfric.engines.cost import work, work_so_far
 from pyfric.engines.history import History
 from pyfric.engines.integration import (
     STEPS,
-    Energy,
     Guard,
     just_after,
     last_step,
@@ -86,10 +85,10 @@ def kept_notes(before: Record | None) -> tuple[str, ...]:
 
 
 class _Good(NamedTuple):
-    """A state that passed the checks of `Guard`, its energy, counts, and a mark in the history."""
+    """A state that passed the checks of `Guard`, its model, counts, and a mark in the history."""
 
     state: State
-    energy: Energy
+    model: core.Model
     made: dict[str, int]
     recorded: tuple[Any, ...]
 
@@ -311,8 +310,8 @@ class Run:
         """
         if self.good is None:
             self._follow(just_after(self.state))  # a jump may have passed a breakpoint
-            energy = self.guard.energy(self.state)
-            self.good = _Good(self.state.copy(), energy, self.made.copy(), self.history.mark())
+            mark = self.history.mark()
+            self.good = _Good(self.state.copy(), self.model, self.made.copy(), mark)
         self._make(n_steps)
         self._look(self.state.step - self.good.state.step >= STEPS)
 
@@ -340,8 +339,9 @@ class Run:
 
     def _look(self, due: bool) -> None:
         """Raise RunError if the state fails a check; energy and lattice are checked if due."""
-        base = self.good.energy if due else None
-        if self.guard.trouble(self.good.state, self.state, base) is not None:
+        good = self.good
+        base = self.guard.energy(good.state, good.model) if due else None
+        if self.guard.trouble(good.state, self.state, base) is not None:
             self._fail()
         if due:
             self.good = None
@@ -359,11 +359,12 @@ class Run:
     def _fail(self) -> None:
         """Return to the last step that passes all checks and raise RunError for the next one."""
         after, trouble = self.good.state.copy(), None
+        base = self.guard.energy(after, self.good.model)
         log, self.log = self.log, core.Log(self.scene.N_x)
         while trouble is None:
             before = after.copy()
             self.make_steps(after, 1)
-            trouble = self.guard.trouble(before, after, self.good.energy)
+            trouble = self.guard.trouble(before, after, base)
         self.log = log
         self._back_to(before.step)
         v = np.hypot(before.y[:, 2], before.y[:, 3])

@@ -203,9 +203,9 @@ class Guard:
             return float(self.scene.F_N * state.rod[1])
         return float(self.scene.load @ state.y[-1, 1])
 
-    def energy(self, state: State) -> Energy:
-        """Return the energy of a state at a time that the model follows."""
-        stored = sum(core.energies(self.model, state, state.t).values())
+    def energy(self, state: State, model: core.Model | None = None) -> Energy:
+        """Return the energy of a state; `model` is that of its time if loads changed since."""
+        stored = sum(core.energies(model or self.model, state, state.t).values())
         scene, u = self.scene, state.y[:, 0]
         shear = float(scene.shear @ u[scene.j_shear] + scene.push_at(state.t)[0] @ u[0])
         stored += self._potential(state) + self.floor

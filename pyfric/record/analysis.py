@@ -350,15 +350,14 @@ def _check_measured(t: np.ndarray, F_T: np.ndarray) -> None:
     if t.ndim != 1 or t.shape != F_T.shape or len(t) < 2:
         allowed = "two or more times, and as many forces"
         raise SceneError("t", f"{t.shape} beside {F_T.shape}", "", allowed, "shapes do not fit")
-    wrong = ~(np.isfinite(t) & np.isfinite(F_T))
-    wrong[1:] |= ~(np.diff(t) > 0)
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        bad = "F_T" if np.isfinite(t[row]) and not np.isfinite(F_T[row]) else "t"
-        value = float((F_T if bad == "F_T" else t)[row])
-        reason = "not finite" if not np.isfinite(value) else "not later than the time before"
-        allowed = "finite forces" if bad == "F_T" else "finite times that increase"
-        raise SceneError(f"{bad}[{row}]", value, "N" if bad == "F_T" else "s", allowed, reason)
+    later = np.append(True, t[1:] > t[:-1])
+    for name, unit, values, allowed, right in (
+        ("t", "s", t, "finite times that increase", np.isfinite(t) & later),
+        ("F_T", "N", F_T, "finite forces", np.isfinite(F_T)),
+    ):
+        if not right.all():
+            row = int(np.argmin(right))
+            raise SceneError(f"{name}[{row}]", float(values[row]), unit, allowed)
 
 
 # --- numbers -------------------------------------------------------------------------------------

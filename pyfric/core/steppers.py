@@ -39,6 +39,8 @@ class Stepper:
         growth: R(z), the factor by which exp(lambda t) grows in a step, with z = lambda h. None for
             steppers that treat u and v differently.
         grows: growth of undamped motion in a step that counts as stable, |R(z)| - 1.
+        swept: whether each stage follows from the last one alone, so that one sweep of the core
+            makes a step. It is written for Runge-Kutta methods of four and five stages.
         opposite: name of the stepper whose leading error in linear motion is minus that of this
             one; "" if there is none.
     """
@@ -53,6 +55,7 @@ class Stepper:
     e: np.ndarray | None = None
     growth: Callable[[np.ndarray], np.ndarray] | None = None
     grows: float = 0.0
+    swept: bool = False
     opposite: str = ""
 
     def __post_init__(self) -> None:
@@ -71,17 +74,6 @@ class Stepper:
     def adaptive(self) -> bool:
         """Whether it estimates its error and makes sub-steps."""
         return bool(self.e.any())
-
-    @functools.cached_property
-    def swept(self) -> bool:
-        """Whether each stage follows from the last one alone, so that one sweep makes a step.
-
-        The sweep of the core is written for Runge-Kutta methods of four and five stages.
-        """
-        if self.adaptive or len(self.c) not in (4, 5):
-            return False
-        last_alone = (self.a == np.diag(self.c[1:], -1)).all()
-        return bool(last_alone and (self.bbar == _product(self.b, self.a)).all())
 
     @functools.cached_property
     def columns(self) -> np.ndarray:
@@ -146,6 +138,7 @@ STEPPERS: dict[str, Stepper] = {
             b=np.array([1.0, 2.0, 2.0, 1.0]) / 6,
             a=_lower(*_RK4_ROWS),
             growth=_rk4_growth,
+            swept=True,
             opposite="rk4_opposite",
         ),
         # Five stages of order 4, each of which follows from the last one alone. In linear motion
@@ -163,6 +156,7 @@ STEPPERS: dict[str, Stepper] = {
             a=np.diag(_OPPOSITE_C[1:], -1),
             growth=_opposite_growth,
             grows=1e-4,
+            swept=True,
             opposite="rk4",
         ),
         # u' = u + h (v + h F_1/2m), v' = v + h (F_1 + F_2)/2m. F_2 is taken at u' and, for viscous

@@ -7,17 +7,13 @@ builds give the same bits.
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import importlib
 import importlib.util
 import os
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 ENVIRONMENT = "PYFRIC_VARIANT"
 BLOCKS_PER_THREAD = 5_000
@@ -46,19 +42,6 @@ def variants() -> dict[str, bool]:
     return {name: runs[name] for name in runs if installed[name]}
 
 
-@contextlib.contextmanager
-def _short_spinning() -> Iterator[None]:
-    """Set a short wait of threads for libraries loaded in this block, unless the user set one."""
-    if {"OMP_WAIT_POLICY", "GOMP_SPINCOUNT"} & set(os.environ):
-        yield
-        return
-    os.environ["GOMP_SPINCOUNT"] = SPINS
-    try:
-        yield
-    finally:
-        del os.environ["GOMP_SPINCOUNT"]
-
-
 @functools.cache
 def load_variant(name: str) -> Any:
     """Return the extension module of one variant.
@@ -72,8 +55,14 @@ def load_variant(name: str) -> Any:
         raise ImportError(f"{ENVIRONMENT} = {name!r}: not installed (installed: {listed})")
     if not known[name]:
         raise ImportError(f"{ENVIRONMENT} = {name!r}: this processor lacks its instructions")
-    with _short_spinning():  # libgomp reads the environment once, when it is loaded
+    short = not {"OMP_WAIT_POLICY", "GOMP_SPINCOUNT"} & set(os.environ)  # unless the user set one
+    if short:
+        os.environ["GOMP_SPINCOUNT"] = SPINS  # libgomp reads it once, when it is loaded
+    try:
         return importlib.import_module(f"pyfric.core._core_{name}")
+    finally:
+        if short:
+            del os.environ["GOMP_SPINCOUNT"]
 
 
 def _chosen() -> str:

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from peers import available, lammps_bonds, numba_forces, numpy_forces
-from twin import bond_forces
+from twin import Slab, bond_forces
 
 GEOMETRIES = ("linear", "finite")
 RTOL = 1e-12
@@ -17,7 +17,7 @@ RTOL_LAMMPS = 1e-10
 
 def make_scene(N_x=7, N_z=5, eta=7.6):
     slider = SimpleNamespace(k=13.5e6, l=2.5e-3)
-    return SimpleNamespace(N_x=N_x, N_z=N_z, eta=eta, slider=slider)
+    return Slab(N_x=N_x, N_z=N_z, eta=eta, slider=slider)
 
 
 def random_state(scene, seed, strain=1e-2, speed=0.1):

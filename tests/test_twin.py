@@ -5,15 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import twin
-from twin import LEFT, OPEN, RIGHT, STUCK
+from twin import LEFT, OPEN, RIGHT, STUCK, Slab
 
 GEOMETRIES = ("linear", "finite")
-
-
-class Slab(SimpleNamespace):
-    """A scene; the twin remembers its bonds."""
-
-    __hash__ = object.__hash__
 
 
 def make_scene(

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from dataclasses import field as member
 from itertools import pairwise
 from math import sqrt
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,6 +33,12 @@ NEIGHBOURS = [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -
 
 WORKS = ("bonds", "friction", "driver", "load")
 """Names of the powers, and of their integrals over time; see `right_hand_side`."""
+
+
+class Slab(SimpleNamespace):
+    """A scene by its attributes; those of bonds stay, because `_bonds` remembers them."""
+
+    __hash__ = object.__hash__
 
 
 def bond_forces(scene: Any, y: np.ndarray, geometry: str) -> np.ndarray:

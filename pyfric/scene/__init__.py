@@ -55,13 +55,11 @@ from pyfric.scene.spread import Spread
 from pyfric.scene.text import law_notes
 from pyfric.scene.toml import parsed
 from pyfric.scene.units import (
-    LIMITS,
     PREFIXES,
     check_number,
     check_whole,
     parse_quantity,
     prefix_power,
-    range_text,
     spoken,
 )
 

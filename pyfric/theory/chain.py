@@ -43,8 +43,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from pyfric.scene import SceneError
-from pyfric.theory.inputs import checked, checked_array, each
+from pyfric.theory.inputs import checked, checked_array, refusal
 
 SLOWEST, FASTEST = 1e-4, 1e4
 """Range of front speeds, in c."""
@@ -74,7 +73,7 @@ def chain_prestress(v: ArrayLike, alpha: float = 0.0, eta: float = 0.0) -> np.nd
     alpha, eta = _viscosities(alpha, eta)
     limits = {"ge": SLOWEST} if alpha else {"gt": 1.0}
     v = checked_array("v", v, "c", **limits, le=FASTEST)
-    return each(lambda one: _prestress(one, alpha, eta), v)
+    return np.reshape([_prestress(one, alpha, eta) for one in v.flat], v.shape)[()]
 
 
 def chain_speed(tau_bar: ArrayLike, alpha: float = 0.0, eta: float = 0.0) -> np.ndarray:
@@ -96,8 +95,10 @@ def chain_speed(tau_bar: ArrayLike, alpha: float = 0.0, eta: float = 0.0) -> np.
     def prestress(v: float) -> float:
         return _prestress(v, alpha, eta) if alpha or v > 1 else 0.0
 
-    of_v = f"a front of {least:g} c to {FASTEST:g} c"
-    return each(lambda one: _inverse(prestress, one, least, FASTEST, of_v), tau_bar)
+    limits = least, FASTEST, f"a front of {least:g} c to {FASTEST:g} c"
+    return np.reshape([_inverse(prestress, one, *limits) for one in tau_bar.flat], tau_bar.shape)[
+        ()
+    ]
 
 
 def chain_prestress_overdamped(w: ArrayLike) -> np.ndarray:
@@ -108,7 +109,7 @@ def chain_prestress_overdamped(w: ArrayLike) -> np.ndarray:
     """
     limits = {"ge": SLOWEST_OVERDAMPED, "le": FASTEST_OVERDAMPED}
     w = checked_array("w", w, "c sqrt(k m)", **limits)
-    return each(_overdamped, w)
+    return np.reshape([_overdamped(one) for one in w.flat], w.shape)[()]
 
 
 def chain_speed_overdamped(tau_bar: ArrayLike, alpha: float) -> np.ndarray:
@@ -121,9 +122,10 @@ def chain_speed_overdamped(tau_bar: ArrayLike, alpha: float) -> np.ndarray:
     """
     tau_bar = checked_array("tau_bar", tau_bar, gt=0, lt=1)
     alpha = checked("alpha", alpha, "sqrt(k m)", gt=0)
-    limits = SLOWEST_OVERDAMPED, FASTEST_OVERDAMPED
-    of_w = f"w = alpha v of {limits[0]:g} to {limits[1]:g}"
-    return each(lambda one: _inverse(_overdamped, one, *limits, of_w), tau_bar) / alpha
+    limits = (SLOWEST_OVERDAMPED, FASTEST_OVERDAMPED, f"w = alpha v of {SLOWEST_OVERDAMPED:g} to "
+              f"{FASTEST_OVERDAMPED:g}")  # fmt: skip
+    w = [_inverse(_overdamped, one, *limits) for one in tau_bar.flat]
+    return np.reshape(w, tau_bar.shape)[()] / alpha
 
 
 def chain_speed_undamped(tau_bar: ArrayLike) -> np.ndarray:
@@ -250,5 +252,5 @@ def _inverse(
     if at_low > 0 or at_high < 0:
         limit = tau_bar + (at_low if at_low > 0 else at_high)
         sign = ">=" if at_low > 0 else "<="
-        raise SceneError("tau_bar", float(tau_bar), "", f"a number {sign} {limit:.9g}, for {what}")
+        raise refusal("tau_bar", float(tau_bar), "", f"a number {sign} {limit:.9g}, for {what}")
     return scipy.optimize.brentq(excess, low, high, xtol=1e-15, rtol=1e-11)

@@ -32,8 +32,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from pyfric.scene import SceneError
-from pyfric.theory.inputs import checked, checked_array, each, same_shape
+from pyfric.theory.inputs import checked, checked_array, choice, refusal, same_shape
 from pyfric.theory.waves import Material, reduced_D
 
 Bodies = Literal[1, 2]
@@ -152,7 +151,8 @@ def stress_intensity(
     if len(breaks):
         breaks = checked_array("breaks", breaks, "m", gt=0)
     breaks = np.sort(np.ravel(breaks))
-    return each(lambda one: _intensity(one, stress_drop, breaks[breaks < one]), a)
+    K = [_intensity(one, stress_drop, breaks[breaks < one]) for one in a.flat]
+    return np.reshape(K, a.shape)[()]
 
 
 def energy_release_rate(
@@ -278,7 +278,7 @@ def cohesive_zone(
     """
     share, drop = _share(bodies), _friction_drop(mu_s, mu_k, p)
     if not (drop > 0).all():
-        raise SceneError("(mu_s - mu_k) p", float(drop.min()), "Pa", "a finite number > 0 Pa")
+        raise refusal("(mu_s - mu_k) p", float(drop.min()), "Pa", "a finite number > 0 Pa")
     drop, d_c, A = same_shape(
         p=drop, d_c=checked_array("d_c", d_c, "m", ge=0), v=np.asarray(A_II(material, v))
     )
@@ -302,7 +302,7 @@ def strength_excess(tau_p: ArrayLike, tau_0: ArrayLike, tau_r: ArrayLike) -> np.
     tau_p, tau_0, tau_r = same_shape(**stresses)
     wrong = (tau_0 <= tau_r) | (tau_0 > tau_p)
     if wrong.any():
-        raise SceneError("tau_0", float(tau_0[wrong][0]), "Pa", "tau_p >= tau_0 > tau_r")
+        raise refusal("tau_0", float(tau_0[wrong][0]), "Pa", "tau_p >= tau_0 > tau_r")
     return ((tau_p - tau_0) / (tau_0 - tau_r))[()]
 
 
@@ -311,9 +311,7 @@ def strength_excess(tau_p: ArrayLike, tau_0: ArrayLike, tau_r: ArrayLike) -> np.
 
 def _share(bodies: Bodies) -> float:
     """The share of the two bodies' energy that goes by this convention."""
-    if isinstance(bodies, bool) or bodies not in (1, 2):
-        raise SceneError("bodies", bodies, "", "1 or 2")
-    return bodies / 2
+    return choice("bodies", bodies, (1, 2)) / 2
 
 
 def _friction_drop(mu_s: float, mu_k: float, p: ArrayLike) -> np.ndarray:
@@ -365,5 +363,5 @@ def _intensity(a: float, stress_drop: Callable[[float], float], breaks: np.ndarr
     if error > ACCURACY * peak:
         found = f"its quadrature for a = {a:.6g} m is uncertain by {error:.1g} Pa"
         allowed = f"a function smooth between its breaks; {found}"
-        raise SceneError("stress_drop", stress_drop, "", allowed)
+        raise refusal("stress_drop", stress_drop, "", allowed)
     return 2 * np.sqrt(a / np.pi) * total

@@ -1,13 +1,22 @@
-"""Checks of what the theory's functions are given; every refusal is a `SceneError`."""
+"""Checks of what the theory's functions are given; every refusal is a `ValueError`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from pyfric.scene import LIMITS, SceneError, range_text
+_LIMITS = {
+    "gt": (">", np.greater),
+    "ge": (">=", np.greater_equal),
+    "le": ("<=", np.less_equal),
+    "lt": ("<", np.less),
+}
+
+
+def refusal(field: str, value: Any, unit: str, allowed: str) -> ValueError:
+    """Return the error that says what was given, and what would be accepted."""
+    return ValueError(f"{field} = {value!r} {unit}".rstrip() + f"; allowed: {allowed}")
 
 
 def checked_array(field: str, value: Any, unit: str = "", **limits: float) -> np.ndarray:
@@ -20,24 +29,26 @@ def checked_array(field: str, value: Any, unit: str = "", **limits: float) -> np
         limits: gt, ge, le, lt: >, >=, <=, <.
 
     Raises:
-        SceneError: not real numbers, none, or one of them not finite or outside the limits. Text
+        ValueError: not real numbers, none, or one of them not finite or outside the limits. Text
             and quantities of a library of units are refused: an array would drop the unit.
     """
     given = value if isinstance(value, list | tuple) else [value]
     if any(isinstance(one, str) or hasattr(one, "magnitude") for one in given):
-        raise SceneError(field, value, unit, f"plain numbers{unit and f', in {unit}'}")
+        raise refusal(field, value, unit, f"plain numbers{unit and f', in {unit}'}")
     try:
         array = np.asarray(value)
     except ValueError:  # rows of different lengths
         array = np.asarray(None)
     if array.dtype.kind not in "iuf" or not array.size:
-        raise SceneError(field, value, unit, "real numbers, at least one")
+        raise refusal(field, value, unit, "real numbers, at least one")
     array = array.astype(float) + 0.0
     fits = np.isfinite(array)
     for name, limit in limits.items():
-        fits &= LIMITS[name][1](array, limit)
+        fits &= _LIMITS[name][1](array, limit)
     if not fits.all():
-        raise SceneError(field, float(array[~fits][0]), unit, range_text(unit, **limits))
+        ranges = [f"{_LIMITS[name][0]} {limit:.12g}" for name, limit in limits.items()]
+        allowed = " ".join(["a finite number", " and ".join(ranges), unit]).strip()
+        raise refusal(field, float(array[~fits][0]), unit, allowed)
     return array
 
 
@@ -45,23 +56,29 @@ def checked(field: str, value: Any, unit: str = "", **limits: float) -> float:
     """Return one number as a float; see `checked_array`."""
     array = checked_array(field, value, unit, **limits)
     if array.ndim:
-        raise SceneError(field, value, unit, "one number")
+        raise refusal(field, value, unit, "one number")
     return float(array)
 
 
-def each(of: Callable[[float], float], values: np.ndarray) -> np.ndarray:
-    """Return the results of a function of one number, in the shape of the values."""
-    return np.reshape([of(one) for one in values.flat], values.shape)[()]
+def choice(field: str, value: Any, allowed: tuple) -> Any:
+    """Return the value if it is one of those allowed.
+
+    Raises:
+        ValueError: it is not.
+    """
+    if isinstance(value, bool) or value not in allowed:
+        raise refusal(field, value, "", " or ".join(map(repr, allowed)))
+    return value
 
 
 def same_shape(**arrays: np.ndarray) -> list[np.ndarray]:
     """Return the arrays broadcast against each other.
 
     Raises:
-        SceneError: their shapes do not fit.
+        ValueError: their shapes do not fit.
     """
     try:
         return list(np.broadcast_arrays(*arrays.values()))
     except ValueError:
         shapes = [array.shape for array in arrays.values()]
-        raise SceneError(", ".join(arrays), shapes, "", "shapes that broadcast") from None
+        raise refusal(", ".join(arrays), shapes, "", "shapes that broadcast") from None

@@ -14,13 +14,12 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Self
+from typing import Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pyfric.scene import SceneError, unknown
-from pyfric.theory.inputs import checked, checked_array
+from pyfric.theory.inputs import checked, checked_array, choice, refusal
 
 Polarisation = Literal["longitudinal", "shear", "chain"]
 
@@ -67,9 +66,7 @@ def lattice_waves(
     Source: PRL 107, 074301 (2011): omega = 2 sqrt(a k/m) sin(q l/2), a = 3/2, 1/2, 1.
     """
     k, m, l = checked("k", k, "N/m", gt=0), checked("m", m, "kg", gt=0), checked("l", l, "m", gt=0)
-    if polarisation not in _STIFFNESS:
-        raise unknown("polarisation", polarisation, str(polarisation), _STIFFNESS)
-    a = _STIFFNESS[polarisation]
+    a = _STIFFNESS[choice("polarisation", polarisation, get_args(Polarisation))]
     q = checked_array("q", q, "rad/m", ge=0, le=np.pi / l * (1 + 1e-12))
     c, half = l * np.sqrt(a * k / m), q * l / 2
     omega = 2 * c / l * np.sin(half)
@@ -89,7 +86,7 @@ def density_factor(N_x: int, N_z: int) -> float:
     """
     for name, N in (("N_x", N_x), ("N_z", N_z)):
         if checked(name, N, ge=2) % 1:
-            raise SceneError(name, N, "", "an integer >= 2")
+            raise refusal(name, N, "", "an integer >= 2")
     return N_x * N_z / ((N_x - 1) * (N_z - 1))
 
 

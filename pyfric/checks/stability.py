@@ -65,14 +65,14 @@ def measured_limit(scene: Scene, stepper: str, around: float) -> float:
 
 def grows(scene: Scene, stepper: str, dt: float) -> bool:
     """Whether a disturbance grows by `GROWTH` within `STEPS` steps, stuck or lifted off."""
-    found = _shaken(scene, stepper, dt)
+    found = _shaken(scene, stepper, dt, LOOKS // 10)
     return any(not sizes[-1] < GROWTH * sizes[0] for sizes in found)
 
 
 def growth(scene: Scene, stepper: str, dt: float) -> float:
     """Return by what a disturbance grows in a step, as ln(after/before); negative: it decays."""
     rates = []
-    for sizes in _shaken(scene, stepper, dt):
+    for sizes in _shaken(scene, stepper, dt, LOOKS):
         half = (len(sizes) - 1) // 2
         steps = (len(sizes) - 1 - half) * (STEPS // LOOKS)
         ratio = max(sizes[-1], TINY) / max(sizes[half], TINY)
@@ -81,7 +81,7 @@ def growth(scene: Scene, stepper: str, dt: float) -> float:
     return max(rates)
 
 
-def _shaken(scene: Scene, stepper: str, dt: float) -> Iterator[list[float]]:
+def _shaken(scene: Scene, stepper: str, dt: float, looks: int) -> Iterator[list[float]]:
     """Yield largest speeds (m/s) over time, stuck and lifted off, until they are far too large."""
     rest = loaded_state(scene)
     chain, lifting = scene.N_z == 1, not scene.prescribed
@@ -99,8 +99,8 @@ def _shaken(scene: Scene, stepper: str, dt: float) -> Iterator[list[float]]:
         if chain:
             state.y[:, 3] = 0.0
         log, sizes = core.Log(scene.N_x), [float(np.abs(state.y[:, 2:]).max())]
-        while len(sizes) <= LOOKS and sizes[-1] < GROWTH**10 * sizes[0]:
-            core.advance(model, state, log, STEPS // LOOKS, stepper=stepper, budget=False)
+        while len(sizes) <= looks and sizes[-1] < GROWTH**10 * sizes[0]:
+            core.advance(model, state, log, STEPS // looks, stepper=stepper, budget=False)
             with np.errstate(all="ignore"):
                 now = float(np.abs(state.y[:, 2:]).max())
             sizes.append(now if math.isfinite(now) else GROWTH**10 * sizes[0])

@@ -1,5 +1,6 @@
 """Numbers with units: checks of all numeric inputs, and conversion from text."""
 
+import functools
 import math
 import operator
 import re
@@ -50,6 +51,7 @@ LIMITS = {
 """Name of a limit -> its sign, the comparison with it, and what is wrong beyond it."""
 
 
+@functools.lru_cache(maxsize=1024)
 def range_text(unit: str, **limits: float | None) -> str:
     """Return the allowed range in words, such as ``"a finite number > 0.0 m"``."""
     given = {name: limits[name] for name in LIMITS if limits.get(name) is not None}

@@ -152,6 +152,7 @@ limit is local, so that larger lattices have the same limit within 5 % (`tests/t
 """
 
 
+@functools.lru_cache(maxsize=256)
 def _reduced(scene: Scene) -> Scene:
     """Return a small scene with the same local properties, or the scene if it is small.
 
@@ -317,7 +318,7 @@ def stability_limit(scene: SceneLike, stepper: str = "rk4") -> tuple[float, Mapp
         raise SceneError("stepper", stepper, "", " or ".join(map(repr, STEPPERS)))
     scene = as_scene(scene)
     small = _reduced(scene)
-    exact, on = small is scene, _on_springs(scene)
+    exact, on = small == scene, _on_springs(scene)
     bulk = math.inf if exact else _bulk_limit(small, stepper, on)
     of_modes = _small_limit(small, STEPPERS[stepper], bulk, on)
     info = MappingProxyType({"shape": (small.N_z, small.N_x), "exact": exact})

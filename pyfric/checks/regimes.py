@@ -48,8 +48,8 @@ class Observed(NamedTuple):
     behaviour: str
     text: str
     quantity: str = ""
-    value: float = 0.0
-    limit: float = 0.0
+    value: float = np.nan
+    limit: float = np.nan
 
 
 @dataclass(frozen=True)
@@ -358,8 +358,9 @@ def observe(
 
     Returns:
         Columns regime, scene, stated (behaviour), text, observed (behaviour), quantity ("" where
-        nothing was measured), value, limit, as_stated (behaviour as stated and value within the
-        limit), seconds (processor time) and says (what pyfric said, or what the run was like).
+        nothing is measured), value and limit (NaN there), as_stated (behaviour as stated and value
+        within the limit), seconds (processor time) and says (what pyfric said, or what the run was
+        like).
     """
     rows = []
     for one in regimes:
@@ -367,6 +368,7 @@ def observe(
         start = time.process_time()
         with warnings.catch_warnings(action="ignore"):
             seen = one.look(one.scene)
+        within = seen.value <= seen.limit or not seen.quantity
         rows.append(
             {
                 "regime": one.name,
@@ -377,7 +379,7 @@ def observe(
                 "quantity": seen.quantity,
                 "value": seen.value,
                 "limit": seen.limit,
-                "as_stated": seen.behaviour == one.behaviour and seen.value <= seen.limit,
+                "as_stated": seen.behaviour == one.behaviour and within,
                 "seconds": time.process_time() - start,
                 "says": " ".join(seen.text.split()),
             }

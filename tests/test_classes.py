@@ -148,6 +148,7 @@ def test_other_interfaces_and_events():
 # --- diagrams ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_phase_diagram_of_the_chain(tmp_path):
     values = {"x": ("alpha", [0.3, 1.0]), "y": ("tau_bar", np.geomspace(0.134, 0.9, 3))}
     values |= {"label": {"fast": lambda record: record.rupture_class().pace == "supershear"}}

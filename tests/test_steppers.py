@@ -396,9 +396,9 @@ def reference():
         ("symplectic_euler", "located", 0.02e-6, 1e-3),
         ("adaptive", "located", 1.0e-6, 1e-4),
         ("rk4", "step_end", 0.05e-6, 1e-3),
-        ("verlet", "step_end", 0.05e-6, 1e-3),
-        ("symplectic_euler", "step_end", 0.02e-6, 1e-3),
-        ("adaptive", "step_end", 0.05e-6, 1e-3),
+        pytest.param("verlet", "step_end", 0.05e-6, 1e-3, marks=pytest.mark.slow),
+        pytest.param("symplectic_euler", "step_end", 0.02e-6, 1e-3, marks=pytest.mark.slow),
+        pytest.param("adaptive", "step_end", 0.05e-6, 1e-3, marks=pytest.mark.slow),
     ],
 )
 def test_every_method_tends_to_the_same_run(stepper, switching, dt, error, reference):

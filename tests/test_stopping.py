@@ -82,8 +82,10 @@ def test_counted_events(engine):
 COUNTED = {"main_events": "is_main", "precursors": "is_precursor", "system_size": "L_p_over_L"}
 
 
-@ENGINES
 @pytest.mark.parametrize("goes_on", [False, True])
+@pytest.mark.parametrize(
+    "engine", [pytest.param("dynamic", marks=pytest.mark.slow), "hybrid", "quasistatic"]
+)
 def test_events_are_counted_as_by_their_catalogue(engine, goes_on, monkeypatch):
     """Where no catalogue is made, it would not have counted enough events."""
     ended = Stopping.ended

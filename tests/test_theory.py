@@ -420,7 +420,10 @@ def test_fronts_down_to_1e_4_c():
         assert theory.chain_prestress(v, alpha) == pytest.approx(tau_bar, rel=1e-9)
 
 
-@pytest.mark.parametrize(("v", "alpha", "eta"), [(0.019, 1.0, 0.0), (0.03, 0.5, 0.3)])
+@pytest.mark.parametrize(
+    ("v", "alpha", "eta"),
+    [pytest.param(0.019, 1.0, 0.0, marks=pytest.mark.slow), (0.03, 0.5, 0.3)],
+)
 def test_averaged_periods_against_brute_force(v, alpha, eta):
     assert alpha + 4 * eta > theory.chain._DAMPED * v
     exact = by_brute_force(v, alpha, eta, n=4_000_000, Q=4000 * np.pi)

@@ -38,6 +38,7 @@ from pyfric.engines.stopping import stopping_of
 from pyfric.engines.stretches import Stretch, bends, stretches
 from pyfric.record import (
     QUIET_COLUMNS,
+    SWITCH_COLUMNS,
     Method,
     Record,
     build_catalogue,
@@ -55,7 +56,7 @@ from pyfric.statics import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from pyfric.engines.stopping import Stopping
     from pyfric.scene import Scene, SceneLike
@@ -68,6 +69,11 @@ IDLE = 200
 
 BENDS = 32
 """Straight parts of the curve between two changes of contact state while the driver accelerates."""
+
+
+def _columns(rows: list[tuple[Any, ...]], kinds: Mapping[str, np.dtype]) -> dict[str, np.ndarray]:
+    columns = zip(kinds.items(), zip(*rows, strict=True), strict=True)
+    return {name: np.array(values, dtype=kind) for (name, kind), values in columns}
 
 
 class QuasistaticRun:
@@ -99,6 +105,8 @@ class QuasistaticRun:
         self.corner, self.p_corner = np.zeros(scene.N_x, bool), CORNER_SHARE * scene.F_N / scene.N_x
         self.slips, self.changes, self.starts, self.events = False, 0, 0, 0
         _, self.nothing = self.history.logs(scene.N_x)  # columns of an empty log
+        self.switches: list[tuple[Any, ...]] = []  # rows of both logs that the history lacks
+        self.quiet: list[tuple[Any, ...]] = []
         self.stretch = Stretch(scene.legs(0.0)[0], self.drive_0)  # the present part
         self.ending = ""  # status of a run that ends before its time
         self.t_quiet = -math.inf  # no slip before this time
@@ -116,32 +124,36 @@ class QuasistaticRun:
     def log(self, t: float, before: Values | None = None) -> None:
         """Log the changes of contact state. Slip starts at the values `before` the change."""
         old, new = self.mode, self.contact.mode.astype(np.int32)
-        i = np.flatnonzero(new != old)
-        if not i.size:
+        changed = np.flatnonzero(new != old)
+        if not changed.size:
             return
         now = self.contact.values()
         before = now if before is None else before
-        begins = np.abs(old[i]) != 1
-        starts = begins & (np.abs(new[i]) == 1)
-        u_x = np.where(starts, before.u_x[i], now.u_x[i])
-        p = np.where(starts, before.p[i], now.p[i])
-        self.corner[i[begins]] = p[begins] < self.p_corner
+        for i in changed:
+            begins = abs(old[i]) != 1
+            at = before if begins and abs(new[i]) == 1 else now
+            if begins:
+                self.corner[i] = at.p[i] < self.p_corner
+            corner = self.corner[i]
+            self.switches.append((self.changes, i, old[i], new[i], corner, t, at.u_x[i], at.p[i]))
         self.mode, was = new, self.slips
         self.slips = bool(((np.abs(new) == 1) & ~self.corner).any())  # apart from corner slip
-        step, t_i = np.full(i.size, self.changes), np.full(i.size, t)
-        switches = {"step": step, "block": i, "old": old[i], "new": new[i]}
-        switches |= {"corner": self.corner[i], "t": t_i, "u_x": u_x, "p": p}
-        quiet = self.nothing
         if self.slips != was:
             kind, mode, at = (-1, new, now) if was else (1, old, before)
-            row = self.changes, t, kind, at.F_T, at.u_x, mode
-            kinds = zip(QUIET_COLUMNS.items(), row, strict=True)
-            quiet = {name: np.array([value], dtype=kind) for (name, kind), value in kinds}
+            self.quiet.append((self.changes, t, kind, at.F_T, at.u_x.copy(), mode))
             self.starts += self.slips
+        self.changes += 1
+
+    def pass_on(self) -> None:
+        """Pass the changes since the last call to the history and to the conditions."""
+        if not self.switches:
+            return
+        switches = _columns(self.switches, SWITCH_COLUMNS)
+        quiet = _columns(self.quiet, QUIET_COLUMNS) if self.quiet else self.nothing
         self.history.log(switches, quiet)
         if self.stopping is not None:
             self.stopping.take(switches, quiet)
-        self.changes += 1
+        self.switches, self.quiet = [], []
 
     def advance(self, t_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> bool:
         """Follow the scene to t_end (s); return False if it was interrupted.
@@ -248,6 +260,7 @@ class QuasistaticRun:
         """Return whether a condition ends the run before the next change, at t (s)."""
         if self.stopping is None:
             return False
+        self.pass_on()
         self.stopping.look(self.t, self.mode)
         due, text = self.stopping.due()
         if due <= t:
@@ -294,6 +307,7 @@ class QuasistaticRun:
         """Return the record of the run so far."""
         start = time.perf_counter()
         scene = self.scene
+        self.pass_on()
         switches, quiet = self.history.logs(scene.N_x)
         catalogue = build_catalogue(
             switches,

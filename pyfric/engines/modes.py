@@ -60,8 +60,7 @@ FAST = 6
 """Number of modes with viscous corrections of second order: the fastest, for which those of first
 order are the least accurate."""
 LANCZOS = 1e-4
-"""Relative error of squared frequencies. It need not be small, because the part of a mode that the
-space misses counts as truncated."""
+"""Relative error of squared frequencies: what the space misses of a mode counts as truncated."""
 SLOWEST = 7.0
 """Viscous over elastic forces of overdamped motion, over eta/k: 6 in plane waves. Edges of a
 lattice raise it to 6.6."""

@@ -158,7 +158,13 @@ ROOMS = (
 """From the ground up: a room imports those below it. The command line stands above them all."""
 
 
-display.figures = lambda: importlib.import_module("pyfric.figures")
+def _figures() -> Any:
+    from pyfric import figures
+
+    return figures
+
+
+display.figures = _figures
 
 
 def __getattr__(name: str) -> Any:

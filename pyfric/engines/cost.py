@@ -55,7 +55,7 @@ RELEASE, STATIC_EVENT = 1e-8, 1e-3
 FLOPS, BYTES, UNKNOWN = 13e9, 11.6e9, 25e-6
 """Operations per second of a banded factorisation, bytes per second of its solutions, and remaining
 seconds for each unknown."""
-SOLUTIONS = 78
+SOLUTIONS = 62
 """Solutions with the factor that are needed to find the modes of one set of contact states."""
 TIMED = 250
 """Time steps by which `machine_speed` is measured."""
@@ -70,23 +70,29 @@ class SetUp(NamedTuple):
     bytes: float
 
 
-def work(scene: Scene, geometry: Geometry, counts: Mapping[str, float]) -> float:
-    """Return the work of the operations that a record counts, in s."""
+@functools.lru_cache(16)
+def prices(scene: Scene, geometry: Geometry) -> dict[str, float]:
+    """Return the work of one operation of each kind that a record counts, in s."""
     blocks = scene.N_x * scene.N_z
     evaluation = EVALUATION + BOTTOM * scene.N_x + BLOCK[geometry] * blocks
     evaluation += JUNCTION * scene.law.junctions * scene.N_x
     if geometry == "finite" and largest_strain(scene, 0.0) > BEYOND:
         evaluation += CLOSED * blocks
     landing, of_block = LANDING[geometry]
-    return (
-        counts.get("block_evaluations", 0) / blocks * evaluation
-        + counts.get("calls", 0) * CALL * (2 if scene.law.junctions else 1)
-        + counts.get("landings", 0) * (landing + of_block * blocks)
-        + counts.get("slides", 0) * SLIDE
-        + counts.get("modal_bases", 0) * set_up(scene, "hybrid", geometry).work
-        + counts.get("releases", 0) * RELEASE * scene.N_x**2
-        + counts.get("static_events", 0) * STATIC_EVENT
-    )
+    return {
+        "block_evaluations": evaluation / blocks,
+        "calls": CALL * (2 if scene.law.junctions else 1),
+        "landings": landing + of_block * blocks,
+        "slides": SLIDE,
+        "modal_bases": set_up(scene, "hybrid", geometry).work,
+        "releases": RELEASE * scene.N_x**2,
+        "static_events": STATIC_EVENT,
+    }
+
+
+def work(scene: Scene, geometry: Geometry, counts: Mapping[str, float]) -> float:
+    """Return the work of the operations that a record counts, in s."""
+    return sum(price * counts.get(name, 0) for name, price in prices(scene, geometry).items())
 
 
 def steps_of_slide(scene: Scene, geometry: Geometry) -> int:

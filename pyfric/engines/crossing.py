@@ -13,8 +13,10 @@ import numpy as np
 GONE = 1e-16
 """A mode is dropped once it changes no gap function by more than this share of the largest c:
 rounding."""
-GRID = 64
-"""Points at which gap functions are evaluated together."""
+N_FINE = 8
+GRID = N_FINE**2
+"""Intervals of the grid on which gap functions are evaluated together: exponentials are products of
+values at every N_FINE-th point and of changes over the next points."""
 
 
 def first_crossing(
@@ -45,7 +47,7 @@ def first_crossing(
     size, bend, squares = np.abs(modal), np.broadcast_to(bend, c.shape), np.abs(rates) ** 2
     largest = size.max(axis=0, initial=0.0)
     fastest = np.max(np.abs(rates), initial=1 / s_end)
-    s, h = 0.0, 0.1 / fastest
+    s, h = 0.0, 0.5 / fastest
     while s < s_end:
         decay = np.exp(rates.real * s)
         # Modes cannot exceed their present amplitudes. Gap functions that stay positive by this
@@ -63,12 +65,12 @@ def first_crossing(
             continue
         grid, alive = s + h * np.arange(GRID + 1), largest * decay > GONE * np.max(c)
         value = c[near, None] + rate[near, None] * grid + np.outer(bend[near], 0.5 * grid**2)
-        waves = _exponentials(rates[alive], grid)
+        coarse = np.exp(np.outer(grid[::N_FINE], rates[alive]))
+        fine = np.exp(np.outer(rates[alive], grid[:N_FINE] - s))
         part = np.ix_(near, alive)
-        value += (modal[part] @ waves).real
-        curve = np.maximum(bend[near], 0.0)[:, None] * (h**2 / 8)
-        fast = size[part] * squares[alive]
-        curve = curve + fast @ np.abs(waves[:, :-1]) * (h**2 / 8)
+        value += _sums(modal[part], coarse, fine).real[:, : GRID + 1]
+        fast = _sums(size[part] * squares[alive], np.abs(coarse), np.abs(fine))[:, :GRID]
+        curve = (np.maximum(bend[near], 0.0)[:, None] + fast) * (h**2 / 8)
         sure = (np.minimum(value[:, :-1], value[:, 1:]) > curve).all(axis=0)
         n_sure = int(np.argmin(sure)) if not sure.all() else GRID
         s += n_sure * h
@@ -81,10 +83,12 @@ def first_crossing(
     return s_end if math.isfinite(s_end) else s
 
 
-def _exponentials(rates: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """Return exp(rates s) at evenly spaced s, shape (len(rates), len(grid)), from products."""
-    n = math.isqrt(len(grid) - 1) + 1
-    far = np.exp(np.outer(rates, grid[::n]))
-    near = np.exp(np.outer(rates, grid[:n] - grid[0]))
-    both = far[:, :, None] * near[:, None, :]
-    return both.reshape(len(rates), far.shape[1] * n)[:, : len(grid)]
+def _sums(weights: np.ndarray, coarse: np.ndarray, fine: np.ndarray) -> np.ndarray:
+    """Return sums over exponentials at the points of a grid, shape (n_c, coarse x fine points).
+
+    Args:
+        weights: weights of the exponentials, shape (n_c, n).
+        coarse: exponentials at every `N_FINE`-th point, shape (n_coarse, n).
+        fine: their change over the next points, shape (n, N_FINE).
+    """
+    return ((weights[:, None] * coarse) @ fine).reshape(len(weights), -1)

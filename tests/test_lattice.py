@@ -10,9 +10,12 @@ from scipy.sparse.linalg import spsolve
 
 from pyfric import core
 from pyfric.scene import Scene, setup1, setup2
-from pyfric.statics import bonds, spring_stiffness
+from pyfric.statics import StaticSolver, bonds, spring_stiffness
 from pyfric.statics.lattice import Bonds, assembled, spring_forces, spring_tangents
 from pyfric.statics.operators import coordinates
+
+STEP = (-1e-3, 0.0, 1e-3)
+"""Places on a line for differences, over its rate."""
 
 
 def small_scene(**changes) -> Scene:
@@ -128,6 +131,24 @@ def test_stiffness_is_the_derivative_of_the_forces(geometry):
     change = forces(u + du) - forces(u - du)
     np.testing.assert_allclose(-(K @ du.ravel()) * 2, change.ravel(), atol=2e-9 * abs(change).max())
     assert abs(K - K.T).max() <= 1e-15 * abs(K).max()
+
+
+@pytest.mark.parametrize("scene", [small_scene(), small_rod()])
+def test_forces_bend_along_a_line_as_finite_forces_do(scene):
+    """The second derivative along a line, against differences of the forces of the core."""
+    solver = StaticSolver(scene, "finite")
+    T, l = coordinates(scene), scene.slider.l
+    q, rate = 1e-2 * l * np.random.default_rng(3).standard_normal((2, T.shape[1]))
+    if scene.rigid:
+        q[-1], rate[-1] = 1e-2, -2e-2  # rad
+    force = core.bond_forces(scene, "finite")
+    shape = (scene.N_z, 2, scene.N_x)
+    before, now, after = (T.T @ force((T @ (q + s * rate)).reshape(shape)).ravel() for s in STEP)
+    expected = -(before - 2 * now + after) / STEP[2] ** 2
+    found = solver.bends(q, rate)
+    limit = 1e-5 * np.abs(found).max()
+    np.testing.assert_allclose(found, expected, rtol=0, atol=limit)
+    assert not StaticSolver(scene, "linear").bends(q, rate).any()
 
 
 @pytest.mark.parametrize("scene", [small_rod(), small_scene()], ids=["rod", "free"])

@@ -13,7 +13,7 @@ from test_lattice import neighbours, small_rod, small_scene, twin_forces
 from pyfric.core import STEPPERS
 from pyfric.scene import Driver, Scene, setup1, setup2
 from pyfric.statics import StaticSolver, damping, dispersion, mass, stability_limit, stiffness
-from pyfric.statics.operators import coordinates
+from pyfric.statics.operators import coordinates, extended
 from pyfric.statics.stability import _bulk_limit, _small_limit, least_limit
 
 # --- generalised coordinates ---------------------------------------------------------------------
@@ -78,6 +78,21 @@ def test_damping_dissipates_eta_times_relative_velocity_squared(scene):
     uniform[:, 0] = 1.0
     if not scene.rigid:
         assert np.abs(C @ uniform.ravel()).max() < 1e-14 * scene.eta
+
+
+def test_a_space_takes_what_shapes_add_and_leaves_out_rounding():
+    """Shapes that differ from the basis by 1e-7 are new directions; combinations of it are not."""
+    random = np.random.default_rng(5)
+    M = random.uniform(0.5, 2.0, 40)
+    basis = np.linalg.qr(random.standard_normal((40, 6)))[0] / np.sqrt(M)[:, None]
+    near = basis[:, :2] + 1e-7 * random.standard_normal((40, 2))
+    shapes = np.column_stack([near, basis @ random.standard_normal((6, 3)), 1e9 * near[:, :1]])
+    B = extended(basis, shapes, M)
+    assert B.shape == (40, 8)
+    np.testing.assert_allclose(B.T @ (M[:, None] * B), np.eye(8), rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(B[:, :6] * np.sqrt(M)[:, None], basis * np.sqrt(M)[:, None])
+    left = near - B @ (B.T @ (M[:, None] * near))
+    assert np.abs(left).max() < 1e-15
 
 
 # --- waves ---------------------------------------------------------------------------------------

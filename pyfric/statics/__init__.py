@@ -8,7 +8,7 @@ from pyfric.statics.creep import Creep, Point, creeps
 from pyfric.statics.equilibrium import RememberedStates, StaticSolver, loaded_state, solve_static
 from pyfric.statics.lattice import bonds, spring_stiffness
 from pyfric.statics.memory import Memory
-from pyfric.statics.operators import damping, dispersion, mass, stiffness
+from pyfric.statics.operators import damping, dispersion, extended, mass, stiffness
 from pyfric.statics.rest import (
     NO_RESTS,
     Equilibrium,

@@ -161,6 +161,29 @@ def spring_tangents(lattice: Bonds, du: Sequence[np.ndarray] | None = None) -> n
     return np.array([along * X * X + isotropic, along * X * Z, along * Z * Z + isotropic])
 
 
+def spring_bends(
+    lattice: Bonds, du: Sequence[np.ndarray], rate: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return second derivatives of spring forces over s, where du(s) changes at a constant rate.
+
+    With D' = d(du)/ds and r' = D.D'/r, the force k (r - l) D/r of a bond has the second derivative
+    k l (2 r' D'/r^2 + (D'.D' - 3 r'^2) D/r^3).
+
+    Args:
+        lattice: from `bonds`.
+        du: du_x and du_z over each bond, each of shape (n_bonds,), in m.
+        rate: their derivatives over s, in m per unit of s.
+
+    Returns:
+        The x and z components, each of shape (n_bonds,), in N per squared unit of s.
+    """
+    (X, Z), (dX, dZ) = (d + more for d, more in zip(lattice.d.T, du, strict=True)), rate
+    r = np.sqrt(X * X + Z * Z)
+    dr, scale = (X * dX + Z * dZ) / r, lattice.k * lattice.l / (r * r)
+    along, across = (dX * dX + dZ * dZ - 3 * dr * dr) / r, 2 * dr
+    return scale * (across * dX + along * X), scale * (across * dZ + along * Z)
+
+
 def assembled(
     differences: sp.csr_array, of_bonds: np.ndarray, ground: np.ndarray | float = 0.0
 ) -> sp.csr_array:

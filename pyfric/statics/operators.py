@@ -15,7 +15,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from pyfric.scene import Scene
-from pyfric.statics.lattice import DIRECTIONS, assembled, bonds, spring_stiffness
+from pyfric.statics.lattice import DIRECTIONS, Bonds, assembled, bonds, spring_tangents
+
+INDEPENDENT = 1e-10
+"""Length, and inertia, that a shape of length 1 adds to a space, below which it is rounding."""
 
 
 def coordinates(scene: Scene) -> sp.csr_array:
@@ -33,6 +36,11 @@ def coordinates(scene: Scene) -> sp.csr_array:
     one = np.ones(N_x)
     top = one[:, None], np.column_stack([one, scene.x])
     return sp.block_diag([sp.eye_array(below), *top]).tocsr()
+
+
+def differences(lattice: Bonds, T: sp.csr_array) -> sp.csr_array:
+    """Return the derivatives of du_x, then du_z, over each bond by q, shape (2 n_bonds, n_q)."""
+    return sp.vstack([D @ T for D in lattice.difference]).tocsr()
 
 
 def driven_dofs(scene: Scene) -> np.ndarray:
@@ -86,8 +94,8 @@ def stiffness(
         driver: whether the driver spring is attached.
     """
     closed, T = np.ones(scene.N_x, bool) if closed is None else closed, coordinates(scene)
-    springs = T.T @ spring_stiffness(bonds(scene)) @ T
-    return (springs + sp.diags_array(ground(scene, T, closed, driver=driver))).tocsr()
+    lattice, springs = bonds(scene), ground(scene, T, closed, driver=driver)
+    return assembled(differences(lattice, T), spring_tangents(lattice), springs)
 
 
 def damping(scene: Scene) -> sp.csr_array:
@@ -101,9 +109,8 @@ def damping(scene: Scene) -> sp.csr_array:
     x, z = (lattice.d / lattice.l[:, None]).T
     along = scene.slider.dashpots == "along"
     of_bonds = np.array([x * x, x * z, z * z] if along else [x * x + z * z, 0 * x, x * x + z * z])
-    E = sp.vstack(lattice.difference).tocsr()
-    C = assembled(E, scene.eta * lattice.share * of_bonds, _absorbing(scene))
-    return (T.T @ C @ T).tocsr()
+    of_bonds *= scene.eta * lattice.share
+    return assembled(differences(lattice, T), of_bonds, T.T @ _absorbing(scene))
 
 
 def _absorbing(scene: Scene) -> np.ndarray:
@@ -119,6 +126,25 @@ def _absorbing(scene: Scene) -> np.ndarray:
         c[-1] += np.outer([z_s, z_p], columns)
         c[-1, 0, columns < 1] -= z_s / 2
     return c.ravel()
+
+
+def extended(basis: np.ndarray, shapes: np.ndarray, M: np.ndarray) -> np.ndarray:
+    """Return a basis with B'M B = 1, extended by what shapes add to its span.
+
+    Args:
+        basis: shape (n, m), with B'M B = 1.
+        shapes: shape (n, k).
+        M: diagonal mass matrix, shape (n,), in kg.
+    """
+    known, rows = basis.T * np.sqrt(M), shapes.T * np.sqrt(M)
+    for _ in range(2):  # once more, because rounding is relative to what was subtracted
+        rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+        rows -= (rows @ known.T) @ known
+        rows = rows[np.linalg.norm(rows, axis=1) > INDEPENDENT]
+    inertia, axes = np.linalg.eigh(rows @ rows.T)
+    independent = inertia > INDEPENDENT
+    axes = axes[:, independent] / np.sqrt(inertia[independent])
+    return (np.vstack([known, axes.T @ rows]) / np.sqrt(M)).T
 
 
 def dispersion(

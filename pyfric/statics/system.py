@@ -23,12 +23,12 @@ from pyfric.statics.condensation import LARGE
 from pyfric.statics.lattice import (
     assembled,
     bonds,
+    spring_bends,
     spring_forces,
-    spring_stiffness,
     spring_tangents,
 )
 from pyfric.statics.memory import Memory
-from pyfric.statics.operators import coordinates, driven_dofs, ground
+from pyfric.statics.operators import coordinates, differences, driven_dofs, ground
 from pyfric.statics.rest import EquilibriumError
 
 if TYPE_CHECKING:
@@ -185,8 +185,7 @@ class System:
 
     @functools.cached_property
     def _differences(self) -> sp.csr_array:
-        """Derivatives of du_x and du_z over each bond by coordinates, shape (2 n_bonds, n_q)."""
-        return sp.vstack([D @ self._T for D in self._lattice.difference]).tocsr()
+        return differences(self._lattice, self._T)
 
     @functools.cached_property
     def _gather(self) -> sp.csr_array:
@@ -205,10 +204,20 @@ class System:
         (x, z), (xx, xz, zz) = self.elongations(shape), stiffer
         return self._gather @ np.concatenate([xx * x + xz * z, xz * x + zz * z])
 
+    def bends(self, q: np.ndarray, rate: np.ndarray) -> np.ndarray:
+        """Return second derivatives of spring forces along q + s rate at s = 0, shape (n_q,).
+
+        Zero in linear geometry.
+        """
+        if self.geometry == "linear":
+            return np.zeros_like(q)
+        forces = spring_bends(self._lattice, self.elongations(q), self.elongations(rate))
+        return self._gather @ np.concatenate(forces)
+
     @functools.cached_property
     def _K(self) -> sp.csr_array:
         """Stiffness of all bonds in linear geometry, which does not depend on the state."""
-        return (self._T.T @ spring_stiffness(self._lattice) @ self._T).tocsr()
+        return assembled(self._differences, spring_tangents(self._lattice))
 
     def stiffness(self, of_bonds: np.ndarray, mode: np.ndarray, *, driven: bool) -> sp.csr_array:
         """Return the stiffness of bonds, foundation and driver, shape (n_q, n_q), in N/m.

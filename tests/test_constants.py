@@ -20,7 +20,6 @@ ACCURACY = 1e-6
 SETS = ("protocol_linear", pytest.param("light_finite", marks=pytest.mark.slow))
 FITTED = (
     "modes.N_MODES",
-    "modes.FAST",
     "jump.TRY",
     "hybrid.AMPLIFIED",
 )

@@ -38,7 +38,7 @@ KINDS = {
     },
     "rounding": {
         "crossing": "GONE",
-        "modes": "INDEPENDENT",
+        "operators": "INDEPENDENT",
         "integration": "ON_GRID",
         "stretches": "ROUNDING",
         "complementarity": "RATE_TOL",
@@ -71,7 +71,7 @@ KINDS = {
         "creep": "NEWTON LOOKS STEPS",
         "equilibrium": "MAX_NEWTON CORRECTIONS JUNCTION_STEPS",
         "creeping": "KEPT",
-        "crossing": "GRID",
+        "crossing": "N_FINE GRID",
         "hybrid": "KEPT PATHS",
         "banded": "TOGETHER",
         "blas": "SMALL",

@@ -31,8 +31,7 @@ import numpy as np
 
 from pyfric.core import OPEN
 from pyfric.engines.crossing import first_crossing
-from pyfric.engines.modes import orthonormal
-from pyfric.statics import ContactProblem, Creep, creeps
+from pyfric.statics import ContactProblem, Creep, creeps, extended
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -208,7 +207,7 @@ class _Space:
     @functools.cached_property
     def basis(self) -> np.ndarray:
         """Basis of the shapes with blocks held and the static responses, shape (n_q, r)."""
-        return orthonormal(np.hstack([self.system.B, self.shapes]), self.system.M)
+        return extended(self.system.B, self.shapes, self.system.M)
 
     @functools.cached_property
     def matrices(self) -> tuple[np.ndarray, np.ndarray]:

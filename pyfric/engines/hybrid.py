@@ -119,7 +119,7 @@ class RestStates:
         found = rest(system, q, drive, load, enough)
         if found is not None:
             self._latest[key] = found[0]
-            path = np.array([found[0], system.drift, np.zeros_like(found[0])])
+            path = np.array([found[0], system.latest_drift, np.zeros_like(found[0])])
             self._rests.made(place, lambda: (drive, path))
         return found
 
@@ -204,7 +204,8 @@ class HybridRun(Run):
         state, slips = self.state, bool(self._slips().any())
         integrated = slips and not self._speed()
         if slips != self.slid or integrated:
-            self.try_at, self.slid = state.step + TRY * (self.made["steps"] > 0), slips
+            wait = self.least if slips else TRY
+            self.try_at, self.slid = state.step + wait * (self.made["steps"] > 0), slips
         if integrated:
             return
         if state.step >= self.try_at:

@@ -6,9 +6,10 @@ b the forces on the coordinates. Between two breakpoints of a protocol, b is lin
 s:
 
     q(s) = q_0 + q_1 s + q_2 s^2/2 + l_0 + l_1 s + w(s) ,
-    K q_1 = b' ,   K q_2 = b'' ,   K l_1 = -C q_2 ,   K l_0 = -C (q_1 + l_1) - M q_2 .
+    K q_1 = b' ,   K q_2 = b'' - R ,   K l_1 = -C q_2 ,   K l_0 = -C (q_1 + l_1) - M q_2 .
 
-In linear geometry this is exact except for what the modes leave. In finite geometry it is a
+In finite geometry R is the second derivative of the spring forces along q_1. In linear geometry it
+is zero, and the path is exact except for what the modes leave. In finite geometry it is a
 prediction. The residual of the equation of motion at the end of the jump,
 
     D = forces(q) - C q' - M q'' ,
@@ -40,15 +41,15 @@ if TYPE_CHECKING:
     from pyfric.engines.modes import Linearised, Motion
     from pyfric.statics import StaticSolver
 
-TRY = 12
-"""Number of steps that take as long as an attempt to jump without its solutions."""
+TRY = 6
+"""Shortest wait for an attempt to jump, in steps, without the time of its solutions."""
 LONGEST = 2**30
 """Longest wait, in steps: the most that one call of the core makes."""
 ROUNDS = 8
 """Most corrections of one path. Each correction gains more digits than the one before."""
 
 
-CORRECTED = 0.01
+CORRECTED = 0.1
 """What corrections may leave, over the accuracy: it hardly adds to the error of a jump."""
 
 
@@ -205,12 +206,12 @@ def path_from(system: Linearised, outside: Outside, q: np.ndarray, forces: np.nd
         gaps = system.gaps_of(q, forces[held]) + V * of_lag, V * of_drift, np.zeros_like(of_lag)
         lag = np.array([V * system.lag, zero, zero])
         return Path(np.array([q, V * system.drift, zero]), lag, np.array(gaps), stiffer)
-    guess = outside.V * system.drift if plain else system.answer(b_1)
+    guess = outside.V * system.latest_drift if plain else system.answer(b_1)
     q_1, left_1 = system.refined(guess, b_1, stiffer)
-    q_2, left_2, l_1 = zero, zero[held], zero
-    if not steady:
-        q_2, left_2 = system.refined(outside.a * system.drift, b_2, stiffer)
-        l_1 = outside.a * system.lag
+    l_1 = zero if steady else outside.a * system.lag
+    b_2 = b_2 - system.solver.bends(q, q_1)
+    guess = outside.a * system.drift if stiffer is None else system.answer(b_2)
+    q_2, left_2 = system.refined(guess, b_2, None if steady else stiffer)
     drag = -(system.C @ (q_1 + l_1))
     pull = drag - system.M * q_2
     guess = outside.V * system.lag if steady and plain else system.answer(pull)
@@ -237,11 +238,15 @@ class Ringing:
     Attributes:
         growth: mean rates of the amplitudes, shape (n,), in 1/s.
         gaps: gap functions of the modes at s = 0, shape (n_c, n), complex, in N.
+        which, change: indices of modes that follow the tangent, and changes of their rates over
+            time, shape (m,), in 1/s^2.
     """
 
     def __init__(self, system: Linearised, a: np.ndarray) -> None:
         self.system, self.a, self.gaps = system, a, system.gaps * a
-        self.rates, self.change, self.growth = system.rates, 0.0, system.growth
+        self.rates, self.growth = system.rates, system.growth
+        self.which = np.zeros(0, dtype=int)
+        self.change = np.zeros(0, dtype=complex)
 
     def follow(self, begin: np.ndarray, end: np.ndarray, s: float, which: np.ndarray) -> None:
         """Let some modes follow the change of the tangent up to s (s).
@@ -252,14 +257,15 @@ class Ringing:
             which: indices of the modes, shape (m,).
         """
         self.rates, last = (self.system.rates_at(one, which) for one in (begin, end))
-        self.change = (last - self.rates) / s
+        self.which, self.change = which, (last - self.rates)[which] / s
         self.growth = self.system.stepped((self.rates + last) / 2)
 
     def at(self, s: float) -> tuple[np.ndarray, np.ndarray]:
         """Return amplitudes and rates (1/s) at s (s), shape (n,)."""
-        rates = self.rates + s * self.change
-        grown = np.exp(self.system.stepped((self.rates + rates) / 2) * s)
-        return self.a * np.sqrt(self.rates / rates) * grown, rates
+        rates, growth, which = self.rates.copy(), self.growth.copy(), self.which
+        rates[which] += s * self.change
+        growth[which] = self.system.stepped(rates[which] - 0.5 * s * self.change)
+        return self.a * np.sqrt(self.rates / rates) * np.exp(growth * s), rates
 
     def distances(self) -> np.ndarray:
         """Return the distance of each rate from the nearest other rate, (n,), in 1/s."""
@@ -319,13 +325,15 @@ class Jump:
             left = self._left(s)
             if left > self.accuracy:
                 return self._wait(left / self.accuracy, self.motion.decay, n)
-            alive = np.flatnonzero(self.ringing.levels(s) > self.accuracy)
+            level = self.ringing.levels(s)  # modes that are left out add up to less
+            alive = np.flatnonzero(level * len(level) > CORRECTED * self.accuracy)
             if not round_:
                 end = self.system.stiffer(at(self.path.q, s))
                 if finite and alive.size:
                     self.ringing.follow(self.path.stiffer, end, s, alive)
-            q, v, gaps, shift = self._landed(s, end)
-            wrong = gaps - self._gaps(s)
+            ringing = self.ringing.at(s)
+            q, v, gaps, shift = self._landed(s, ringing, alive, end)
+            wrong = gaps - at(self.path.gaps, s) - (self.system.gaps @ ringing[0]).real
             error, bent = 0.0, self.path.bent(shift, wrong, s)
             if finite:
                 size = float(np.abs(wrong).max())
@@ -333,10 +341,13 @@ class Jump:
                 self.path = bent
             then, least = (self.system.strengthened(self.age + one, gaps)[0] for one in (s, 0.0))
             if error <= CORRECTED * self.accuracy and (least > 0).all():
-                defect = self._defect(s) if finite and alive.size else 0.0
+                defect = self._defect(s, alive) if finite and alive.size else 0.0
                 if defect > self.accuracy:
                     slowest = float(-self.ringing.growth[alive].real.max())
                     return Stale(self._wait(defect / self.accuracy, slowest, n).steps)
+                V = self.outside.V + s * self.outside.a
+                if finite and V and not any(self.outside.gain):
+                    self.system.latest_drift = (self.path.q[1] + s * self.path.q[2]) / V
                 return Landing(n, q, v, then, left + error + defect, self)
             self.path = bent
         return Wait(self.least)
@@ -377,7 +388,7 @@ class Jump:
         steps = math.log(times) / (decay * self.dt) if decay > 0 and times < math.inf else 0.0
         return Wait(math.ceil(max(min(steps, most), self.least)))
 
-    def _defect(self, s: float) -> float:
+    def _defect(self, s: float, alive: np.ndarray) -> float:
         """Return the change of the gap functions by the residual of the modes until s (s), in N.
 
         In finite geometry the tangent changes along the path, and large motions are not linear. The
@@ -392,7 +403,7 @@ class Jump:
         resonance = np.maximum(np.abs(system.rates) / near, 1.0)
         for then in (0.25 * s, 0.5 * s):
             q, drive, load = at(self.path.q, then), outside.drive_at(then), outside.load_at(then)
-            w, w_v, w_a = system.deviation(*self.ringing.at(then))
+            w, w_v, w_a = system.deviation(*self.ringing.at(then), alive)
             rest = system.forces(q, drive, load)
             gain = system.forces(q + w, drive, load) - rest
             left = gain - system.C @ w_v - system.M * w_a
@@ -415,27 +426,34 @@ class Jump:
         a = np.abs(system.excited(v))
         return float((np.abs(system.gaps) @ a).max(initial=0.0))
 
-    def _landed(self, s: float, stiffer: np.ndarray | None) -> tuple[np.ndarray, ...]:
+    def _landed(
+        self,
+        s: float,
+        ringing: tuple[np.ndarray, np.ndarray],
+        alive: np.ndarray,
+        stiffer: np.ndarray | None,
+    ) -> tuple[np.ndarray, ...]:
         """Return q, q' and gap functions at s (s), corrected by a shift, and the shift of q.
 
-        `stiffer` is the change of bond stiffness to that state, (3, n_bonds); None if linear.
+        Args:
+            s: time, in s.
+            ringing: amplitudes and rates at that time, see `Ringing.at`.
+            alive: indices of the modes that have not decayed, shape (m,).
+            stiffer: change of bond stiffness to that state, (3, n_bonds); None if linear.
         """
         system, path = self.system, self.path
-        w, w_v, w_a = system.deviation(*self.ringing.at(s))
+        w, w_v, w_a = system.deviation(*ringing, alive)
         q = at(path.q, s) + at(path.lag, s) + w
         v = path.q[1] + path.lag[1] + s * path.q[2] + w_v
         outside = self.outside.drive_at(s), self.outside.load_at(s)
         forces = system.forces(q, *outside) - system.C @ v
         left = forces - system.M * (path.q[2] + w_a)
         left[system.held] = 0.0
-        shift, after = system.refined(system.answer(left), left, stiffer)
-        q, v = q + shift, v + 2 / s * shift
+        shift, after = np.zeros_like(q), 0.0
+        if np.abs(left).sum() > CORRECTED * self.accuracy:  # contact forces change by no more
+            shift, after = system.refined(system.answer(left), left, stiffer)
+            q, v = q + shift, v + 2 / s * shift
         return q, v, system.gaps_of(q, forces[system.held] + after), shift
-
-    def _gaps(self, s: float) -> np.ndarray:
-        """Return the predicted gap functions at s (s), shape (n_c,), in N."""
-        a, _ = self.ringing.at(s)
-        return at(self.path.gaps, s) + (self.system.gaps @ a).real
 
     def u_h(self, s: np.ndarray) -> np.ndarray:
         """Return mean u_x of the driven blocks at times s (s), evenly spaced, (n,), in m."""

@@ -11,7 +11,9 @@ viscous corrections K^-1 C phi of all these shapes. With B'M B = 1 and w = B y (
 
     y'' + (B'C B) y' + (B'K B) y = 0 ,    y = Re sum_k a_k x_k exp(lambda_k s) .
 
-Of each conjugate pair of eigenvectors, one is kept, multiplied by two.
+Of each conjugate pair of eigenvectors, one is kept, multiplied by two. At the end of a jump, the
+static response to its residual is subtracted: with phi = B x,
+phi - K^-1 (K + lambda C + lambda^2 M) phi.
 
 The truncated part w - B y has the rest of the energy, E, which cannot grow. By the Cauchy-Schwarz
 inequality, E bounds the change of contact forces by the truncated part at any later time. The
@@ -47,35 +49,28 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from pyfric.core import OPEN, STEPPERS, STUCK
 from pyfric.scene import FRICTIONLESS
-from pyfric.statics import EquilibriumError, States, damping, mass
+from pyfric.statics import EquilibriumError, States, damping, extended, mass
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import scipy.sparse as sp
 
     from pyfric.statics import StaticSolver
 
-N_MODES = 32
+N_MODES = 28
 """Number of undamped modes in the space."""
-FAST = 6
-"""Number of modes with viscous corrections of second order: the fastest, for which those of first
-order are the least accurate."""
-LANCZOS = 1e-4
+LANCZOS = 1e-3
 """Relative error of squared frequencies: what the space misses of a mode counts as truncated."""
 SLOWEST = 7.0
 """Viscous over elastic forces of overdamped motion, over eta/k: 6 in plane waves. Edges of a
 lattice raise it to 6.6."""
-INDEPENDENT = 1e-10
-"""Inertia that a shape adds to the space, over the largest, below which it is rounding."""
 
 
-def orthonormal(shapes: np.ndarray, M: np.ndarray) -> np.ndarray:
-    """Return shapes with B'M B = 1 that span the same space, (n, r); M is diagonal, (n,), in kg."""
-    rows = np.ascontiguousarray(shapes.T) * np.sqrt(M)
-    rows /= np.linalg.norm(rows, axis=1, keepdims=True)
-    inertia, axes = np.linalg.eigh(rows @ rows.T)
-    independent = inertia > INDEPENDENT * inertia[-1]
-    axes = axes[:, independent] / np.sqrt(inertia[independent])
-    return (axes.T @ rows / np.sqrt(M)).T
+def applied(operator: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
+    """Return what a real linear operator makes of a complex vector, shape (n,)."""
+    parts = operator(np.column_stack([x.real, x.imag]))
+    return parts[:, 0] + 1j * parts[:, 1]
 
 
 class Released:
@@ -183,15 +178,12 @@ class Linearised:
             blocks = np.flatnonzero(near.stuck & ~stuck)
             self._factor = Released(near, blocks, self.K, self.free)
         self.M, self.C, self.n_q = mass(scene), damping(scene), self.K.shape[0]
-        self._K_held = self.K[self.held]
-        self.contraction = 0.0
-        if solver.geometry == "finite":
-            self.contraction = 1.0
+        self.contraction = float(solver.geometry == "finite")
+        if self.contraction:
             loaded = solver.coordinates(solver.loaded.u, solver.loaded.rod)
             self._bonds = solver.bond_tangents(loaded)
         self.cut = cut = self._find_space(modes) if near is None else self._extend_space(near)
         self._find_modes()
-        self.growth = self.stepped(self.rates)
         overdamped = scene.slider.k / (SLOWEST * scene.eta) if scene.eta else np.inf
         self.fastest = min(cut, overdamped)
         self.decay = min(scene.eta * cut**2 / (4 * scene.slider.k), self.fastest)
@@ -203,9 +195,7 @@ class Linearised:
         found = copy.copy(self)
         found._bonds = self.solver.bond_tangents(q)
         found.K = self.solver.stiffness(found._bonds, self._contact.mode, driven=True)
-        found._K_held = found.K[self.held]
         found._find_modes()
-        found.growth = found.stepped(found.rates)
         return found
 
     # --- the space and its modes -----------------------------------------------------------------
@@ -218,20 +208,15 @@ class Linearised:
         if not count:
             self.B = np.zeros((self.n_q, 0))
             return 0.0
-        root, driven = np.sqrt(M), self.drift[free]
-        shape, squares, shapes = (len(free), len(free)), np.full(1, np.inf), driven[:, None]
+        root, driven, n = np.sqrt(M), self.drift[free], len(free)
+        squares, basis = np.full(1, np.inf), np.zeros((n, 0))
         with contextlib.suppress(ArpackError):  # without modes, all other motion is truncated
-            inverse = LinearOperator(shape, lambda x: root * self._factor.solve(root * x), float)
+            inverse = LinearOperator((n, n), lambda x: root * self._factor.solve(root * x), float)
             room = 1 + 3 * count // 2  # fewer solutions than with twice the modes
-            squares, modes = eigsh(inverse, count, v0=root * driven, tol=LANCZOS, ncv=room)
-            shapes = np.column_stack([modes / root[:, None], driven])  # the fastest first
-        if scene.eta > 0:
-            C, n = self.C[free][:, free], shapes.shape[1]
-            shapes = self._with_viscous(shapes)
-            fast = shapes[:, n : n + FAST]
-            more = self._factor.solve(np.hstack([M[:, None] * fast, C @ fast]))
-            shapes = np.hstack([shapes, more])
-        self._span(shapes)
+            squares, basis = eigsh(inverse, count, v0=root * driven, tol=LANCZOS, ncv=room)
+            basis /= root[:, None]
+        viscous = self._viscous(np.column_stack([basis, driven]))
+        self._span(basis, np.column_stack([driven, viscous]))
         return 1 / math.sqrt(squares.min())
 
     def _extend_space(self, near: Linearised) -> float:
@@ -244,27 +229,29 @@ class Linearised:
         w_0 outside the old modes, whose elastic energy is at most that of w. So no such motion is
         slower than the modes that the old space lacks.
         """
-        shapes = self._with_viscous(self._factor.shapes[self.free])
-        self._span(np.hstack([near.B[self.free], shapes]))
+        shapes = self._factor.shapes[self.free]
+        self._span(near.B[self.free], np.hstack([shapes, self._viscous(shapes)]))
         return near.cut
 
-    def _with_viscous(self, shapes: np.ndarray) -> np.ndarray:
-        """Return shapes (n_free, m) and their viscous corrections K^-1 C phi, (n_free, 2 m)."""
+    def _viscous(self, shapes: np.ndarray) -> np.ndarray:
+        """Return the viscous corrections K^-1 C phi of shapes (n_free, m), none if eta = 0."""
         if not self.solver.scene.eta:
-            return shapes
-        return np.hstack([shapes, self._factor.solve(self.C[self.free][:, self.free] @ shapes)])
+            return shapes[:, :0]
+        return self._factor.solve(self.C[self.free][:, self.free] @ shapes)
 
-    def _span(self, shapes: np.ndarray) -> None:
-        """Let B span shapes of the free coordinates, (n_free, m)."""
-        shapes = orthonormal(shapes, self.M[self.free])
-        rows = np.zeros((shapes.shape[1], self.n_q))
-        rows[:, self.free] = shapes.T
+    def _span(self, basis: np.ndarray, shapes: np.ndarray) -> None:
+        """Let B span a basis (n_free, m) and shapes (n_free, k) of the free coordinates."""
+        basis = extended(basis, shapes, self.M[self.free])
+        rows = np.zeros((basis.shape[1], self.n_q))
+        rows[:, self.free] = basis.T
         self.B = rows.T  # columns are contiguous
 
     def _find_modes(self) -> None:
         """Find the eigenpairs of the reduced system, and their effect on contacts and driver."""
         B, N_x, solver = self.B, len(self.stuck), self.solver
         self._works: dict[int, np.ndarray] = {}
+        self._shapes: dict[int, np.ndarray] = {}
+        self._K_held = self.K[self.held]
         KB, CB, r = self.K @ B, self.C @ B, B.shape[1]
         BKB, self._CB = B.T @ KB, B.T @ CB
         self._compliances = np.linalg.inv(BKB)
@@ -272,6 +259,7 @@ class Linearised:
         one_of_pair = rates.imag >= 0
         rates, x = rates[one_of_pair], x[:r, one_of_pair]
         self.rates = np.minimum(rates.real, 0.0) + 1j * rates.imag
+        self.growth = self.stepped(self.rates)
         self._norm = np.sum(x * (self._CB @ x), axis=0) + 2 * self.rates * np.sum(x * x, axis=0)
         self._pulled = x / self._norm
         self.x = x * np.where(rates.imag > 0, 2.0, 1.0)
@@ -299,14 +287,10 @@ class Linearised:
         C = self.C[held][:, free]
         stiff = mu_s**2 * k_f + self.K[held][:, held].sum(axis=1)
         stiff = stiff + C.multiply(C) @ (1 / self.M[free])
-        compliance = [self._compliance(i + len(self.stuck)) for i in self.open]
+        lifts = ((self.free == i + len(self.stuck)).astype(float) for i in self.open)
+        compliance = [float(force @ self._factor.solve(force)) for force in lifts]
         lifted = lifting**2 * np.array(compliance, dtype=float)
         self.bound = np.sqrt(2 * np.concatenate([stiff, stiff, lifted]))
-
-    def _compliance(self, at: int) -> float:
-        """Return the displacement of a coordinate under a unit force on it, in m/N."""
-        force = (self.free == at).astype(float)
-        return float(force @ self._factor.solve(force))
 
     def stepped(self, rates: np.ndarray) -> np.ndarray:
         """Return the rates of amplitudes that steps give for rates, both in 1/s."""
@@ -326,17 +310,17 @@ class Linearised:
         """
         rates = self.rates.copy()
         for k in which:
-            rates[k] -= np.sum(stiffer * self._work(int(k)))
+            rates[k] -= complex(*(self._work(int(k)) @ stiffer.ravel()))
         return rates
 
     def _work(self, k: int) -> np.ndarray:
-        """Return the derivative of -rates[k] by the stiffnesses of bonds, shape (3, n_bonds)."""
+        """Return derivatives of -rates[k] by stiffnesses of bonds: two parts, (2, 3 n_bonds)."""
         if k not in self._works:
-            x = self._pulled[:, k] * self._norm[k]
-            phi, n = self.B @ x, self._bonds.shape[1]
-            du = np.concatenate(self.solver.elongations(np.column_stack([phi.real, phi.imag])))
-            du_x, du_z = (du[part, 0] + 1j * du[part, 1] for part in (slice(n), slice(n, None)))
-            self._works[k] = np.array([du_x**2, 2 * du_x * du_z, du_z**2]) / self._norm[k]
+            phi = applied(self.B.__matmul__, self._pulled[:, k] * self._norm[k])
+            parts = self.solver.elongations(np.column_stack([phi.real, phi.imag]))
+            du_x, du_z = (du[:, 0] + 1j * du[:, 1] for du in parts)
+            work = np.concatenate([du_x**2, 2 * du_x * du_z, du_z**2]) / self._norm[k]
+            self._works[k] = np.array([work.real, work.imag])
         return self._works[k]
 
     def moved(self, blocks: np.ndarray) -> np.ndarray:
@@ -351,6 +335,11 @@ class Linearised:
     def drift(self) -> np.ndarray:
         """Derivative dq/d(drive) of the static state, shape (n_q,)."""
         return self.answer(self.solver.push)
+
+    @functools.cached_property
+    def latest_drift(self) -> np.ndarray:
+        """`drift` at the end of the last jump, where the next path begins, shape (n_q,)."""
+        return self.drift
 
     @functools.cached_property
     def lag(self) -> np.ndarray:
@@ -493,8 +482,19 @@ class Linearised:
         return Motion(a, max(energy, 0.0), gaps, max(decay, self.decay))
 
     def deviation(
-        self, a: np.ndarray, rates: np.ndarray
+        self, a: np.ndarray, rates: np.ndarray, which: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return w (m), w' (m/s) and w'' (m/s^2), shape (n_q,), of modes with rates (1/s)."""
-        y = (np.array([a, a * rates, a * rates**2]) @ self.x.T).real
-        return tuple(y @ self.B.T)
+        """Return w (m), w' (m/s) and w'' (m/s^2), shape (n_q,), of some modes with rates (1/s)."""
+        shapes = np.zeros((len(which), self.n_q), dtype=complex)
+        for i, k in enumerate(which):
+            shapes[i] = self._shape(int(k))
+        return tuple((np.array([a, a * rates, a * rates**2])[:, which] @ shapes).real)
+
+    def _shape(self, k: int) -> np.ndarray:
+        """Return a mode, corrected by the static response to its residual, (n_q,), complex."""
+        if k not in self._shapes:
+            phi, rate = applied(self.B.__matmul__, self.x[:, k]), self.rates[k]
+            drag = applied(self.C.__matmul__, phi) + rate * (self.M * phi)
+            left = applied(self.K.__matmul__, phi) + rate * drag
+            self._shapes[k] = phi - applied(self.answer, left)
+        return self._shapes[k]

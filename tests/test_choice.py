@@ -292,7 +292,7 @@ def test_the_error_of_linear_geometry_is_that_of_runs():
     ("scene", "t_end", "tolerance"),
     [
         (preset("fig1"), 0.45, 0.01),
-        (setup2(), 0.5, 0.05),
+        pytest.param(setup2(), 0.5, 0.05, marks=pytest.mark.slow),
         (small(), 0.8, 0.01),
         (small(V=0.02), 0.04, 0.01),  # the first modes take as long as a tenth of full dynamics
     ],

@@ -673,6 +673,7 @@ def test_draw(tmp_path):
     assert refused(pyf("draw", "setup3"), "setup3")
 
 
+@pytest.mark.slow
 def test_movie(tmp_path, monkeypatch):
     stem = tmp_path / "event"
     result = pyf("movie", "fig1", *SMALL, "--t-end", "2 ms", "--event", 1, "--out", stem, "--quiet")

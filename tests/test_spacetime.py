@@ -260,7 +260,7 @@ def test_a_crack_is_shown_from_its_record(crack):
     assert film.stat().st_size > 0
 
 
-@pytest.mark.parametrize("command", ["spacetime", "movie"])
+@pytest.mark.parametrize("command", ["spacetime", pytest.param("movie", marks=pytest.mark.slow)])
 def test_a_crack_is_shown_from_its_scene(command, tmp_path):
     out = tmp_path / "crack"
     options = ["--event", "1", "--t-end", "2", "--set", "slider.l=750 m", "--out", str(out)]

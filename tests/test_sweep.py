@@ -455,6 +455,7 @@ except ImportError as error:
 """
 
 
+@pytest.mark.slow
 def test_without_xarray_all_else_works(file):
     """A program of its own: what the tests have imported stays as it is."""
     file.write_text(FILE.replace("[0.3, 0.4]", "[0.3]").replace("7.5 mm", "5 mm"))

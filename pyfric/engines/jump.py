@@ -273,9 +273,13 @@ class Ringing:
         np.fill_diagonal(apart, np.inf)
         return apart.min(axis=1, initial=np.inf)
 
-    def levels(self, s: float) -> np.ndarray:
-        """Return the largest change of a gap function by each mode at s (s), shape (n,), in N."""
-        return np.abs(self.gaps).max(axis=0, initial=0.0) * np.exp(self.growth.real * s)
+    def alive(self, s: float, enough: float) -> np.ndarray:
+        """Return the indices of modes that count at s (s), shape (m,).
+
+        All others together change no gap function by more than `enough` (N).
+        """
+        level = np.abs(self.gaps).max(axis=0, initial=0.0) * np.exp(self.growth.real * s)
+        return np.flatnonzero(level * len(level) > enough)
 
 
 class Jump:
@@ -325,8 +329,7 @@ class Jump:
             left = self._left(s)
             if left > self.accuracy:
                 return self._wait(left / self.accuracy, self.motion.decay, n)
-            level = self.ringing.levels(s)  # modes that are left out add up to less
-            alive = np.flatnonzero(level * len(level) > CORRECTED * self.accuracy)
+            alive = self.ringing.alive(s, CORRECTED * self.accuracy)
             if not round_:
                 end = self.system.stiffer(at(self.path.q, s))
                 if finite and alive.size:
@@ -341,7 +344,7 @@ class Jump:
                 self.path = bent
             then, least = (self.system.strengthened(self.age + one, gaps)[0] for one in (s, 0.0))
             if error <= CORRECTED * self.accuracy and (least > 0).all():
-                defect = self._defect(s, alive) if finite and alive.size else 0.0
+                defect = self._defect(s) if finite and alive.size else 0.0
                 if defect > self.accuracy:
                     slowest = float(-self.ringing.growth[alive].real.max())
                     return Stale(self._wait(defect / self.accuracy, slowest, n).steps)
@@ -388,7 +391,7 @@ class Jump:
         steps = math.log(times) / (decay * self.dt) if decay > 0 and times < math.inf else 0.0
         return Wait(math.ceil(max(min(steps, most), self.least)))
 
-    def _defect(self, s: float, alive: np.ndarray) -> float:
+    def _defect(self, s: float) -> float:
         """Return the change of the gap functions by the residual of the modes until s (s), in N.
 
         In finite geometry the tangent changes along the path, and large motions are not linear. The
@@ -403,6 +406,7 @@ class Jump:
         resonance = np.maximum(np.abs(system.rates) / near, 1.0)
         for then in (0.25 * s, 0.5 * s):
             q, drive, load = at(self.path.q, then), outside.drive_at(then), outside.load_at(then)
+            alive = self.ringing.alive(then, CORRECTED * self.accuracy)
             w, w_v, w_a = system.deviation(*self.ringing.at(then), alive)
             rest = system.forces(q, drive, load)
             gain = system.forces(q + w, drive, load) - rest

@@ -316,7 +316,7 @@ class Linearised:
     def _work(self, k: int) -> np.ndarray:
         """Return derivatives of -rates[k] by stiffnesses of bonds: two parts, (2, 3 n_bonds)."""
         if k not in self._works:
-            phi = applied(self.B.__matmul__, self._pulled[:, k] * self._norm[k])
+            phi = applied(self.B.dot, self._pulled[:, k] * self._norm[k])
             parts = self.solver.elongations(np.column_stack([phi.real, phi.imag]))
             du_x, du_z = (du[:, 0] + 1j * du[:, 1] for du in parts)
             work = np.concatenate([du_x**2, 2 * du_x * du_z, du_z**2]) / self._norm[k]
@@ -493,8 +493,8 @@ class Linearised:
     def _shape(self, k: int) -> np.ndarray:
         """Return a mode, corrected by the static response to its residual, (n_q,), complex."""
         if k not in self._shapes:
-            phi, rate = applied(self.B.__matmul__, self.x[:, k]), self.rates[k]
-            drag = applied(self.C.__matmul__, phi) + rate * (self.M * phi)
-            left = applied(self.K.__matmul__, phi) + rate * drag
+            phi, rate = applied(self.B.dot, self.x[:, k]), self.rates[k]
+            drag = applied(self.C.dot, phi) + rate * (self.M * phi)
+            left = applied(self.K.dot, phi) + rate * drag
             self._shapes[k] = phi - applied(self.answer, left)
         return self._shapes[k]

@@ -424,6 +424,7 @@ def test_speed_of_undamped_fronts(taubar):
     assert abs(speed / UNDAMPED[taubar] - 1) < 1e-4
 
 
+@pytest.mark.slow
 def test_speed_of_fronts_that_switch_at_step_ends():
     share = 4e-3
     speed, _ = front_speed(0.9, 0.0, share, "step_end")

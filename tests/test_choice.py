@@ -274,6 +274,7 @@ def test_geometry_is_chosen_by_static_states_in_both():
             assert value(found, LINEAR) == errors[1]
 
 
+@pytest.mark.slow
 def test_the_error_of_linear_geometry_is_that_of_runs():
     """Of start forces, within a factor of 3, in the scene where a strain said 100 times as much."""
     scene, t_end = preset("fig1", F_N=350.0), 0.07

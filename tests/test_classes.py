@@ -204,6 +204,7 @@ def test_a_phase_diagram_of_any_scene(tmp_path):
     assert other.lines.empty
 
 
+@pytest.mark.slow
 def test_a_phase_diagram_with_points_at_which_nothing_slips(tmp_path):
     found = phase_diagram(
         small(h=2.5e-3),

@@ -26,6 +26,7 @@ def test_the_formula_is_inverted():
         assert float(chain_prestress_overdamped(w)) == pytest.approx(tau_bar, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_twice_the_viscosity_is_half_the_speed():
     """In a slab of two rows, where v << c: what the formula and the slab have in common."""
     speeds = []

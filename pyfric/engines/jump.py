@@ -332,8 +332,9 @@ class Jump:
             alive = self.ringing.alive(s, CORRECTED * self.accuracy)
             if not round_:
                 end = self.system.stiffer(at(self.path.q, s))
-                if finite and alive.size:
-                    self.ringing.follow(self.path.stiffer, end, s, alive)
+                follows = self.ringing.alive(s, len(self.motion.a) * self.accuracy)
+                if finite and follows.size:
+                    self.ringing.follow(self.path.stiffer, end, s, follows)
             ringing = self.ringing.at(s)
             q, v, gaps, shift = self._landed(s, ringing, alive, end)
             wrong = gaps - at(self.path.gaps, s) - (self.system.gaps @ ringing[0]).real

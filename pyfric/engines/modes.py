@@ -68,9 +68,9 @@ lattice raise it to 6.6."""
 
 
 def applied(operator: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
-    """Return what a real linear operator makes of a complex vector, shape (n,)."""
-    parts = operator(np.column_stack([x.real, x.imag]))
-    return parts[:, 0] + 1j * parts[:, 1]
+    """Return what a real linear operator makes of complex vectors, shape (n, m)."""
+    real, imag = np.hsplit(operator(np.hstack([x.real, x.imag])), 2)
+    return real + 1j * imag
 
 
 class Released:
@@ -316,7 +316,7 @@ class Linearised:
     def _work(self, k: int) -> np.ndarray:
         """Return derivatives of -rates[k] by stiffnesses of bonds: two parts, (2, 3 n_bonds)."""
         if k not in self._works:
-            phi = applied(self.B.dot, self._pulled[:, k] * self._norm[k])
+            phi = applied(self.B.dot, self._pulled[:, [k]] * self._norm[k])[:, 0]
             parts = self.solver.elongations(np.column_stack([phi.real, phi.imag]))
             du_x, du_z = (du[:, 0] + 1j * du[:, 1] for du in parts)
             work = np.concatenate([du_x**2, 2 * du_x * du_z, du_z**2]) / self._norm[k]
@@ -485,16 +485,16 @@ class Linearised:
         self, a: np.ndarray, rates: np.ndarray, which: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return w (m), w' (m/s) and w'' (m/s^2), shape (n_q,), of some modes with rates (1/s)."""
+        self._correct([k for k in which.tolist() if k not in self._shapes])
         shapes = np.zeros((len(which), self.n_q), dtype=complex)
-        for i, k in enumerate(which):
-            shapes[i] = self._shape(int(k))
+        for i, k in enumerate(which.tolist()):
+            shapes[i] = self._shapes[k]
         return tuple((np.array([a, a * rates, a * rates**2])[:, which] @ shapes).real)
 
-    def _shape(self, k: int) -> np.ndarray:
-        """Return a mode, corrected by the static response to its residual, (n_q,), complex."""
-        if k not in self._shapes:
-            phi, rate = applied(self.B.dot, self.x[:, k]), self.rates[k]
-            drag = applied(self.C.dot, phi) + rate * (self.M * phi)
-            left = applied(self.K.dot, phi) + rate * drag
-            self._shapes[k] = phi - applied(self.answer, left)
-        return self._shapes[k]
+    def _correct(self, modes: list[int]) -> None:
+        """Find shapes of modes, corrected by the static responses to their residuals."""
+        if modes:
+            phi, rates = applied(self.B.dot, self.x[:, modes]), self.rates[modes]
+            drag = applied(self.C.dot, phi) + rates * (self.M[:, None] * phi)
+            left = applied(self.K.dot, phi) + rates * drag
+            self._shapes.update(zip(modes, (phi - applied(self.answer, left)).T, strict=True))

@@ -196,6 +196,22 @@ def test_scenes_are_immutable_hashable_and_copied_exactly():
         PRESETS["mine"] = PRESETS["run1"]
 
 
+@pytest.mark.parametrize(
+    ("name", "part"),
+    [
+        ("run1", Interface(mu_s=0.6, mu_k=0.4)),
+        ("run3", Driver(K=1e6, V=1e-3, h=5e-3)),
+        ("run4", Slider(L=0.1, H=0.05, l=5e-3, k=13.5e6, M=0.05)),
+        ("run4", Rod(F_N=100.0)),
+        ("setup2+", DistributedLoad(F_N=100.0)),
+        ("setup2-", Rod(F_N=100.0)),
+    ],
+)
+def test_a_whole_part_is_taken_as_it_is(name, part):
+    where = "top" if isinstance(part, Rod | DistributedLoad) else type(part).__name__.lower()
+    assert getattr(preset(name, {where: part}), where) == part
+
+
 def test_numpy_and_integer_scalars_become_plain_floats():
     slider = Slider(L=np.float64(4), H=np.int64(2), l=1, k=np.float32(2), M=Fraction(1, 2))
     assert dataclasses.astuple(slider) == (4.0, 2.0, 1.0, 2.0, 0.5, None, None, "full")

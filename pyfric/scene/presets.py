@@ -310,8 +310,14 @@ class Preset(NamedTuple):
     def __call__(self, changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
         """Return the scene with changes; see `preset`."""
         given = joined(changes, fields)
-        ends = {n.partition(".")[2] or n for n in map(str, given)}
-        return self.setup({n: v for n, v in self.values.items() if n not in ends} | given)
+        own = {n: v for n, v in self.values.items() if given.keys().isdisjoint(_named(n))}
+        return self.setup(own | given)
+
+
+def _named(field: str) -> tuple[str, ...]:
+    """Return the names under which a field such as "driver.h" can be given: also "h", "driver"."""
+    part, _, end = field.partition(".")
+    return field, end, part
 
 
 PRESETS: MappingProxyType[str, Preset] = MappingProxyType(
@@ -319,19 +325,19 @@ PRESETS: MappingProxyType[str, Preset] = MappingProxyType(
         name: Preset(setup, {"name": name} | values, about)
         for name, setup, values, about in (
             ("fig1", setup1, {}, "Figs 1, 3 and 4(a) of the paper: setup 1"),
-            ("run1", setup1, {"mu_s": 0.5, "mu_k": 0.2}, "run 1 of Fig. 4(b)"),
-            ("run2", setup1, {"mu_s": 0.55, "mu_k": 0.3}, "run 2 of Fig. 4(b)"),
-            ("run3", setup1, {"h": 7.5e-3}, "run 3 of Fig. 4(b): pushed at 7.5 mm"),
+            ("run1", setup1, {"interface.mu_s": 0.5, "interface.mu_k": 0.2}, "run 1 of Fig. 4(b)"),
+            ("run2", setup1, {"interface.mu_s": 0.55, "interface.mu_k": 0.3}, "run 2 of Fig. 4(b)"),
+            ("run3", setup1, {"driver.h": 7.5e-3}, "run 3 of Fig. 4(b): pushed at 7.5 mm"),
             (
                 "run4",
                 setup1,
-                {"L": 0.2, "F_N": 2700.0, "h": 10e-3},
+                {"slider.L": 0.2, "top.F_N": 2700.0, "driver.h": 10e-3},
                 "run 4 of Fig. 4(b): 200 mm long, of 108 g; M=0.0756 is the caption's mass",
             ),
             ("setup1", setup1, {}, "a slider under a rod"),
             ("setup2", setup2, {}, "a slider under a distributed load"),
-            ("setup2+", setup2, {"theta": 0.833}, "little load on the trailing edge"),
-            ("setup2-", setup2, {"theta": -0.833}, "much load on the trailing edge"),
+            ("setup2+", setup2, {"top.theta": 0.833}, "little load on the trailing edge"),
+            ("setup2-", setup2, {"top.theta": -0.833}, "much load on the trailing edge"),
             ("chain", chain, {}, "setup 1 lumped into one row"),
             ("slow", slow, {}, "setup 1 on junctions that break and pin again: slow fronts"),
             ("tpv3", tpv3, {}, "a benchmark of earthquake rupture"),

@@ -9,10 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import off_box
+import pandas as pd
 import pytest
 
 import pyfric
-from pyfric.record import differences
+from pyfric.engines import cost, creeping, integration
+from pyfric.planning import choice
+from pyfric.record import differences, zones
 from pyfric.scene import preset, setup1
 
 ACCURACY = 1e-6
@@ -88,9 +91,75 @@ def test_plans_keep_their_promise_whatever_chooses(constant, factor, monkeypatch
     assert made.method.engine == ("hybrid" if other else "quasistatic")
 
 
+PRICES = (
+    "EVALUATION",
+    "BOTTOM",
+    "BLOCK",
+    "CLOSED",
+    "JUNCTION",
+    "CALL",
+    "LANDING",
+    "SLIDE",
+    "BASE",
+    "RUN",
+    "RELEASE",
+    "STATIC_EVENT",
+    "FLOPS",
+    "BYTES",
+    "UNKNOWN",
+    "SOLUTIONS",
+)
+
+
+def scaled(price, factor):
+    if isinstance(price, dict):
+        return {name: scaled(one, factor) for name, one in price.items()}
+    return tuple(factor * one for one in price) if isinstance(price, tuple) else factor * price
+
+
+@pytest.fixture
+def priced(monkeypatch):
+    """A function that multiplies a price, and takes back the one before."""
+    cost.machine_speed()
+
+    def change(name, factor):
+        monkeypatch.undo()
+        monkeypatch.setattr(cost, name, scaled(getattr(cost, name), factor))
+        cost.prices.cache_clear()
+
+    yield change
+    monkeypatch.undo()
+    cost.prices.cache_clear()
+
+
+def test_plans_keep_their_promise_whatever_work_costs(priced):
+    """Hybrid engine and full dynamics cost about the same here, so that prices choose."""
+    scene, t_end, options = preset("fig1", l=5e-3, V=0.01), 0.05, pyfric.Options(tolerance=1e-3)
+    plans = {}
+    for name in PRICES:
+        for factor in (0.5, 2.0):
+            priced(name, factor)
+            plan = choice.choose(scene, options, t_end)
+            plans[plan.fidelity, plan.geometry, plan.dt, plan.accuracy] = plan
+    assert {plan.fidelity for plan in plans.values()} == {"hybrid", "dynamic"}
+    how = {"fidelity": "dynamic", "geometry": "finite", "budget": False, "progress": False}
+    known = pyfric.simulate(scene, t_end, **how)
+    for plan in plans.values():
+        named = {"fidelity": plan.fidelity, "geometry": plan.geometry, "dt": plan.dt}
+        made = pyfric.simulate(scene, t_end, accuracy=plan.accuracy, progress=False, **named)
+        errors = differences(made, known).errors()
+        assert errors["events"] > 3
+        assert max(errors["start"], errors["arrest"]) <= options.tolerance
+
+
 @pytest.mark.parametrize("factor", [0.5, 2.0])
-def test_stable_slip_does_not_depend_on_inertia_allowed(factor, monkeypatch):
-    monkeypatch.setattr("pyfric.engines.creeping.INERTIA", 200.0 * factor)
+@pytest.mark.parametrize("limit", ["creeping.INERTIA", "cost.SLIDE"])
+def test_stable_slip_does_not_depend_on_them(limit, factor, monkeypatch, priced):
+    module, _, name = limit.partition(".")
+    if module == "cost":
+        priced(name, factor)
+    else:
+        monkeypatch.setattr(creeping, name, factor * creeping.INERTIA)
     how = {"fidelity": "hybrid", "geometry": "linear", "progress": False}
     a, b = full(0.048, d_c=5e-6), pyfric.simulate(rod(d_c=5e-6), 0.048, **how)
     assert len(a.events) == len(b.events) > 1
@@ -98,9 +167,33 @@ def test_stable_slip_does_not_depend_on_inertia_allowed(factor, monkeypatch):
     np.testing.assert_allclose(b.events["F_T_start"], a.events["F_T_start"], rtol=0, atol=limit)
 
 
+@functools.cache
+def advised(want):
+    how = {"want": want, "tolerance": 0.1, "progress": False, "verify": "none"}
+    return pyfric.simulate(rod(), 0.06, **how)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_advice_leaves_results_alone(factor, monkeypatch):
+    before = [advised(want) for want in ("stress", "front_speed")]
+    for module, name in (
+        (integration, "STRAIN_SHARE"),
+        (zones, "RESOLVED"),
+        (zones, "RESOLVED_ERROR"),
+        (zones, "VISCOUS"),
+    ):
+        monkeypatch.setattr(module, name, scaled(getattr(module, name), factor))
+    after = [advised.__wrapped__(want) for want in ("stress", "front_speed")]
+    for a, b in zip(before, after, strict=True):
+        assert len(a.events) > 3
+        pd.testing.assert_frame_equal(a.curve, b.curve)
+        pd.testing.assert_frame_equal(a.events, b.events)
+
+
 def test_the_docs_list_them_all():
     page = Path(__file__).parents[1] / "docs" / "explanation" / "numbers.md"
     text = page.read_text(encoding="utf-8")
     chosen = (constant.partition(".")[2] for constant in CHOOSE)
-    for constant in (*FITTED, *chosen, "creeping.INERTIA"):
+    prices = (f"cost.{name}" for name in PRICES)
+    for constant in (*FITTED, *chosen, *prices, "creeping.INERTIA"):
         assert f"`{constant}`" in text

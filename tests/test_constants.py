@@ -52,10 +52,10 @@ CHOOSE = {
     "planning.choice.ERROR_QUASISTATIC": {},
     "planning.choice.RING_SHARE": {},
     "planning.choice.OPEN_BLOCKS": {},
-    "engines.stretches.SOFTEST": {"d_c": 5e-8},
+    "statics.routes.SOFTEST": {"d_c": 5e-8},
 }
 """Number -> changes of the Fig. 1 scene in which it decides."""
-DECIDE = {"planning.choice.ERROR_QUASISTATIC": 2.0, "engines.stretches.SOFTEST": 0.5}
+DECIDE = {"planning.choice.ERROR_QUASISTATIC": 2.0, "statics.routes.SOFTEST": 0.5}
 """Those with which another engine is taken there, and by which factor."""
 TOLERANCE = 0.06
 

@@ -40,7 +40,7 @@ KINDS = {
         "crossing": "GONE",
         "operators": "INDEPENDENT",
         "integration": "ON_GRID",
-        "stretches": "ROUNDING",
+        "routes": "ROUNDING",
         "complementarity": "RATE_TOL",
         "contact": "CONTACT_TOL",
         "creep": "ENOUGH ROUNDED",

@@ -37,7 +37,6 @@ from pyfric.engines.quasistatic import (
     static_sequence,
 )
 from pyfric.engines.stopping import ended_by_condition, stopping_of
-from pyfric.engines.stretches import beyond_ladder, check_ladder
 
 ENGINES = {engine.name: engine for engine in (EquilibriumRun, QuasistaticRun, HybridRun, Run)}
 """All engines by name, the cheapest first."""

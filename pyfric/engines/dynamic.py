@@ -25,7 +25,6 @@ from pyfric import core
 from pyfric.core import State
 from pyfric.display import Progress
 from pyfric.engines.cost import work, work_so_far
-from pyfric.engines.history import History
 from pyfric.engines.integration import (
     STEPS,
     Guard,
@@ -35,6 +34,7 @@ from pyfric.engines.integration import (
     unfinished,
 )
 from pyfric.record import (
+    History,
     Method,
     Record,
     build_catalogue,

@@ -31,14 +31,13 @@ import pandas as pd
 from pyfric.core import CORNER_SHARE, OPEN, STUCK, StateError
 from pyfric.display import Progress, run_bar
 from pyfric.engines.dynamic import kept_notes
-from pyfric.engines.history import History
 from pyfric.engines.integration import strain_notes
 from pyfric.engines.pauses import loading_notes, longest_pause
 from pyfric.engines.stopping import stopping_of
-from pyfric.engines.stretches import Stretch, bends, stretches
 from pyfric.record import (
     QUIET_COLUMNS,
     SWITCH_COLUMNS,
+    History,
     Method,
     Record,
     build_catalogue,
@@ -52,7 +51,10 @@ from pyfric.statics import (
     Contact,
     ContactProblem,
     EquilibriumError,
+    Stretch,
+    bends,
     one_thread_if_small,
+    stretches,
 )
 
 if TYPE_CHECKING:

@@ -36,7 +36,6 @@ from pyfric.engines import (
     Fidelity,
     Options,
     Want,
-    beyond_ladder,
     default_switching,
     full_counts,
     located,
@@ -60,7 +59,7 @@ from pyfric.planning.verification import LOOSEST
 from pyfric.record import blocks_needed, zone_of_scene
 from pyfric.scene import Geometry, check_number, default_geometry
 from pyfric.signals import at_once
-from pyfric.statics import NO_RESTS, one_thread_if_small, stability_limit
+from pyfric.statics import NO_RESTS, beyond_ladder, one_thread_if_small, stability_limit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -19,7 +19,6 @@ from pyfric.engines import (
     Options,
     Run,
     RunError,
-    check_ladder,
     check_memory,
     ended_by_condition,
     full_work,
@@ -47,7 +46,13 @@ from pyfric.scene import (
     followed_by,
 )
 from pyfric.signals import at_once, forget, nothing_to_save, raise_if_asked
-from pyfric.statics import EquilibriumError, check_sticks, loaded_state, one_thread_if_small
+from pyfric.statics import (
+    EquilibriumError,
+    check_ladder,
+    check_sticks,
+    loaded_state,
+    one_thread_if_small,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -26,6 +26,7 @@ from pyfric.record.classes import SLOW, creeps_to_rest
 from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS
 from pyfric.record.errors import Differences, Errors, differences, statistics
 from pyfric.record.held import GROUPS, RecordError, block_array, event_column, held_in
+from pyfric.record.history import History
 from pyfric.record.method import Method, provenance, versions
 from pyfric.record.pairing import paired
 from pyfric.record.record import Record, load

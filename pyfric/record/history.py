@@ -13,7 +13,7 @@ from pyfric.core import Log
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pyfric.record import Record
+    from pyfric.record.record import Record
 
 
 class History:

@@ -1,4 +1,4 @@
-"""What engines without inertia can follow: friction laws, and protocols as straight paths.
+"""What sequences of static states can follow: friction laws, and protocols as straight paths.
 
 While loads are constant, static states depend only on the position of the driver. While F_N or T
 change, the speed of the driver must be constant, so that driver and loads follow a straight line
@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.scene import Leg, SceneError, legs
-from pyfric.statics import Route, check_sticks
+from pyfric.statics.complementarity import Route
+from pyfric.statics.rest import check_sticks
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene

@@ -98,6 +98,15 @@ def fidelity(tell: Tell) -> None:
 
 @main.command(section="Speed")
 @telling
+def work(tell: Tell) -> None:
+    """Prices of counted operations, measured again on this machine (one minute)."""
+    import work
+
+    tell.table(work.measured(progress=tell.progress), work.report)
+
+
+@main.command(section="Speed")
+@telling
 def large(tell: Tell) -> None:
     """Seconds and memory of the Fig. 1 scene on 561 x 301 blocks (15 minutes, up to 15 GB)."""
     import large

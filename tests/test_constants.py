@@ -100,14 +100,11 @@ PRICES = (
     "CALL",
     "LANDING",
     "SLIDE",
-    "BASE",
     "RUN",
     "RELEASE",
     "STATIC_EVENT",
     "FLOPS",
-    "BYTES",
     "UNKNOWN",
-    "SOLUTIONS",
 )
 
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Geometry, Scene
 
-EVALUATION, BOTTOM, BLOCK = 1.3e-6, 5e-9, {"linear": 3.1e-9, "finite": 8.5e-9}
+EVALUATION, BOTTOM, BLOCK = 1.3e-6, 5e-9, {"linear": 3.5e-9, "finite": 8.5e-9}
 """Time of one force evaluation, in s: a constant with what checks of states take, a part for each
 bottom block, and a part for each block of the lattice."""
 BEYOND, CLOSED = 2.0**-8, 10e-9
@@ -36,27 +36,23 @@ force evaluation for each block, in s. Their series in (r^2 - l0^2)/l0^2, about 
 good to 2^-7."""
 JUNCTION = 1.25e-9
 """Additional time of one force evaluation for each junction, in s."""
-CALL = 1e-4
+CALL = 1.5e-4
 """Time of one call of the core, in s. A run that conditions can end, or whose law records motion,
 needs one for each point of the loading curve. To record motion takes as long again."""
-LANDING = {"linear": (2.5e-3, 1e-6), "finite": (4e-3, 2.5e-6)}
+LANDING = {"linear": (1.5e-3, 6e-7), "finite": (2.4e-3, 1.5e-6)}
 """Time of one predicted landing of a jump, in s: a constant, and a part for each block. It includes
 the calls of the core around the jump."""
 SLIDE = 1.25e-2
 """Time of one attempt to jump over stable slip, in s."""
-BASE = 0.02
-"""Time to find modes that does not depend on the lattice, in s."""
 POINTS = 5000
 """Default number of points of the loading curve."""
-RUN = 0.04
+RUN = 0.015
 """Time of a run before and after its steps, in s."""
-RELEASE, STATIC_EVENT = 1e-8, 1e-3
+RELEASE, STATIC_EVENT = 1.5e-8, 3e-4
 """Time of the quasi-static engine to release a block, over N_x^2, and for one event, in s."""
-FLOPS, BYTES, UNKNOWN = 13e9, 11.6e9, 25e-6
-"""Operations per second of a banded factorisation, bytes per second of its solutions, and remaining
+FLOPS, UNKNOWN = 8e9, 25e-6
+"""Operations per second of a banded factorisation, with all solutions that follow, and remaining
 seconds for each unknown."""
-SOLUTIONS = 62
-"""Solutions with the factor that are needed to find the modes of one set of contact states."""
 TIMED = 250
 """Time steps by which `machine_speed` is measured."""
 FASTEST, SLOWEST = 0.2, 10.0
@@ -164,7 +160,6 @@ def set_up(scene: Scene, fidelity: str, geometry: str) -> SetUp:
     hybrid = fidelity == "hybrid"
     factor = 8.0 * n * band
     seconds = (1 + hybrid) * factor / 8 * band / FLOPS + UNKNOWN * n
-    seconds += (SOLUTIONS if hybrid else 4) * 2 * factor / BYTES + BASE * hybrid
     return SetUp(seconds, (1 + hybrid + (geometry == "finite")) * factor + 1e3 * n)
 
 

@@ -533,6 +533,20 @@ def test_fig1_takes_few_steps():
     check_counts(record)
 
 
+@pytest.mark.parametrize("wrong", [False, True])
+def test_a_slow_driver_is_no_slower(wrong, monkeypatch):
+    """5e8 steps between events. If the prediction is bad on purpose, jumps are halved."""
+    if wrong:
+        found = modes.Linearised.latest_drift.func
+        monkeypatch.setattr(modes.Linearised.latest_drift, "func", lambda of: 300.0 * found(of))
+    scene = preset("fig1", l=5e-3, V=1e-7)
+    how = {"fidelity": "hybrid", "geometry": "finite", "accuracy": 1e-3, "progress": False}
+    made = pyfric.simulate(scene, 7000.0, **how)
+    assert len(made.events) > 10
+    assert made.counts["steps_spared"] > 1e5 * made.counts["steps"]
+    assert made.counts["landings"] < 10 * len(made.events)
+
+
 def test_a_slow_clock_changes_nothing(monkeypatch):
     """Where a call of the core ends, and with it a jump, does not depend on a busy machine."""
     quick = pyfric.simulate(rod(V=5e-3), 0.0135, fidelity="hybrid", progress=False)

@@ -22,7 +22,8 @@ The estimated error of a jump is a change of gap functions with three causes: wh
 leaves, the truncated part at the end of the jump, and the residual that the modes leave during the
 jump. A refined correction leaves the square of the contraction of a chord iteration. Because the
 path has no cubic term, it also leaves velocities that are off by about K^-1 D/s, which excite
-modes. The correction is repeated until it leaves little of the accuracy.
+modes. The correction is repeated until it leaves little of the accuracy. If it does not converge,
+the jump is halved.
 
 Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), for
 control of the defect.
@@ -315,11 +316,11 @@ class Jump:
         self.age, self.dt, self.accuracy, self.least = age, dt, accuracy, least
         self.ringing = Ringing(system, motion.a)
         self.bound = system.bound * math.sqrt(motion.energy)
-        self.predicted = 0
+        self.bend, self.predicted = path.q[2], 0
 
     def land(self, most: int) -> Landing | Wait | Stale:
         """Return the end of the jump after at most `most` steps, or how long to wait."""
-        finite = self.system.solver.geometry == "finite"
+        finite, first, n = self.system.solver.geometry == "finite", self.path, most
         for round_ in range(ROUNDS):
             self.predicted += 1
             n = self._longest(most)
@@ -351,10 +352,11 @@ class Jump:
                     return Stale(self._wait(defect / self.accuracy, slowest, n).steps)
                 V = self.outside.V + s * self.outside.a
                 if finite and V and not any(self.outside.gain):
-                    self.system.latest_drift = (self.path.q[1] + s * self.path.q[2]) / V
+                    self.system.latest_drift = (self.path.q[1] + s * self.bend) / V
                 return Landing(n, q, v, then, left + error + defect, self)
             self.path = bent
-        return Wait(self.least)
+        self.path = first  # the corrections do not converge over so long a path
+        return self.land(n // 2) if n // 2 > self.least else Wait(self.least)
 
     def _longest(self, most: int) -> int | Wait:
         """Return the number of steps until just before a gap function may reach zero."""

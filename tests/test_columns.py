@@ -32,7 +32,7 @@ def rows(heads, rows=FALL, apart=","):
         *("slip / um , mu", "slip in um,mu", "Slip [µm],friction", "slip (\u03bcm),mu"),
         *('"slip (um)",mu', "# a curve\nslip (um),mu\n# of 2011", "\ufeffslip (um),mu"),
         *("slip ($\\mu$m),$\\mu$", "slip (micrometers),mu/1", "x_1/um,tau/p", "# slip_um,mu"),
-        *("slip (um);mu", "slip (um)\tmu"),
+        *("slip (um);mu", "slip (um)\tmu", "slip{um},mu_min", "slip (um),mu_dyn"),
     ],
 )  # fmt: skip
 def test_units_in_heads_are_understood(tmp_path, heads):
@@ -64,6 +64,15 @@ def test_without_a_unit_numbers_are_in_si(tmp_path, heads):
         ("slip*1e6,mu", "'*1e6' is a factor"),
         ("slip (um),mu_N", "'N' is a unit"),
         ("slip (um),mu Pa", "'Pa' is a unit"),
+        ("mu,slip_um", "column 2, 'slip_um': 'um' is a unit"),
+        ("slip_um,v_mm/s", "'mm/s' is a unit"),
+        ("slip_um,time_ms", "'ms' is a unit"),
+        ("slip*1e6 (m),mu", "'*1e6' is a factor"),
+        ("slip (um),mu*1000", "'*1000' is a factor"),
+        ("slip (um),mu x10", "'x10' is a factor"),
+        ("slip (um),1000 mu", "'1000' is a factor"),
+        ("slip_in,mu", "'in' may be a unit"),
+        ("slip in in,mu", "'in' may be a unit"),
     ],
 )
 def test_units_that_are_not_understood_are_refused(tmp_path, heads, text):

@@ -14,6 +14,7 @@ import tomli_w
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from pyfric.laws import TabulatedLaw
 from pyfric.scene import (
     PRESETS,
     DistributedLoad,
@@ -210,6 +211,13 @@ def test_scenes_are_immutable_hashable_and_copied_exactly():
 def test_a_whole_part_is_taken_as_it_is(name, part):
     where = "top" if isinstance(part, Rod | DistributedLoad) else type(part).__name__.lower()
     assert getattr(preset(name, {where: part}), where) == part
+
+
+@pytest.mark.parametrize("name", ["law", "interface.law"])
+def test_the_table_of_a_law_replaces_the_coefficients_of_a_preset(name):
+    law = TabulatedLaw(slip=[0.0, 1e-6], mu=[0.6, 0.45])
+    interface = preset("run1", {name: law}).interface
+    assert (interface.mu_s, interface.mu_k) == (0.6, 0.45)
 
 
 def test_numpy_and_integer_scalars_become_plain_floats():

@@ -183,6 +183,20 @@ def test_runs_go_on(engine):
     assert len(second.events) > len(ended.events)  # it counts from where the first one ended
 
 
+@pytest.mark.parametrize("engine", ["quasistatic", "hybrid"])
+def test_a_record_that_goes_on_keeps_what_it_has(engine):
+    """Also if a condition held before its end, or if it should end earlier."""
+    how = {"fidelity": engine, "progress": False}
+    before = pyfric.simulate("fig1", 0.3, **how)
+    with pytest.raises(pyfric.SceneError, match=r"t_end = 0\.1 s: too small; .*>= 0\.3"):
+        pyfric.simulate("fig1", 0.1, initial=before, progress=False)
+    after = pyfric.simulate("fig1", 0.5, initial=before, stop_when="precursors = 1", progress=False)
+    assert after.status == "ended by stop_when (precursors = 1)"
+    assert after.curve["t"].iloc[-1] >= before.curve["t"].iloc[-1]
+    kept = after.events["F_T_start"].iloc[: len(before.events)]
+    assert kept.to_numpy() == pytest.approx(before.events["F_T_start"].to_numpy(), rel=1e-8)
+
+
 def test_refused_conditions():
     options = functools.partial(pyfric.Options)
     for text, said in (

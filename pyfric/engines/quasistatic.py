@@ -112,6 +112,7 @@ class QuasistaticRun:
         self.stretch = Stretch(scene.legs(0.0)[0], self.drive_0)  # the present part
         self.ending = ""  # status of a run that ends before its time
         self.t_quiet = -math.inf  # no slip before this time
+        self.begin = 0.0  # no condition ends the run before this time
         self.notes: tuple[str, ...] = ()
         self.timings = {"set-up": time.perf_counter() - start}
         self.initial = self.contact.values()
@@ -265,8 +266,13 @@ class QuasistaticRun:
         self.pass_on()
         self.stopping.look(self.t, self.mode)
         due, text = self.stopping.due()
-        if due <= t:
-            self.ending, self.t_quiet = self.stopping.named(text), max(due, self.t)
+        if max(due, self.begin) <= t:
+            self.ending = self.stopping.named(text)
+            self.t_quiet = max(due, self.begin, self.t)
+            if self.begin > max(due, self.t):  # the record that goes on ends there
+                (leg, offset, _), s = self.stretch, self.begin - self.stretch.leg.t
+                self.contact.drive = offset + leg.first + s * (leg.value + 0.5 * s * leg.slope)
+                self.sample()
         return bool(self.ending)
 
     def _event(self, i: int, direction: int, stop: Callable[[], bool]) -> None:
@@ -384,8 +390,11 @@ def static_sequence(
     """
     if not isinstance(initial, Record | None):
         raise StateError(f"initial: the {engine.name} engine continues records only")
+    begin = 0.0 if initial is None else float(initial.curve["t"].iloc[-1])
+    t_end = check_number("t_end", t_end, "s", ge=begin)
     gap = longest_pause(scene) if t_gap is None else t_gap
     run = engine(scene, gap, stopping_of(stop_when, scene, gap, initial, t_end))
+    run.begin = begin
     with run_bar(progress, scene.name, 0.0, t_end) as bar, answered() as stop:
 
         def show(t: float, F_T: float, events: int) -> None:

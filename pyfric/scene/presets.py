@@ -310,7 +310,10 @@ class Preset(NamedTuple):
     def __call__(self, changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
         """Return the scene with changes; see `preset`."""
         given = joined(changes, fields)
-        own = {n: v for n, v in self.values.items() if given.keys().isdisjoint(_named(n))}
+        law = given.get("law", given.get("interface.law"))
+        ends = isinstance(law, FrictionLaw) and law.ends() is not None  # it holds mu_s and mu_k
+        taken = {*given, *(("mu_s", "mu_k") if ends else ())}
+        own = {n: v for n, v in self.values.items() if taken.isdisjoint(_named(n))}
         return self.setup(own | given)
 
 

@@ -33,7 +33,10 @@ _BETWEEN = re.compile(r"(?P<slash>\s*/\s*)|\s*[:|=]\s*|[\s_]+(?:in[\s_]+)?")
 _MARKUP = re.compile(r"\\(?:mathrm|text|rm|[,;! ])|[${}]")
 _WORD = re.compile(r"[A-Za-zµμ]+")
 _LAST = re.compile(r"[A-Z]?[a-zµμ]+|[A-Z]+")
-_FACTOR = re.compile(r"[*x×]\s*(1e|10\^?)-?\d", re.IGNORECASE)
+_BRACES = re.compile(r"^([^\\$]*)\{([^{}]*)\}$")
+_FACTOR = re.compile(r"[*x×]\s*1(?:e-?\d+|0[\^\d-]*)|^1(?:e-?\d+|0+)\b", re.IGNORECASE)
+WORDS = ("min", "dyn")
+"""Units that are words beside a friction coefficient: the minimum, dynamic friction."""
 
 
 class _Line(NamedTuple):
@@ -202,7 +205,11 @@ def _unit_in(head: str, si: str) -> str:
     Raises:
         ValueError: the unit is not understood.
     """
+    head = _BRACES.sub(r"\1(\2)", head.strip())
     head = _MARKUP.sub("", head.replace("\\mu", "µ")).strip()
+    if factor := _FACTOR.search(head):
+        instead = "write a unit such as um" if si else "a friction coefficient has none"
+        raise ValueError(f"{factor[0]!r} is a factor, not a unit; {instead}")
     brackets = _BRACKETS.search(head)
     if brackets or head in NO_UNIT:
         unit = brackets["unit"].strip() if brackets else head
@@ -220,10 +227,13 @@ def _unit_in(head: str, si: str) -> str:
         raise ValueError(f"the text after / is no unit of {si}")
     if word := _unit_among(head, si):
         raise ValueError(f"{word!r} is a unit; write it in brackets at the end of the head")
-    if si and (factor := _FACTOR.search(head)):
-        raise ValueError(f"{factor[0]!r} is a factor, not a unit; write a unit such as um")
     last = re.split(r"[\s_]+", head)[-1]
-    if not si and "/" not in head and last != head and (_fits(last, "N") or _fits(last, "Pa")):
+    if si == "m" and last == "in":
+        raise ValueError("'in' may be a unit; write inches as (in)")
+    if si or last == head or last in WORDS:
+        return ""
+    force = "/" not in head and (_fits(last, "N") or _fits(last, "Pa"))
+    if force or (len(last) > 1 and any(_fits(last, one) for one in ("m", "s", "m/s"))):
         raise ValueError(f"{last!r} is a unit, and a friction coefficient has none")
     return ""
 

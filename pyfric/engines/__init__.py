@@ -20,6 +20,7 @@ from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.integration import folded, integrate
 from pyfric.engines.options import (
     ACCURACY,
+    FINEST,
     MAX_STEPS,
     Fidelity,
     Keywords,

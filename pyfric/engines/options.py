@@ -53,6 +53,8 @@ RTOL = 1e-6
 switching; 1e-3 makes it 7e-9 s for 1.3 times less work."""
 ACCURACY = 1e-6
 """Default of accuracy."""
+FINEST = 1e-9
+"""Smallest accuracy."""
 LONGEST_LOCATED = 30.0
 """Longest step of the adaptive stepper with located switching, over the stability limit of RK4."""
 MAX_STEPS = 10**12
@@ -170,7 +172,7 @@ class Options:
     switching: Switching | None = None
     rtol: Annotated[float | None, Quantity("", ge=1e-12, le=1.0, optional=True)] = None
     dt: Annotated[float | Literal["auto"], Step()] = "auto"
-    accuracy: Annotated[float | None, Quantity("F_N", ge=1e-9, le=1.0, optional=True)] = None
+    accuracy: Annotated[float | None, Quantity("F_N", ge=FINEST, le=1.0, optional=True)] = None
     budget: bool | None = None
     sample: Annotated[float | None, Positive("s", optional=True)] = None
     t_gap: Annotated[float | None, NotNegative("s", optional=True)] = None
@@ -292,7 +294,8 @@ class Options:
             _check_located(scene, self.stepper, dt)
         steps = (t_end - t_begin) / dt
         if steps > MAX_STEPS:
-            raise SceneError("t_end", t_end, "s", f"at most {MAX_STEPS:g} steps of {dt:g} s")
+            allowed = f"at most {t_begin + MAX_STEPS * dt:.3g} s, {MAX_STEPS:g} steps of {dt:g} s"
+            raise SceneError("t_end", t_end, "s", allowed)
         every = steps / POINTS if self.sample is None else self.sample / dt
         return Method(
             engine=engine.name,

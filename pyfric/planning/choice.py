@@ -32,6 +32,7 @@ from pyfric.core import OPEN
 from pyfric.display import html
 from pyfric.engines import (
     ENGINES,
+    FINEST,
     RUN,
     Fidelity,
     Options,
@@ -354,7 +355,7 @@ class _Choice:
 
     def _hybrid(self, pilot: Pilot, needs: tuple[Assumption, ...]) -> Plan:
         """Return the plan of the hybrid engine, or of full dynamics if little work is saved."""
-        accuracy = self.options.accuracy or min(SHARE * self.tolerance, LOOSEST)
+        accuracy = self.options.accuracy or min(max(SHARE * self.tolerance, FINEST), LOOSEST)
         made = {"geometry": self.geometry, "dt": self.dt, "accuracy": accuracy}
         counts = counted(self.scene, self.t_end, dataclasses.replace(self.options, **made), pilot)
         self.located = located(self.scene, counts)  # by full dynamics, too

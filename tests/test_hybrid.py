@@ -533,6 +533,31 @@ def test_fig1_takes_few_steps():
     check_counts(record)
 
 
+VISCOUS = {"eta": 8.815, "k_f": 1.8315e6, "K": 1.7049e6, "mu_k": 0.4595, "theta": -0.4343}
+HEAVY = {"L": 0.015, "H": 0.008, "M": 0.012 * 144 / 2121, "F_N": 320.0, "V": 0.01}
+LATE_ERRORS = {
+    "rates of viscous modes": (
+        setup2(L=0.017, H=0.004, M=5.092e-4, F_N=121.27, h=3e-3, V=0.063567, **VISCOUS),
+        1.4386e-3,
+        "linear",
+    ),
+    "a fast mode that excites a slow one": (setup2(k_f=4.6875e5, **HEAVY), 0.026, "finite"),
+}
+"""Scenes in which modes leave more than at the end of a jump: scene, t_end, geometry."""
+
+
+@pytest.mark.parametrize("name", LATE_ERRORS)
+def test_what_modes_leave_during_a_jump_is_estimated(name):
+    scene, t_end, geometry = LATE_ERRORS[name]
+    how = {"geometry": geometry, "switching": "located", "budget": False, "progress": False}
+    a, b = (pyfric.simulate(scene, t_end, fidelity=one, **how) for one in ("hybrid", "dynamic"))
+    assert a.counts["jumps"] > 0
+    assert len(a.events) == len(b.events) > 1
+    for column in ("F_T_start", "F_T_arrest"):
+        apart = np.abs(a.events[column] - b.events[column]).max() / scene.F_N
+        assert apart < 1e-6
+
+
 @pytest.mark.parametrize("wrong", [False, True])
 def test_a_slow_driver_is_no_slower(wrong, monkeypatch):
     """5e8 steps between events. If the prediction is bad on purpose, jumps are halved."""

@@ -10,9 +10,19 @@ from helpers import operators
 from scipy.sparse.linalg import eigs
 from test_lattice import neighbours, small_rod, small_scene, twin_forces
 
+from pyfric import core
 from pyfric.core import STEPPERS
 from pyfric.scene import Driver, Scene, setup1, setup2
-from pyfric.statics import StaticSolver, damping, dispersion, mass, stability_limit, stiffness
+from pyfric.statics import (
+    StaticSolver,
+    System,
+    damping,
+    dispersion,
+    loaded_state,
+    mass,
+    stability_limit,
+    stiffness,
+)
 from pyfric.statics.operators import coordinates, extended
 from pyfric.statics.stability import _bulk_limit, _small_limit, least_limit
 
@@ -78,6 +88,20 @@ def test_damping_dissipates_eta_times_relative_velocity_squared(scene):
     uniform[:, 0] = 1.0
     if not scene.rigid:
         assert np.abs(C @ uniform.ravel()).max() < 1e-14 * scene.eta
+
+
+@pytest.mark.parametrize("geometry", ["linear", "finite"])
+@pytest.mark.parametrize("dashpots", ["full", "along"])
+def test_dashpots_turn_with_bonds_as_in_the_core(geometry, dashpots):
+    """The dissipated power of a deformed, moving slider."""
+    scene = small_scene().replace({"slider.dashpots": dashpots})
+    state, random = loaded_state(scene, geometry).state(scene, 1e-7), np.random.default_rng(6)
+    state.y[:, :2] += 0.1 * scene.slider.l * random.uniform(-1, 1, state.y[:, :2].shape)
+    state.y[:, 2:] = random.uniform(-1, 1, state.y[:, 2:].shape)
+    system = System(scene, geometry)
+    q, v = (system.coordinates(part, np.zeros(3)) for part in (state.y[:, :2], state.y[:, 2:]))
+    found = core.evaluate(core.model(scene, geometry, state.u_drv0), state, 0.0)
+    assert v @ (system.damping(q) @ v) == pytest.approx(found.dissipated.sum(), rel=1e-12)
 
 
 def test_a_space_takes_what_shapes_add_and_leaves_out_rounding():

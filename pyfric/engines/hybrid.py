@@ -217,6 +217,8 @@ class HybridRun(Run):
     def notes(self) -> tuple[str, ...]:
         """Return the notes, with one more if jumps spared little."""
         notes, done = super().notes(), self.counts
+        if self.method.geometry == "finite" and self.scene.slider.dashpots == "along":
+            notes += ("hybrid: jumps leave out how dashpots along bonds turn during a jump",)
         share = done["steps"] / max(done["steps"] + done["steps_spared"], 1)
         if share <= MOSTLY or done["steps"] < 1000:
             return notes

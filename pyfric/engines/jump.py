@@ -19,11 +19,11 @@ path, and the tangent at the end refines it once. The jump ends just before a ga
 the bound of the truncated part, reaches zero.
 
 The estimated error of a jump is a change of gap functions with three causes: what the correction
-leaves, the truncated part at the end of the jump, and the residual that the modes leave during the
-jump. A refined correction leaves the square of the contraction of a chord iteration. Because the
-path has no cubic term, it also leaves velocities that are off by about K^-1 D/s, which excite
-modes. The correction is repeated until it leaves little of the accuracy. If it does not converge,
-the jump is halved.
+leaves, the truncated part at the end of the jump, and what the modes leave during the jump: in
+finite geometry their residual, in linear geometry the errors of their rates. A refined correction
+leaves the square of the contraction of a chord iteration. Because the path has no cubic term, it
+also leaves velocities that are off by about K^-1 D/s, which excite modes. The correction is
+repeated until it leaves little of the accuracy. If it does not converge, the jump is halved.
 
 Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), for
 control of the defect.
@@ -213,7 +213,8 @@ def path_from(system: Linearised, outside: Outside, q: np.ndarray, forces: np.nd
     b_2 = b_2 - system.solver.bends(q, q_1)
     guess = outside.a * system.drift if stiffer is None else system.answer(b_2)
     q_2, left_2 = system.refined(guess, b_2, None if steady else stiffer)
-    drag = -(system.C @ (q_1 + l_1))
+    C = system.solver.damping(q)
+    drag = -(C @ (q_1 + l_1))
     pull = drag - system.M * q_2
     guess = outside.V * system.lag if steady and plain else system.answer(pull)
     l_0, left_0 = system.refined(guess, pull, stiffer)
@@ -221,7 +222,7 @@ def path_from(system: Linearised, outside: Outside, q: np.ndarray, forces: np.nd
     gaps = np.array([system.gaps_of(x, f) for x, f in bottom])
     gaps[0] += system.gaps_of(l_0, left_0 + (drag - pull)[held])
     if not steady:
-        left = -(system.C @ q_2) - system.restoring(l_1, stiffer)
+        left = -(C @ q_2) - system.restoring(l_1, stiffer)
         gaps[1] += system.gaps_of(l_1, left[held])
     return Path(np.array([q, q_1, q_2]), np.array([l_0, l_1, zero]), gaps, stiffer)
 
@@ -346,10 +347,14 @@ class Jump:
                 self.path = bent
             then, least = (self.system.strengthened(self.age + one, gaps)[0] for one in (s, 0.0))
             if error <= CORRECTED * self.accuracy and (least > 0).all():
-                defect = self._defect(s) if finite and alive.size else 0.0
+                if not alive.size:
+                    defect = 0.0
+                else:
+                    defect = self._defect(s) if finite else self._late(s, alive)
                 if defect > self.accuracy:
                     slowest = float(-self.ringing.growth[alive].real.max())
-                    return Stale(self._wait(defect / self.accuracy, slowest, n).steps)
+                    wait = self._wait(defect / self.accuracy, slowest, n)
+                    return Stale(wait.steps) if finite else wait
                 V = self.outside.V + s * self.outside.a
                 if finite and V and not any(self.outside.gain):
                     self.system.latest_drift = (self.path.q[1] + s * self.bend) / V
@@ -394,26 +399,31 @@ class Jump:
         steps = math.log(times) / (decay * self.dt) if decay > 0 and times < math.inf else 0.0
         return Wait(math.ceil(max(min(steps, most), self.least)))
 
+    def _late(self, s: float, alive: np.ndarray) -> float:
+        """Return the change of the gap functions at s (s) by errors of rates, in N."""
+        a = self.ringing.a[alive] * np.exp(self.ringing.growth[alive] * s)
+        wrong = np.abs(a) * self.system.off[alive] * s
+        return float((np.abs(self.system.gaps[:, alive]) @ wrong).max(initial=0.0))
+
     def _defect(self, s: float) -> float:
         """Return the change of the gap functions by the residual of the modes until s (s), in N.
 
         In finite geometry the tangent changes along the path, and large motions are not linear. The
-        residual at a quarter and at half of the jump excites modes, which decay until s. Its part
-        that is odd in the motion oscillates at the frequencies of the present modes. A mode with a
-        rate lambda near one of these responds |lambda| over the difference times as much as to a
-        constant force, but at most |lambda| s times as much. The even part oscillates at sums and
-        differences of frequencies.
+        residual at a hundredth and at a quarter of the jump excites modes, which decay until s. Its
+        part that is odd in the motion oscillates at the frequencies of the present modes. A mode
+        with a rate lambda near one of these responds |lambda| over the difference times as much as
+        to a constant force, but at most |lambda| s times as much. The even part oscillates at sums
+        and differences of frequencies.
         """
         system, outside, found = self.system, self.outside, 0.0
         near = np.maximum(self.ringing.distances(), 1 / s)
         resonance = np.maximum(np.abs(system.rates) / near, 1.0)
-        for then in (0.25 * s, 0.5 * s):
+        for then in (0.01 * s, 0.25 * s):
             q, drive, load = at(self.path.q, then), outside.drive_at(then), outside.load_at(then)
-            alive = self.ringing.alive(then, CORRECTED * self.accuracy)
-            w, w_v, w_a = system.deviation(*self.ringing.at(then), alive)
+            w, w_v, w_a = system.motion_of(*self.ringing.at(then))
             rest = system.forces(q, drive, load)
             gain = system.forces(q + w, drive, load) - rest
-            left = gain - system.C @ w_v - system.M * w_a
+            left = gain - system.solver.damping(q) @ w_v - system.M * w_a
             change = self._excited(left, s - then) @ resonance
             if change.max() > self.accuracy:
                 even = 0.5 * (gain + system.forces(q - w, drive, load) - rest)
@@ -453,7 +463,7 @@ class Jump:
         q = at(path.q, s) + at(path.lag, s) + w
         v = path.q[1] + path.lag[1] + s * path.q[2] + w_v
         outside = self.outside.drive_at(s), self.outside.load_at(s)
-        forces = system.forces(q, *outside) - system.C @ v
+        forces = system.forces(q, *outside) - system.solver.damping(q) @ v
         left = forces - system.M * (path.q[2] + w_a)
         left[system.held] = 0.0
         shift, after = np.zeros_like(q), 0.0

@@ -48,13 +48,12 @@ import numpy as np
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from pyfric.core import OPEN, STEPPERS, STUCK
+from pyfric.engines.released import Released
 from pyfric.scene import FRICTIONLESS
-from pyfric.statics import EquilibriumError, States, damping, extended, mass
+from pyfric.statics import EquilibriumError, States, extended, mass
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    import scipy.sparse as sp
 
     from pyfric.statics import StaticSolver
 
@@ -71,42 +70,6 @@ def applied(operator: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.n
     """Return what a real linear operator makes of complex vectors, shape (n, m)."""
     real, imag = np.hsplit(operator(np.hstack([x.real, x.imag])), 2)
     return real + 1j * imag
-
-
-class Released:
-    """Static solutions after some blocks were released, from those while they were stuck.
-
-    A solution is the one with these blocks stuck, plus a combination of the responses to
-    displacements u_x of the released blocks and to forces on their u_z.
-
-    Args:
-        near: the slider with these blocks stuck.
-        blocks: the released blocks, shape (m,).
-        K: stiffness afterwards, shape (n_q, n_q), in N/m.
-        free: free coordinates afterwards, shape (n,).
-
-    Attributes:
-        shapes: the responses, shape (n_q, 2 m).
-    """
-
-    def __init__(
-        self, near: Linearised, blocks: np.ndarray, K: sp.csr_array, free: np.ndarray
-    ) -> None:
-        self.near, self.free, lifted = near, free, len(near.stuck) + blocks
-        force = np.zeros((near.n_q, len(blocks)))
-        force[lifted, np.arange(len(blocks))] = 1.0
-        self.shapes = shapes = np.hstack([near.moved(blocks), near.answer(force)])
-        self._at = np.concatenate([blocks, lifted])
-        self._K = K[self._at]
-        self._responses = shapes @ np.linalg.inv(shapes.T @ (K @ shapes))
-
-    def solve(self, b: np.ndarray) -> np.ndarray:
-        """Return x with K x = b for the free coordinates, shape (n,) or (n, columns)."""
-        force = np.zeros((self.near.n_q, *b.shape[1:]))
-        force[self.free] = b
-        x = self.near.answer(force)
-        left = force[self._at] - self._K @ x
-        return (x + self._responses @ (self.shapes[self._at].T @ left))[self.free]
 
 
 class Motion(NamedTuple):
@@ -177,11 +140,12 @@ class Linearised:
         else:
             blocks = np.flatnonzero(near.stuck & ~stuck)
             self._factor = Released(near, blocks, self.K, self.free)
-        self.M, self.C, self.n_q = mass(scene), damping(scene), self.K.shape[0]
+        self.M, self.n_q, q = mass(scene), self.K.shape[0], np.zeros(self.K.shape[0])
         self.contraction = float(solver.geometry == "finite")
         if self.contraction:
-            loaded = solver.coordinates(solver.loaded.u, solver.loaded.rod)
-            self._bonds = solver.bond_tangents(loaded)
+            q = solver.coordinates(solver.loaded.u, solver.loaded.rod)
+            self._bonds = solver.bond_tangents(q)
+        self.C = solver.damping(q)
         self.cut = cut = self._find_space(modes) if near is None else self._extend_space(near)
         self._find_modes()
         overdamped = scene.slider.k / (SLOWEST * scene.eta) if scene.eta else np.inf
@@ -195,6 +159,7 @@ class Linearised:
         found = copy.copy(self)
         found._bonds = self.solver.bond_tangents(q)
         found.K = self.solver.stiffness(found._bonds, self._contact.mode, driven=True)
+        found.C = self.solver.damping(q)
         found._find_modes()
         return found
 
@@ -259,7 +224,7 @@ class Linearised:
         one_of_pair = rates.imag >= 0
         rates, x = rates[one_of_pair], x[:r, one_of_pair]
         self.rates = np.minimum(rates.real, 0.0) + 1j * rates.imag
-        self.growth = self.stepped(self.rates)
+        self.growth, self.off = self.stepped(self.rates), np.zeros(len(self.rates))
         self._norm = np.sum(x * (self._CB @ x), axis=0) + 2 * self.rates * np.sum(x * x, axis=0)
         self._pulled = x / self._norm
         self.x = x * np.where(rates.imag > 0, 2.0, 1.0)
@@ -491,10 +456,26 @@ class Linearised:
             shapes[i] = self._shapes[k]
         return tuple((np.array([a, a * rates, a * rates**2])[:, which] @ shapes).real)
 
+    def motion_of(self, a: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """Return w (m), w' (m/s) and w'' (m/s^2), shape (3, n_q), of all modes, not corrected."""
+        return (np.array([a, a * rates, a * rates**2]) @ self.x.T).real @ self.B.T
+
     def _correct(self, modes: list[int]) -> None:
-        """Find shapes of modes, corrected by the static responses to their residuals."""
+        """Correct shapes of modes by the static responses to their residuals.
+
+        With Q(lambda) = K + lambda C + lambda^2 M and a shape phi, Rayleigh's functional gives the
+        error of a rate, delta lambda = -phi.Q phi/(phi.C phi + 2 lambda phi.M phi).
+        """
         if modes:
             phi, rates = applied(self.B.dot, self.x[:, modes]), self.rates[modes]
-            drag = applied(self.C.dot, phi) + rates * (self.M[:, None] * phi)
-            left = applied(self.K.dot, phi) + rates * drag
-            self._shapes.update(zip(modes, (phi - applied(self.answer, left)).T, strict=True))
+            left = self._residual(phi, rates)
+            shift = -applied(self.answer, left)
+            work = np.sum(shift * (2 * left + self._residual(shift, rates)), axis=0)
+            twice = np.where(rates.imag > 0, 2.0, 1.0)  # the real part of one mode of a pair
+            self.off[modes] = np.abs(work / (self._norm[modes] * twice**2))
+            self._shapes.update(zip(modes, (phi + shift).T, strict=True))
+
+    def _residual(self, phi: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """Return (K + lambda C + lambda^2 M) phi of shapes phi (n_q, m) with rates (m,) in 1/s."""
+        drag = applied(self.C.dot, phi) + rates * (self.M[:, None] * phi)
+        return applied(self.K.dot, phi) + rates * drag

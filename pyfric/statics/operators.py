@@ -98,15 +98,21 @@ def stiffness(
     return assembled(differences(lattice, T), spring_tangents(lattice), springs)
 
 
-def damping(scene: Scene) -> sp.csr_array:
+def damping(scene: Scene, du: list[np.ndarray] | None = None) -> sp.csr_array:
     """Return the damping matrix in generalised coordinates, shape (n_q, n_q), in N s/m.
 
     It contains the bonds and the absorbing walls. Every bond carries eta (v_j - v_i), with the full
     relative velocity, so that bonds within a rigid top row resist its rotation. Alternatively only
     the component along the bond counts (`Slider.dashpots`).
+
+    Args:
+        scene: the scene.
+        du: du_x and du_z over each bond, shape (n_bonds,), in m, with which dashpots turn; None
+            means undeformed bonds.
     """
     lattice, T = bonds(scene), coordinates(scene)
-    x, z = (lattice.d / lattice.l[:, None]).T
+    d = lattice.d.T if du is None else lattice.d.T + du
+    x, z = d / np.hypot(*d)
     along = scene.slider.dashpots == "along"
     of_bonds = np.array([x * x, x * z, z * z] if along else [x * x + z * z, 0 * x, x * x + z * z])
     of_bonds *= scene.eta * lattice.share

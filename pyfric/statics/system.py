@@ -28,7 +28,7 @@ from pyfric.statics.lattice import (
     spring_tangents,
 )
 from pyfric.statics.memory import Memory
-from pyfric.statics.operators import coordinates, differences, driven_dofs, ground
+from pyfric.statics.operators import coordinates, damping, differences, driven_dofs, ground
 from pyfric.statics.rest import EquilibriumError
 
 if TYPE_CHECKING:
@@ -182,6 +182,16 @@ class System:
         """Return the stiffnesses xx, xz and zz of each bond at q, shape (3, n_bonds), in N/m."""
         du = self.elongations(q) if self.geometry == "finite" else None
         return spring_tangents(self._lattice, du)
+
+    @functools.cached_property
+    def _C(self) -> sp.csr_array:
+        return damping(self.scene)
+
+    def damping(self, q: np.ndarray) -> sp.csr_array:
+        """Return the damping matrix at q, shape (n_q, n_q), in N s/m."""
+        if self.geometry == "linear" or self.scene.slider.dashpots == "full":
+            return self._C
+        return damping(self.scene, self.elongations(q))
 
     @functools.cached_property
     def _differences(self) -> sp.csr_array:

@@ -48,7 +48,7 @@ import numpy as np
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from pyfric.core import OPEN, STEPPERS, STUCK
-from pyfric.engines.released import Released
+from pyfric.engines.woodbury import Released
 from pyfric.scene import FRICTIONLESS
 from pyfric.statics import EquilibriumError, States, extended, mass
 

@@ -1,4 +1,4 @@
-"""Static solutions after blocks were released, without a new factorisation."""
+"""Static solutions after blocks were released, without a new factorisation (Woodbury's formula)."""
 
 from __future__ import annotations
 

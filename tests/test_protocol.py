@@ -467,7 +467,7 @@ def varied(kind):
 
 @pytest.mark.parametrize("kind", ["rod", "free"])
 def test_jumps_follow_speed_and_loads_as_full_dynamics_does(kind):
-    """Measured 2e-7 F_N. In "free", jumps wait for the errors of rates: 0.53 of the steps are made."""
+    """Measured 2e-7 F_N. "free" makes 0.53 of all steps, for errors of rates."""
     scene, t_end = varied(kind)
     how = {"geometry": "linear", "budget": False}
     a, b = (pyfric.simulate(scene, t_end, fidelity=one, **how) for one in ("hybrid", "dynamic"))

@@ -3,10 +3,12 @@
 import dataclasses
 
 import numpy as np
+import pytest
 
 import pyfric
-from pyfric.engines.cost import steps_of_slide
+from pyfric.engines.cost import work, work_of_step
 from pyfric.engines.creeping import Creeping
+from pyfric.engines.hybrid import SPENT
 from pyfric.scene import setup1
 from pyfric.scene.laws import Ageing
 from pyfric.statics import StaticSolver
@@ -24,6 +26,7 @@ def run(scene, t_end, fidelity, **how):
     return pyfric.simulate(scene, t_end, fidelity=fidelity, **how)
 
 
+@pytest.mark.usefixtures("free_attempts")
 def test_stable_slip_is_full_dynamics():
     """Stable slip for 4 ms, an event, stable slip once more, of two parts of the interface."""
     scene, t_end = rod(side="right"), 0.048
@@ -51,14 +54,20 @@ def test_stable_slip_takes_hardly_any_steps():
     assert b.counts["steps"] < 0.02 * b.final_state.step
 
 
-def test_attempts_over_stable_slip_wait_until_the_last_one_has_paid():
-    """It takes as long as many steps: as many are made or spared before the next one."""
-    b = run(rod(V=1e-2), 0.03, "hybrid")
-    assert 2 <= b.counts["slides"] <= 1 + b.final_state.step / steps_of_slide(b.scene, "linear")
-    whole = b.counts["steps"] + b.counts["steps_spared"]
-    assert whole == b.final_state.step
+@pytest.mark.parametrize(("speed", "slip"), [(0.01, 3e-4), (0.3, 3e-3)])
+def test_attempts_take_a_part_of_the_work_of_full_dynamics(speed, slip):
+    """Over stable slip, and where the next event comes before a jump is possible."""
+    b = run(rod(V=speed, d_c=5e-6 if speed < 0.1 else 0.0), slip / speed, "hybrid")
+    counts = b.counts
+    assert counts["slides" if speed < 0.1 else "attempts"] >= 2
+    attempts = {name: counts[name] for name in ("landings", "slides", "modal_bases")}
+    full = b.final_state.step * work_of_step(b.scene, "linear", "rk4")
+    last = max(work(b.scene, "linear", {name: 1}) for name in attempts)
+    assert work(b.scene, "linear", attempts) <= SPENT * full + 2 * last
+    assert counts["steps"] + counts["steps_spared"] == b.final_state.step
 
 
+@pytest.mark.usefixtures("free_attempts")
 def test_stable_slip_goes_on_from_a_record():
     scene = rod()
     one = run(scene, 0.037, "hybrid")

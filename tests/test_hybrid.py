@@ -27,6 +27,8 @@ from pyfric.statics import (
     stability_limit,
 )
 
+pytestmark = pytest.mark.usefixtures("free_attempts")
+
 
 def rod(**changes):
     return setup1(**{"L": 0.02, "H": 0.0125, "F_N": 400.0, "V": 2e-3} | changes)

@@ -465,6 +465,7 @@ def varied(kind):
     return loaded(driven(scene, corners), **load), t_end
 
 
+@pytest.mark.usefixtures("free_attempts")
 @pytest.mark.parametrize("kind", ["rod", "free"])
 def test_jumps_follow_speed_and_loads_as_full_dynamics_does(kind):
     """Measured 2e-7 F_N. "free" makes 0.53 of all steps, for errors of rates."""
@@ -480,6 +481,7 @@ def test_jumps_follow_speed_and_loads_as_full_dynamics_does(kind):
     assert a.counts["steps"] < 0.55 * b.counts["steps"]
 
 
+@pytest.mark.usefixtures("free_attempts")
 def test_jumps_follow_speed_and_loads_in_finite_geometry():
     """As accurate as is asked for."""
     T, V = 8e-3, 10e-3

@@ -91,10 +91,9 @@ def work(scene: Scene, geometry: Geometry, counts: Mapping[str, float]) -> float
     return sum(price * counts.get(name, 0) for name, price in prices(scene, geometry).items())
 
 
-def steps_of_slide(scene: Scene, geometry: Geometry) -> int:
-    """Return the number of steps that take as long as an attempt to jump over stable slip."""
-    step = {"block_evaluations": len(STEPPERS["rk4"].c) * scene.N_x * scene.N_z}
-    return int(work(scene, geometry, {"slides": 1}) / work(scene, geometry, step))
+def work_of_step(scene: Scene, geometry: Geometry, stepper: str) -> float:
+    """Return the work of one step, in s."""
+    return work(scene, geometry, full_counts(scene, 1.0, 1.0, stepper))
 
 
 def work_so_far(run: Run | Record) -> float:

@@ -20,7 +20,7 @@ import numpy as np
 
 from pyfric import core
 from pyfric.core import OPEN, STUCK
-from pyfric.engines.cost import set_up, steps_of_slide
+from pyfric.engines.cost import set_up, work, work_of_step
 from pyfric.engines.creeping import Creeping
 from pyfric.engines.dynamic import Run
 from pyfric.engines.integration import just_after, last_step
@@ -44,8 +44,11 @@ memory; and memory of the paths on which static states are found, in bytes."""
 EXTRA = 4
 """Shapes that a released block adds to a space. More than the undamped modes are not added."""
 LATE = 1 / 8
-"""Shortest wait after a refused jump, over the steps since the last jump. It limits the number of
-attempts; a jump can come late by this share."""
+"""Shortest wait after a refused jump, over the steps since the last jump. A jump can come late by
+this share."""
+SPENT = 1 / 4
+"""Largest work of all attempts to jump, over that of full dynamics up to the same time. The next
+attempt waits for it, so that no run takes much longer than full dynamics."""
 
 
 class RestStates:
@@ -172,14 +175,10 @@ class HybridRun(Run):
         self.made |= dict.fromkeys(counted, 0)
         self.rests = RestStates(self.known, self.method.dt, self.method.stepper, self.made)
         self.solver = RememberedStates(self.rests)
-        # An attempt to jump solves twice with the banded factor, of 64 min(N_x, N_z) bytes for each
-        # block. That takes as long as min(N_x, N_z) steps.
-        self.least = TRY + min(self.scene.N_x, self.scene.N_z)
+        # Neither a jump nor a wait takes less work in full dynamics than a landing.
+        self.least = TRY + math.ceil(self._as_steps({"landings": 1}))
         self.slid, self.try_at, self.landed = True, self.state.step, self.state.step
-        # An attempt to jump over stable slip takes as long as many steps: the next one waits until
-        # as many were made or spared.
-        self.paid = self.state.step
-        self.slide_cost = steps_of_slide(self.scene, self.method.geometry)
+        self.begun = self.due = self.state.step
         force = self.method.accuracy * self.scene.F_N
         self.creeping = Creeping(self.scene, self.known, force)
         self.creeps = Creeping.possible(self.scene, self.method.geometry)
@@ -211,8 +210,14 @@ class HybridRun(Run):
         if state.step >= self.try_at:
             wait = self.slide(last) if slips else self.jump(last)
             self.try_at = state.step + max(wait, int(LATE * (state.step - self.landed)))
-        if slips:
-            self.try_at = max(self.try_at, self.paid)
+            spent = {name: self.made[name] for name in ("landings", "slides", "modal_bases")}
+            self.due = self.begun + math.ceil(self._as_steps(spent) / SPENT)
+        self.try_at = max(self.try_at, self.due)
+
+    def _as_steps(self, counts: dict[str, int]) -> float:
+        """Return the number of steps that take as long as counted operations."""
+        scene, geometry = self.scene, self.method.geometry
+        return work(scene, geometry, counts) / work_of_step(scene, geometry, self.method.stepper)
 
     def notes(self) -> tuple[str, ...]:
         """Return the notes, with one more if jumps spared little."""
@@ -301,7 +306,6 @@ class HybridRun(Run):
             held = functools.partial(self.rests.system, state.mode != OPEN)
             landing = self.creeping.land(state, self._speed(), held, state.step + most)
         self.made["slides"] += 1
-        self.paid = state.step + self.slide_cost
         if landing is None or landing.n < min(most, TRY):
             return TRY
         t, s = self._samples(landing.n)

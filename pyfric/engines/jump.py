@@ -48,10 +48,10 @@ LONGEST = 2**30
 """Longest wait, in steps: the most that one call of the core makes."""
 ROUNDS = 8
 """Most corrections of one path. Each correction gains more digits than the one before."""
-
-
 CORRECTED = 0.1
 """What corrections may leave, over the accuracy: it hardly adds to the error of a jump."""
+SAMPLED = (0.01, 0.25)
+"""Times at which the residual of modes is looked at, over the length of a jump."""
 
 
 class Outside:
@@ -409,16 +409,16 @@ class Jump:
         """Return the change of the gap functions by the residual of the modes until s (s), in N.
 
         In finite geometry the tangent changes along the path, and large motions are not linear. The
-        residual at a hundredth and at a quarter of the jump excites modes, which decay until s. Its
-        part that is odd in the motion oscillates at the frequencies of the present modes. A mode
-        with a rate lambda near one of these responds |lambda| over the difference times as much as
-        to a constant force, but at most |lambda| s times as much. The even part oscillates at sums
-        and differences of frequencies.
+        residual at the times `SAMPLED` excites modes, which decay until s. Its part that is odd in
+        the motion oscillates at the frequencies of the present modes. A mode with a rate lambda
+        near one of these responds |lambda| over the difference times as much as to a constant
+        force, but at most |lambda| s times as much. The even part oscillates at sums and
+        differences of frequencies.
         """
         system, outside, found = self.system, self.outside, 0.0
         near = np.maximum(self.ringing.distances(), 1 / s)
         resonance = np.maximum(np.abs(system.rates) / near, 1.0)
-        for then in (0.01 * s, 0.25 * s):
+        for then in np.multiply(SAMPLED, s):
             q, drive, load = at(self.path.q, then), outside.drive_at(then), outside.load_at(then)
             w, w_v, w_a = system.motion_of(*self.ringing.at(then))
             rest = system.forces(q, drive, load)

@@ -56,7 +56,7 @@ def coarse_curves(monkeypatch):
 
 @pytest.fixture
 def free_attempts(monkeypatch):
-    """Jumps wherever they are possible: on small lattices an attempt takes as long as many steps."""
+    """Jumps wherever they are possible: on small lattices attempts cost more than they spare."""
     from pyfric.engines.hybrid import HybridRun
 
     monkeypatch.setattr(HybridRun, "_as_steps", lambda self, counts: 0.0)

@@ -15,7 +15,7 @@ KINDS = {
     "definition": {
         "choice": "LONGEST SHARE SPARES MOVING",
         "cost": "POINTS TIMED FASTEST SLOWEST",
-        "dynamic": "CALL_SECONDS STATIC_SECONDS OPEN_BUDGET",
+        "dynamic": "CALL_SECONDS STATIC_SECONDS STATIC_SHARE SHOWN OPEN_BUDGET",
         "jump": "CORRECTED",
         "hybrid": "MOSTLY LATE SPENT BALANCED EXTRA",
         "integration": "FOLDING STEPS MARGIN LINEAR",
@@ -36,7 +36,7 @@ KINDS = {
         "quasistatic": "BENDS",
         "rupture": "AVERAGED SLOWEST",
         "complementarity": "LEAST",
-        "creep": "RATE",
+        "creep": "RATE PAST",
     },
     "rounding": {
         "crossing": "GONE",
@@ -87,6 +87,19 @@ defaults, shares of a tolerance, budgets of time. A cap ends an iteration that s
 before; a size costs time or memory only. Others follow from a formula beside them, or are what
 double precision leaves."""
 
+FORMULAS = {
+    "cost": (2e-7, 500.0),  # the step of the paper; bytes for each unknown
+    "choice": (1e-6, 0.01, 0.25, 2.5),  # no drop of mu; default tolerance; an order; a stiffness
+    "errors": (0.95,),  # a quantile
+    "pilot": (1e-6,),  # no event so far
+    "simulation": (1e5,),  # bytes of a record without events
+    "operators": (1.5,),  # impedances of P and S waves
+    "zones": (0.75,),  # 3 pi/4
+}
+"""Other numbers in the bodies of functions, by module."""
+UNITS, ROUNDED = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 10.0, 1e3, 1e6, 1e9), 1e-9
+"""Numbers that need no name: small ones and powers of ten, and those that are rounding."""
+
 
 def has_number(node):
     """Whether a number is among what is assigned."""
@@ -108,6 +121,20 @@ def numbers(root=ROOT):
             kinds = ast.Dict | ast.Tuple | ast.Constant | ast.BinOp | ast.UnaryOp
             if isinstance(node.value, kinds) and has_number(node.value):
                 found |= {f"{path.stem}.{name}" for name in names if name.isupper()}
+    return found
+
+
+def unnamed(root=ROOT):
+    """Numbers in bodies of functions that are neither small, units nor rounding, by module."""
+    found = {}
+    for path in (file for room in ROOMS for file in (root / "pyfric" / room).rglob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        functions = [one for one in ast.walk(tree) if isinstance(one, ast.FunctionDef)]
+        inside = (one for function in functions for one in ast.walk(function))
+        numbers = {one.value for one in inside if isinstance(one, ast.Constant)}
+        floats = {one for one in numbers if type(one) is float and one not in UNITS}
+        if kept := tuple(sorted(one for one in floats if one > ROUNDED)):
+            found[path.stem] = kept
     return found
 
 
@@ -143,6 +170,10 @@ def test_the_page_has_the_values_of_the_code():
         assert [float(one) for one in re.findall(r"[\d.]+", value)] == found, row
 
 
+def test_numbers_in_functions_are_formulas_or_units():
+    assert unnamed() == FORMULAS
+
+
 def test_few_are_fitted():
     rows, names = told(0)
     values = [len(re.findall(r"[\d.]+", row.split("|")[2])) for row in rows]
@@ -158,3 +189,5 @@ def test_a_number_that_is_not_told_is_noticed(tmp_path):
     (tmp_path / "pyfric" / "engines").mkdir(parents=True)
     (tmp_path / "pyfric" / "engines" / "new.py").write_text("FUDGE = 0.37\nNAME = 'text'\n")
     assert numbers(tmp_path) == {"new.FUDGE"}
+    (tmp_path / "pyfric" / "engines" / "new.py").write_text("def f(s):\n    return 0.37 * s\n")
+    assert unnamed(tmp_path) == {"new": (0.37,)}

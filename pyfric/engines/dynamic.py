@@ -57,9 +57,11 @@ CALL_SECONDS = 0.02
 """Work of one call of the core, in s, after which limits and Ctrl-C are looked at."""
 MAX_CALL = 2**30
 """Most steps of one call of the core."""
-STATIC_SECONDS = 1.0
-"""Work between two searches for the static forces of new events, in s. It is a tenth of the work so
-far if that is more. Little is then left to do at the end of a run."""
+STATIC_SECONDS, STATIC_SHARE = 1.0, 0.1
+"""Work between two searches for the static forces of new events, at least: in s, and over the work
+so far. Little is then left to do at the end of a run."""
+SHOWN = 0.1
+"""Shortest time between two reports of progress, in s."""
 OPEN_BUDGET = 1e-3
 """Relative error of the energy budget above which the record carries a note."""
 UNFINISHED = (core.Status.ENDLESS, core.Status.TOO_SHORT)
@@ -220,7 +222,7 @@ class Run:
                     self.sample()
                     self.ending = self.ended()
             now = time.perf_counter()
-            if now - shown > 0.1 or state.step >= last or self.ending:
+            if now - shown > SHOWN or state.step >= last or self.ending:
                 shown = now
                 force = self.history.last[1] / self.scene.F_N
                 begin, end = self.history.begin, state.t0 + last * state.dt
@@ -228,7 +230,7 @@ class Run:
             if (done := work_so_far(self)) > solve_at:  # not by the clock: jumps use what is found
                 with warnings.catch_warnings(action="ignore"):
                     self.catalogue()
-                solve_at = done + max(STATIC_SECONDS, 0.1 * done)
+                solve_at = done + max(STATIC_SECONDS, STATIC_SHARE * done)
             if options.checkpoint is not None and now - saved > options.checkpoint_every:
                 self.save(options.checkpoint)
                 saved = time.perf_counter()

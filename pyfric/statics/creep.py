@@ -42,6 +42,8 @@ RATE = 1e-7
 """Slip per displacement of the driver below which a block counts as not slipping."""
 PART = 0.25
 """Longest step along a path, in slip over the slip at the first knot of the law."""
+PAST = 1.01
+"""Length of a step to the next change, over its extrapolated distance: the step ends beyond it."""
 NEWTON, LOOKS, STEPS = 12, 200, 10_000
 """Limits of steps of Newton's method, of states computed to find one change, of steps of a path."""
 
@@ -333,7 +335,7 @@ class Creep:
         weakens = self.cell < len(self._x) - 1
         speed = np.abs(now.rate[weakens]).max(initial=0.0)
         far = PART * self._x[1] * float(np.max(self.d_c))
-        return min(far / speed if speed > 0 else math.inf, 1.01 * max(float(ahead.min()), 0.0))
+        return min(far / speed if speed > 0 else math.inf, PAST * max(float(ahead.min()), 0.0))
 
     def wrong(self, point: Point | None, fastest: float) -> Change | None:
         """Return the worst violation at a state as a change, or None if there is none."""

@@ -240,16 +240,18 @@ def judged(made: Record, truth: Record, expected: float) -> dict[str, Any]:
     own = made.errors or Errors()
     until = math.inf
     if own.until is not None or own.partly:
-        until = own.until if own.until is not None and own.holds else own.covered
+        until = own.until if own.until is not None and own.holds is None else own.covered
     apart, trusted = differences(made, truth), differences(made, truth, until)
     trusted = trusted.without(trusted.events[trusted.events["event"].isin(own.undetermined)])
     real = Errors(want=own.want, tolerance=own.tolerance, **trusted.errors())
     row: dict[str, Any] = {"events": len(apart.events), "trusted": len(trusted.events)}
     row |= {"covered": own.covered, "by": "; ".join(own.by)}
     row |= {"expected": expected, "measured": own.measured(), "real": real.measured()}
-    row |= {"until": own.until, "said": not own.holds, "undetermined": len(own.undetermined)}
+    unknown = own.holds is None and (own.until is None or own.measured() is None)
+    row |= {"until": own.until, "said": own.holds is False or unknown}
+    row |= {"undetermined": len(own.undetermined)}
     row |= {"beyond_tolerance": real.holds is False}
-    row |= {"not_measured": own.holds is None}
+    row |= {"not_measured": unknown}
     speeds = sum(len(differences(one, one).speeds) for one in (made, truth))
     row |= {"no_front_speed": own.want == "front_speed" and not speeds}
     both = None not in (own.measured(), real.measured())

@@ -124,7 +124,7 @@ class Errors:
 
     @property
     def holds(self) -> bool | None:
-        """Whether the measured error is within the tolerance.
+        """Whether the measured error of all events, but `undetermined` ones, is in the tolerance.
 
         None where it was not measured, or not over the whole run, or where there is no tolerance.
         """
@@ -133,7 +133,7 @@ class Errors:
             return None
         if error > self.tolerance:
             return False
-        return None if self.partly else True
+        return None if self.partly or self.until is not None else True
 
     @property
     def partly(self) -> bool:
@@ -155,7 +155,7 @@ class Errors:
         text = f"for {self.want}: measured {self.measured():.2g}, {said} {self.tolerance:g}"
         if self.holds is None and self.partly:
             text += f", up to {self.covered:.6g} s; NOT MEASURED from there to {self.t_end:.6g} s"
-        if self.until is not None and self.holds:
+        elif self.holds is None:
             text += f", up to {self.until:.6g} s"
         if self.undetermined:
             text += f", but for {len(self.undetermined)} events that are not determined: "

@@ -2,8 +2,8 @@
 
 Work is counted in operations and expressed in seconds on one core of a reference machine. Decisions
 based on work are therefore the same on every machine. They are the choice of a model, how far a
-reference run goes, and when an expensive attempt to jump is repeated. `machine_speed` converts work
-into seconds on this machine.
+reference run goes, and when an attempt to jump is made. `machine_speed` converts work into seconds
+on this machine.
 """
 
 from __future__ import annotations

@@ -212,8 +212,8 @@ def curve_point(model: Model, state: State, t: float, budget: bool = True) -> np
     """
     state.check(model.N_x, n_memory=model.n_memory)
     spent = state.dissipated, state.heat, state.loss, state.parts.T, state.work
-    here = state.y.T, state.rod, state.numbers.T
-    values, status = _core.curve_point(*model, t, *here, *spent, int(budget))
+    motion = state.y.T, state.rod, state.numbers.T
+    values, status = _core.curve_point(*model, t, *motion, *spent, int(budget))
     _check_memory(status, state.y.shape)
     return values
 

@@ -156,7 +156,7 @@ def model(scene: Scene, geometry: Geometry, u_drv0: OnDriven, t: float = 0.0) ->
     slider, home = scene.slider, np.atleast_1d(u_drv0)
     i_rod = scene.M_rod * slider.L**2 / 12
     V, F_N, T = (scene.piece(what, t) for what in ("V", "F_N", "T"))
-    begins = (one for one in scene.corners if scene.top.push and one <= t)
+    begins = (corner for corner in scene.corners if scene.top.push and corner <= t)
     begin = max(V.t, F_N.t, T.t, *begins)
     now = F_N.at(begin)
     constants = Constants(

@@ -274,8 +274,8 @@ class State:
             right = all(part.base == REAL for part in parts)
         n = sum(part.itemsize for part in parts) // REAL.itemsize
         if not right or n * REAL.itemsize != found.dtype.itemsize or n_memory not in (None, n):
-            many = "" if n_memory is None else f"{n_memory} "
-            needed = f"needs {many}named {REAL} values for each of {N_x} blocks"
+            count = "" if n_memory is None else f"{n_memory} "
+            needed = f"needs {count}named {REAL} values for each of {N_x} blocks"
             raise StateError(f"state.memory: {needed}")
 
     def check_physics(self, scene: Scene) -> None:

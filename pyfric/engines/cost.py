@@ -181,9 +181,9 @@ def machine_speed() -> float:
 
 def check_memory(scene: Scene, fidelity: str, geometry: str) -> None:
     """Raise SceneError if a run needs more memory than is available."""
-    needed, there = set_up(scene, fidelity, geometry).bytes, available()
-    if needed > there:
-        allowed = f"a lattice that fits into the available memory, {there / 1e9:.3g} GB"
+    needed, free_bytes = set_up(scene, fidelity, geometry).bytes, available()
+    if needed > free_bytes:
+        allowed = f"a lattice that fits into the available memory, {free_bytes / 1e9:.3g} GB"
         what = f"{scene.N_x} x {scene.N_z} blocks, {fidelity} engine, {geometry} geometry"
         reason = f"about {needed / 1e9:.3g} GB are needed ({what})"
         raise SceneError("slider.l", scene.slider.l, "m", allowed, reason)

@@ -151,18 +151,18 @@ class Creeping:
         after = _Modes(self.scene, space, creep, point)
         q, v = self._path(after, point, V, dt)
         w, w_v = modes.deviation(a, n * dt)
-        times = np.array([(one.drive - drive) / V for one in path])
-        forces = np.array([one.F_T for one in path])
-        pull = [-self.known.push @ one.lag(V * space.carried(at.rate))
-                for one, at in ((modes, begin), (after, point))]  # fmt: skip
+        times = np.array([(point.drive - drive) / V for point in path])
+        forces = np.array([point.F_T for point in path])
+        pull = [-self.known.push @ modes.lag(V * space.carried(at.rate))
+                for modes, at in ((modes, begin), (after, point))]  # fmt: skip
         forces += np.interp(times, [0.0, n * dt], pull)
         return Landing(n, q + w, v + w_v, point, times, forces, modes.force(a), modes.growth)
 
     def _space(self, system: Linearised, slips: np.ndarray) -> _Space:
         """Return the shapes for these slipping blocks; the last `KEPT` sets are kept."""
-        for one in self._spaces:
-            if one.system is system and np.array_equal(one.slips, slips):
-                return one
+        for space in self._spaces:
+            if space.system is system and np.array_equal(space.slips, slips):
+                return space
         self._spaces = [*self._spaces[1 - KEPT :], _Space(system, slips)]
         return self._spaces[-1]
 
@@ -258,7 +258,7 @@ class _Modes:
         both = np.block([[np.zeros((r, r)), np.eye(r)], [-K, -C]])
         rates, self.right = np.linalg.eig(both)
         self.growth = self.system.stepped(rates)
-        y, u = (basis.T @ (self.M * one) for one in (w, v))
+        y, u = (basis.T @ (self.M * part) for part in (w, v))
         a = np.linalg.solve(self.right, np.concatenate([y, u]))
         w, v = w - basis @ y, v - basis @ u
         return a, max(float(v @ (self.M * v) + w @ (self.K @ w)) / 2, 0.0)
@@ -285,23 +285,23 @@ class _Modes:
             dt: resolution, in s.
         """
         unit = np.array([1.0, 1.0, V, 1.0])[:, None]
-        way = np.array([one.drive - path[0].drive for one in path])
+        way = np.array([point.drive - path[0].drive for point in path])
         if not way[-1] > 0:
             return 0.0
-        margins = np.array([(one.margins[:4] * unit).ravel() for one in path])
-        some = np.isfinite(margins[0])
-        margins = margins[:, some] - self._bounds()[some] * math.sqrt(left)
-        lags = [self._lagging(one, V)[some] for one in (path[0], path[-1])]
+        margins = np.array([(point.margins[:4] * unit).ravel() for point in path])
+        watched = np.isfinite(margins[0])
+        margins = margins[:, watched] - self._bounds()[watched] * math.sqrt(left)
+        lags = [self._lagging(point, V)[watched] for point in (path[0], path[-1])]
         margins += lags[0] + np.outer(way / way[-1], lags[1] - lags[0])
         none = np.zeros_like(self.basis)
         modal = np.hstack([self._on_margins(self.basis, none), self._on_margins(none, self.basis)])
-        modal = (modal[some] @ self.right) * a
+        modal = (modal[watched] @ self.right) * a
         for n, (begin, length) in enumerate(zip(way / V, np.diff(way) / V, strict=False)):
             if length <= 0:
                 continue
             rate = (margins[n + 1] - margins[n]) / length
-            here = modal * np.exp(self.growth * begin)
-            s = first_crossing(margins[n], rate, here, self.growth, length, dt)
+            waves = modal * np.exp(self.growth * begin)
+            s = first_crossing(margins[n], rate, waves, self.growth, length, dt)
             if s < length:
                 return begin + s
         return way[-1] / V

@@ -216,8 +216,8 @@ class Run:
         while state.step < last and not self.ending and not stop():
             self.before_call(last)
             if state.step < last and not self.ending:
-                most = min(self.most_steps, last - state.step, self.call_length())
-                self.call(most if self.every else min(most, every - state.step % every))
+                n_steps = min(self.most_steps, last - state.step, self.call_length())
+                self.call(n_steps if self.every else min(n_steps, every - state.step % every))
                 if state.step % every == 0 and not self.every:
                     self.sample()
                     self.ending = self.ended()
@@ -271,7 +271,7 @@ class Run:
         if not scene.corners:
             return self._in_core(state, n_steps)
         self._follow(t)
-        corner = next((one for one in scene.corners if one > t), math.inf)
+        corner = next((corner for corner in scene.corners if corner > t), math.inf)
         if not corner < state.t0 + (state.step + n_steps) * state.dt:
             return self._in_core(state, n_steps)
         last = last_step(state.t0, state.dt, corner)

@@ -80,8 +80,8 @@ class RestStates:
         if (stuck == self._loaded).all():
             return self._of_loaded
         released = self._loaded & ~stuck
-        few = EXTRA * released.sum() <= N_MODES and not (stuck & ~self._loaded).any()
-        near = self._of_loaded if few else None
+        cheap = EXTRA * released.sum() <= N_MODES and not (stuck & ~self._loaded).any()
+        near = self._of_loaded if cheap else None
         return Linearised(self.known, stuck, self.dt, near, stepper=self.stepper)
 
     @functools.cached_property
@@ -110,8 +110,8 @@ class RestStates:
         system, key = self.system(stuck), stuck.tobytes()
         place = key, u_x[system.held].tobytes()
         if place in self._rests:
-            there, path = self._rests[place]
-            q = at(path, drive - there)
+            drive_0, path = self._rests[place]
+            q = at(path, drive - drive_0)
         elif near is not None:
             q = near.copy()
         elif key in self._latest:
@@ -237,7 +237,7 @@ class HybridRun(Run):
     def _piece_ends(self, last: int) -> int:
         """Return the last step that a jump may reach, at most `last`, before any breakpoint."""
         state, t = self.state, just_after(self.state)
-        corner = next((one for one in self.scene.corners if one > t), math.inf)
+        corner = next((corner for corner in self.scene.corners if corner > t), math.inf)
         if math.isinf(corner):
             return last
         return min(last, last_step(state.t0, state.dt, corner) - 1)
@@ -248,8 +248,8 @@ class HybridRun(Run):
         Return the number of steps until the next attempt.
         """
         state, known = self.state, self.known
-        stuck, most = state.mode != OPEN, self._piece_ends(last) - state.step
-        if most <= 0 or not stuck.any():
+        stuck, n_max = state.mode != OPEN, self._piece_ends(last) - state.step
+        if n_max <= 0 or not stuck.any():
             return TRY
         self.made["attempts"] += 1
         outside = Outside(known, state.t, just_after(state))
@@ -258,14 +258,14 @@ class HybridRun(Run):
         if start is None:
             return TRY
         system = self.rests.system(stuck)
-        landing = self._landing(system, outside, start, most)
+        landing = self._landing(system, outside, start, n_max)
         if isinstance(landing, Stale):
             system = self.rests.renew(stuck, start[0])
-            landing = self._landing(system, outside, start, most)
+            landing = self._landing(system, outside, start, n_max)
         if not isinstance(landing, Landing):
             return landing.steps
         self._sample_jump(landing, outside)
-        full = landing.n == most
+        full = landing.n == n_max
         n = self._ends_after(landing.n)
         end = state.step + n
         if n:
@@ -299,14 +299,14 @@ class HybridRun(Run):
 
         Return the number of steps until the next attempt.
         """
-        state, most = self.state, self._piece_ends(last) - self.state.step
+        state, n_max = self.state, self._piece_ends(last) - self.state.step
         landing = None
         self.made["attempts"] += 1
-        if most > 0:
+        if n_max > 0:
             held = functools.partial(self.rests.system, state.mode != OPEN)
-            landing = self.creeping.land(state, self._speed(), held, state.step + most)
+            landing = self.creeping.land(state, self._speed(), held, state.step + n_max)
         self.made["slides"] += 1
-        if landing is None or landing.n < min(most, TRY):
+        if landing is None or landing.n < min(n_max, TRY):
             return TRY
         t, s = self._samples(landing.n)
         self.history.add(np.column_stack([t, landing.F_T(s)]))
@@ -326,7 +326,7 @@ class HybridRun(Run):
         system: Linearised,
         outside: Outside,
         start: tuple[np.ndarray, np.ndarray],
-        most: int,
+        n_max: int,
     ) -> Landing | Wait | Stale:
         """Return the end of a jump from the present state, or a reason to wait."""
         state, path = self.state, path_from(system, outside, *start)
@@ -335,7 +335,7 @@ class HybridRun(Run):
         motion = system.split(q - behind, v - slower)
         how = {"dt": state.dt, "accuracy": self.accuracy, "least": self.least}
         jump = Jump(system, outside, path, motion, state.t - state.t_0, **how)
-        landing = jump.land(most)
+        landing = jump.land(n_max)
         self.made["landings"] += jump.predicted
         return landing
 

@@ -221,9 +221,9 @@ class Guard:
         for protocol, first, c in ((top.protocol, self.scene.F_N, 1), (top.T_protocol, 0.0, 0)):
             change = max((abs(value - first) for _, value in protocol), default=0.0)
             parts += change * float(np.abs(state.y[-1, c]).max())
-        changing = [one for one in top.push if not one.ever]
-        most = sum(abs(one.force) + abs(one.at(min(state.t, one.end))) for one in changing)
-        parts += most * float(np.abs(state.y[0, 0]).max())
+        changing = [push for push in top.push if not push.ever]
+        force = sum(abs(push.force) + abs(push.at(min(state.t, push.end))) for push in changing)
+        parts += force * float(np.abs(state.y[0, 0]).max())
         return 2 * parts
 
     def missing(self, curve: pd.DataFrame) -> float:
@@ -245,10 +245,10 @@ class Guard:
             return None
         t_0, G_0, W_0, changes_0 = base
         t_1, G_1, W_1, changes_1 = self.energy(after)
-        driver, most = self.scene.driver, max(G_0, G_1)
-        work = driver.fastest * (t_1 - t_0) * np.sqrt(2 * driver.K * max(most, 0.0))
+        driver, largest = self.scene.driver, max(G_0, G_1)
+        work = driver.fastest * (t_1 - t_0) * np.sqrt(2 * driver.K * max(largest, 0.0))
         work += changes_0 + changes_1
-        if not G_1 - G_0 - (W_1 - W_0) <= work + MARGIN * most + self.rounding:
+        if not G_1 - G_0 - (W_1 - W_0) <= work + MARGIN * largest + self.rounding:
             what = f"the energy grows from {G_0:.3g} J to {G_1:.3g} J, by more than the work done"
             return Trouble(what, *_fastest(after))
         at = folded(self.scene, after.y[:, :2]) if self.finite else None
@@ -294,7 +294,7 @@ def largest_strain(scene: Scene, F_T: float, t_end: float = math.inf) -> float:
     unit = scene.slider.k * scene.slider.l
     if scene.N_z == 1 or scene.prescribed:
         return abs(F_T) / unit
-    times = [0.0, *(one for one in scene.corners if one < t_end)]
+    times = [0.0, *(corner for corner in scene.corners if corner < t_end)]
     times += [t_end] * math.isfinite(t_end)
     load = max(max(map(abs, scene.load_at(t) or (scene.F_N,))) for t in times)
     return max(STRAIN_SHARE * abs(F_T), load / scene.N_x) / unit

@@ -258,7 +258,7 @@ class Ringing:
             s: time, in s.
             which: indices of the modes, shape (m,).
         """
-        self.rates, last = (self.system.rates_at(one, which) for one in (begin, end))
+        self.rates, last = (self.system.rates_at(stiffer, which) for stiffer in (begin, end))
         self.which, self.change = which, (last - self.rates)[which] / s
         self.growth = self.system.stepped((self.rates + last) / 2)
 
@@ -319,12 +319,12 @@ class Jump:
         self.bound = system.bound * math.sqrt(motion.energy)
         self.bend, self.predicted = path.q[2], 0
 
-    def land(self, most: int) -> Landing | Wait | Stale:
-        """Return the end of the jump after at most `most` steps, or how long to wait."""
-        finite, first, n = self.system.solver.geometry == "finite", self.path, most
+    def land(self, n_max: int) -> Landing | Wait | Stale:
+        """Return the end of the jump after at most `n_max` steps, or how long to wait."""
+        finite, first, n = self.system.solver.geometry == "finite", self.path, n_max
         for round_ in range(ROUNDS):
             self.predicted += 1
-            n = self._longest(most)
+            n = self._longest(n_max)
             if isinstance(n, Wait):
                 return n
             s = n * self.dt
@@ -345,7 +345,9 @@ class Jump:
                 size = float(np.abs(wrong).max())
                 error = size * self.system.contraction**2 + self._rung(shift / s)
                 self.path = bent
-            then, least = (self.system.strengthened(self.age + one, gaps)[0] for one in (s, 0.0))
+            then, least = (
+                self.system.strengthened(self.age + later, gaps)[0] for later in (s, 0.0)
+            )
             if error <= CORRECTED * self.accuracy and (least > 0).all():
                 if not alive.size:
                     defect = 0.0
@@ -363,7 +365,7 @@ class Jump:
         self.path = first  # the corrections do not converge over so long a path
         return self.land(n // 2) if n // 2 > self.least else Wait(self.least)
 
-    def _longest(self, most: int) -> int | Wait:
+    def _longest(self, n_max: int) -> int | Wait:
         """Return the number of steps until just before a gap function may reach zero."""
         ringing = self.ringing
         *polynomial, waves = self.system.strengthened(self.age, *self.path.gaps, ringing.gaps)
@@ -375,9 +377,9 @@ class Jump:
         waves = np.column_stack([waves, -self.bound])
         rates = np.append(ringing.growth, -self.system.decay)
         c, slope, bend = polynomial
-        s = first_crossing(c, slope, waves, rates, most * self.dt, self.dt, bend)
-        n = min(math.floor(s / self.dt), most)
-        return Wait(max(n + 1, self.least)) if n < min(most, self.least) else n
+        s = first_crossing(c, slope, waves, rates, n_max * self.dt, self.dt, bend)
+        n = min(math.floor(s / self.dt), n_max)
+        return Wait(max(n + 1, self.least)) if n < min(n_max, self.least) else n
 
     def _left(self, s: float) -> float:
         """Return the expected change of the gap functions by the truncated part at s (s), in N.
@@ -390,14 +392,14 @@ class Jump:
         spread = 1 + 2 * max(self.motion.decay - fade, 0.0) * s
         return float(np.abs(self.motion.gaps).max()) * math.exp(-fade * s) / math.sqrt(spread)
 
-    def _wait(self, times: float, decay: float, most: float = LONGEST) -> Wait:
+    def _wait(self, times: float, decay: float, longest: float = LONGEST) -> Wait:
         """Return the wait until a motion has fallen by a factor `times` at the rate `decay` (1/s).
 
-        The wait is at most `most` steps, the length of the refused jump. At its end another jump
+        The wait is at most `longest` steps, the length of the refused jump. At its end another jump
         may be possible.
         """
         steps = math.log(times) / (decay * self.dt) if decay > 0 and times < math.inf else 0.0
-        return Wait(math.ceil(max(min(steps, most), self.least)))
+        return Wait(math.ceil(max(min(steps, longest), self.least)))
 
     def _late(self, s: float, alive: np.ndarray) -> float:
         """Return the change of the gap functions at s (s) by errors of rates, in N."""

@@ -212,7 +212,7 @@ class Options:
 
     def given(self) -> dict[str, Any]:
         """Return the options that differ from their defaults."""
-        values = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
+        values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         return {name: value for name, value in values.items() if value != getattr(Options, name)}
 
     def on(self, scene: Scene) -> Options:

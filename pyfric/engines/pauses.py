@@ -73,12 +73,14 @@ def pause_notes(record: Record) -> tuple[str, ...]:
     The episodes of slip are only joined again into events; no static state is solved.
     """
     t_gap = record.method.t_gap
-    half, here, twice = (count_main(record.episodes, factor * t_gap) for factor in (0.5, 1.0, 2.0))
-    if max(abs(half - here), abs(twice - here)) <= 1:
+    half, default, twice = (
+        count_main(record.episodes, factor * t_gap) for factor in (0.5, 1.0, 2.0)
+    )
+    if max(abs(half - default), abs(twice - default)) <= 1:
         return ()
     return (
         f"{record.method.engine}: the number of main events depends on the longest pause "
-        f"inside an event: {half}, {here} and {twice} with t_gap = {t_gap / 2:g}, {t_gap:g} and "
+        f"inside an event: {half}, {default} and {twice} with t_gap = {t_gap / 2:g}, {t_gap:g} and "
         f"{2 * t_gap:g} s",
     )
 
@@ -142,8 +144,8 @@ def coarser(scene: Scene) -> Scene:
     n = math.gcd(N_x - 1, N_z - 1, scene.j_h, scene.j_h_top)
     for q in range(2, n + 1):
         n_x, n_z = (N_x - 1) // q, (N_z - 1) // q
-        few = (n_x + 1) * (n_z + 1) <= BLOCKS and n_x < COLUMNS
-        if n % q == 0 and few and n_x >= 2:
+        small_enough = (n_x + 1) * (n_z + 1) <= BLOCKS and n_x < COLUMNS
+        if n % q == 0 and small_enough and n_x >= 2:
             slider = dataclasses.replace(
                 scene.slider, l=scene.slider.l * q, eta=scene.eta, damping=None
             )
@@ -172,8 +174,8 @@ def _coarser_chain(scene: Scene) -> Scene:
         for value in (top.p, top.tau)
     )
     interface = scene.interface_on(N)
-    most = (1 - 1e-12) * np.asarray(interface.mu_s) * p
-    tau = np.clip(tau, -most, most)
+    strength = (1 - 1e-12) * np.asarray(interface.mu_s) * p
+    tau = np.clip(tau, -strength, strength)
     top = dataclasses.replace(top, p=tuple(p), tau=tuple(tau), k_top=top.k_top * q)
     slider = dataclasses.replace(
         slider, l=slider.L / (N - 1), k=slider.k / q, eta=scene.eta / q, damping=None

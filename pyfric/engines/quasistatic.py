@@ -473,11 +473,11 @@ def _warn_if_ambiguous(contact: Contact) -> None:
     mu, found = contact.law.mean.mu_k, contact.definiteness_of_sliding()
     if found >= LEAST_DEFINITENESS:
         return
-    most = mu * (1 - LEAST_DEFINITENESS) / (1 - found)  # the definiteness falls linearly in mu
+    sure = mu * (1 - LEAST_DEFINITENESS) / (1 - found)  # the definiteness falls linearly in mu
     warnings.warn(
         f"mu = {mu:g}: the solution may not be the only one. If all blocks slip one way, the "
         f"definiteness of the slip operator is {found:.3g}, below {LEAST_DEFINITENESS:g}. The "
-        f"curve ends where a second solution appears. Up to mu = {most:.3g} the solution is unique",
+        f"curve ends where a second solution appears. Up to mu = {sure:.3g} the solution is unique",
         RuntimeWarning,
         stacklevel=3,
     )

@@ -125,12 +125,12 @@ def force_to_come(scene: Scene, t: float, t_end: float) -> float:
 
     It is inf if other loads change.
     """
-    later = [one for one in scene.corners if t < one < t_end]
+    later = [corner for corner in scene.corners if t < corner < t_end]
     ramp = any(scene.piece(what, t).slope for what in ("F_N", "T"))
     if (scene.load_at(t) is not None or scene.top.push) and (later or ramp):
         return math.inf
     turns = [leg.t_end for leg in scene.legs(t_end) if leg.t_end > t]
-    ways = [scene.drive(one) - scene.drive(t) for one in (*later, *turns, t_end)]
+    ways = [scene.drive(t_1) - scene.drive(t) for t_1 in (*later, *turns, t_end)]
     return scene.driver.K * max(map(abs, ways))
 
 

@@ -160,7 +160,7 @@ def _beyond(errors: Errors) -> bool:
 
 
 def _with(record: Record, errors: Errors, notes: list[str]) -> Record:
-    if errors.verdict and (errors.holds is False or not errors.holds and errors.until is None):
+    if errors.verdict and (errors.holds is False or (not errors.holds and errors.until is None)):
         notes = [*notes, errors.verdict]
     record = dataclasses.replace(record, errors=errors, notes=(*record.notes, *notes))
     return record.with_late_columns()  # it may have been a reference run

@@ -256,19 +256,19 @@ class Contact(States):
         Raises:
             EquilibriumError: the iteration does not end, or no block supports the slider.
         """
-        most = CHANGES * self.N_x
-        for n in range(most):
+        n_max = CHANGES * self.N_x
+        for n in range(n_max):
             now = self.values()
             found = unmet(now)
             if found is None:
                 return
             worst = found.by >= max(found.by.max() - found.least, found.least)
-            which = np.flatnonzero(worst if n < most // 2 else found.by > found.least)
-            which = which if n < most // 2 else which[:1]
+            which = np.flatnonzero(worst if n < n_max // 2 else found.by > found.least)
+            which = which if n < n_max // 2 else which[:1]
             self._lifts[which] += found.mode[which] == OPEN
             self.put(which, found.mode[which], found.u_x[which])
             yield now
-        raise EquilibriumError("contact states do not settle", np.nan, self.tol, most)
+        raise EquilibriumError("contact states do not settle", np.nan, self.tol, n_max)
 
     def hold_at(self, u_x: np.ndarray, free: np.ndarray) -> Values:
         """Find the state in which blocks in contact are held at u_x (m).
@@ -335,9 +335,9 @@ class Contact(States):
                 ahead = np.full(self.N_x, np.inf)
                 np.divide(np.maximum(margin, 0.0), -slope, out=ahead, where=falls)
                 i = int(np.argmin(ahead))
-                there = self.way * self.drive + float(ahead[i])
-                if there < best[0]:
-                    best = there, i, mode
+                reached = self.way * self.drive + float(ahead[i])
+                if reached < best[0]:
+                    best = reached, i, mode
         return self.way * best[0], best[1], best[2]
 
     def small_rate(self, rate: Values) -> float:

@@ -109,8 +109,8 @@ def condense(scene: Scene) -> Condensed:
     edges = [*range(0, 2 * N_x * N_z, 2 * N_x), n]
     A, G = stiff[edges[-2] :, edges[-2] :].toarray(), r[edges[-2] :]
     for j in range(N_z - 2, -1, -1):
-        here, above = slice(edges[j], edges[j + 1]), slice(edges[j + 1], edges[j + 2])
-        B = stiff[above, here]
+        row, above = slice(edges[j], edges[j + 1]), slice(edges[j + 1], edges[j + 2])
+        B = stiff[above, row]
         _, solved, failed = dposv(
             A, np.column_stack([B.toarray(), G]), overwrite_a=1, overwrite_b=1
         )
@@ -120,6 +120,6 @@ def condense(scene: Scene) -> Condensed:
         c -= G[:, 4:].T @ to_G
         BT = B.T.tocsr()
         half = BT @ to_B
-        A = stiff[here, here].toarray() - (half + half.T) / 2
-        G = r[here] - BT @ to_G
+        A = stiff[row, row].toarray() - (half + half.T) / 2
+        G = r[row] - BT @ to_G
     return Condensed(A, G[:, :4], np.zeros(4), G[:, 4:], -c[:, :4], -c[:, 4:])

@@ -197,7 +197,7 @@ class Creep:
 
     def on(self, path: list[Point], drive: float) -> Point | None:
         """Return the state at a driver position within a path, or None if it is not found."""
-        near = max((one for one in path if one.drive <= drive), key=lambda one: one.drive)
+        near = max((point for point in path if point.drive <= drive), key=lambda point: point.drive)
         for _ in range(2):  # the slope of the law changes at knots
             self.look(near.u_x)
             found = self.at(drive, near)
@@ -257,8 +257,8 @@ class Creep:
         self.u_x = point.u_x.copy()
         self.way[i], self.clock[i] = way, -way * point.u_x[i]
         self.cell[i] = len(self._x) - 1 if self.d_c[i] == 0 else 0
-        most = of(self.law.mu_s, i)
-        if way and most - self.friction(point.u_x)[0][i] > ENOUGH * most:
+        strongest = of(self.law.mu_s, i)
+        if way and strongest - self.friction(point.u_x)[0][i] > ENOUGH * strongest:
             return None
         return self.at(point.drive, point)
 
@@ -299,11 +299,11 @@ class Creep:
             middle = (low.drive + high) / 2
             if change.block >= 0 and n % 4 < 3:  # secant steps; every fourth is a bisection
                 row = WHAT.index(change.what)
-                here, there = (
-                    one.margins[row, change.block] + self.small[row] for one in (low, at)
+                begin, end = (
+                    point.margins[row, change.block] + self.small[row] for point in (low, at)
                 )
-                if here > there:  # otherwise it is violated at the start, too
-                    middle = low.drive + max(here, 0.0) / (here - there) * (high - low.drive)
+                if begin > end:  # otherwise it is violated at the start, too
+                    middle = low.drive + max(begin, 0.0) / (begin - end) * (high - low.drive)
             middle = min(max(middle, low.drive + close), max(high - close, low.drive + close / 2))
             found = self.at(middle, low)
             wrong = self.wrong(found, fastest)

@@ -92,7 +92,7 @@ def bonds(scene: Scene) -> Bonds:
     pairs = inside + _over_walls(scene, index)
     size = [len(a) for a, *_ in pairs]
     a, b = (np.concatenate(ends) for ends in list(zip(*pairs, strict=True))[:2])
-    dx, dz, factor = np.repeat(np.array([one[2] for one in pairs]), size, axis=0).T
+    dx, dz, factor = np.repeat(np.array([pair[2] for pair in pairs]), size, axis=0).T
     image = np.arange(len(a)) >= sum(size[: len(inside)])
     share = np.where(image & (a == b), 0.5, 1.0)
     if scene.prescribed:  # within a row or a column of half blocks

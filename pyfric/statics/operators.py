@@ -33,8 +33,8 @@ def coordinates(scene: Scene) -> sp.csr_array:
     if not scene.rigid:
         return sp.eye_array(n, format="csr")
     below = n - 2 * N_x
-    one = np.ones(N_x)
-    top = one[:, None], np.column_stack([one, scene.x])
+    ones = np.ones(N_x)
+    top = ones[:, None], np.column_stack([ones, scene.x])
     return sp.block_diag([sp.eye_array(below), *top]).tocsr()
 
 

@@ -96,8 +96,8 @@ def stretches(scene: Scene, drive_0: float, t_end: float) -> list[Stretch]:
     load = scene.F_N, scene.top.T
     times = sorted({0.0, *scene.corners})
     pieces = [  # of V, cut at all corners
-        one._replace(t=t, value=one.at(t), integral=one.integral_at(t))
-        for t, one in zip(times, (scene.piece("V", t) for t in times), strict=True)
+        piece._replace(t=t, value=piece.at(t), integral=piece.integral_at(t))
+        for t, piece in zip(times, (scene.piece("V", t) for t in times), strict=True)
     ]
     for leg in legs(pieces, t_end):
         F_N, T = (scene.piece(what, leg.t) for what in ("F_N", "T"))
@@ -106,14 +106,14 @@ def stretches(scene: Scene, drive_0: float, t_end: float) -> list[Stretch]:
         far, drive = max(map(abs, jump)) / K, drive_0 + scene.drive(leg.t)
         if far > ROUNDING * scene.F_N / K:
             at_once = Leg(leg.t, leg.t, 0.0, far, 1, float("inf"), 0.0)
-            route = Route(drive, 0.0, load, tuple(one / far for one in jump))
+            route = Route(drive, 0.0, load, tuple(change / far for change in jump))
             found.append(Stretch(at_once, 0.0, route))
         load = now
         if any(gain):
-            pace, T_end = max(abs(leg.value), *(abs(one) / K for one in gain)), leg.t_end - leg.t
-            there = Leg(leg.t, leg.t_end, 0.0, pace * T_end, 1, pace, 0.0)
-            route = Route(drive, leg.value / pace, now, tuple(one / pace for one in gain))
-            found.append(Stretch(there, 0.0, route))
+            pace = max(abs(leg.value), *(abs(slope) / K for slope in gain))
+            whole = Leg(leg.t, leg.t_end, 0.0, pace * (leg.t_end - leg.t), 1, pace, 0.0)
+            route = Route(drive, leg.value / pace, now, tuple(slope / pace for slope in gain))
+            found.append(Stretch(whole, 0.0, route))
             load = F_N.at(leg.t_end), T.at(leg.t_end)
         else:
             found.append(Stretch(leg, drive_0, Route(0.0, 1.0, now)))

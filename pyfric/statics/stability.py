@@ -76,12 +76,12 @@ def least_limit(stepper: Stepper, eigenvalues: np.ndarray) -> tuple[float, int]:
         stepper: a stepper with R(z) (`Stepper.growth`).
         eigenvalues: in 1/s, or over any unit, which is that of the inverse limit.
     """
-    z, most = np.minimum(eigenvalues.real, 0.0) + 1j * np.abs(eigenvalues.imag), 1 + stepper.grows
+    z = np.minimum(eigenvalues.real, 0.0) + 1j * np.abs(eigenvalues.imag)
     moving = np.flatnonzero(z)
     size, ray = np.abs(z[moving]), np.exp(1j * np.angle(z[moving]))
 
     def stable(s: np.ndarray, which: np.ndarray) -> np.ndarray:
-        return np.abs(stepper.growth(s * ray[which])) <= most
+        return np.abs(stepper.growth(s * ray[which])) <= 1 + stepper.grows
 
     low = np.where(stable(np.full(ray.shape, 2.0), np.arange(len(ray))), 2.0, 0.0)
     limit, found = _least_end(stable, low, np.full(ray.shape, 4.0), size)
@@ -95,9 +95,10 @@ def _least_pair(stepper: Stepper, omega: np.ndarray, gamma: np.ndarray) -> tuple
         return least_limit(stepper, -half - np.sqrt((half**2 - omega**2).astype(complex)))
 
     def stable(h: np.ndarray, which: np.ndarray) -> np.ndarray:
-        W, g, one, nil = (h * omega[which]) ** 2, h * gamma[which], np.ones(h.shape), 0.0 * h
+        W, g, unit, zero = (h * omega[which]) ** 2, h * gamma[which], np.ones(h.shape), 0.0 * h
         (uu, pu), (up, pp) = (
-            stepper.step(lambda u, p: -W * u - g * p, *start) for start in ((one, nil), (nil, one))
+            stepper.step(lambda u, p: -W * u - g * p, *start)
+            for start in ((unit, zero), (zero, unit))
         )
         trace, det = uu + pp, uu * pp - up * pu
         fine = (np.abs(trace) <= 1 + det) & (det <= 1)
@@ -161,7 +162,7 @@ def _reduced(scene: Scene) -> Scene:
     moment of inertia. Frequencies of the rod then keep their size. Loads, speeds and friction do
     not matter to the limit: scenes that differ in nothing else have the same small scene.
     """
-    n_x, n_z = (min(n, most) for n, most in zip((scene.N_x, scene.N_z), _REDUCED, strict=True))
+    n_x, n_z = np.minimum((scene.N_x, scene.N_z), _REDUCED).tolist()
     if (n_x, n_z) == (scene.N_x, scene.N_z):
         return scene
     j_h, j_h_top = (
@@ -258,21 +259,21 @@ def _eigenvalues(scene: Scene, on: float) -> tuple[np.ndarray, ...]:
     """Return the eigenvalues of motion with the matrices of `_matrices`; steppers share them."""
     found = []
     for K, C in _matrices(scene, on):
-        nil, one = np.zeros(K.shape), np.eye(len(K))
-        found.append(np.linalg.eigvals(np.block([[nil, one], [-K, -C]])))
+        zero, unit = np.zeros(K.shape), np.eye(len(K))
+        found.append(np.linalg.eigvals(np.block([[zero, unit], [-K, -C]])))
     return tuple(found)
 
 
 def _map_limit(stepper: Stepper, K: np.ndarray, C: np.ndarray, enough: float) -> float:
     """Return the largest stable step for u'' = -K u - C u', inf if above `enough`."""
     n = len(K)
-    one, nil = np.eye(n), np.zeros((n, n))
+    unit, zero = np.eye(n), np.zeros((n, n))
 
     def stable(h: float) -> bool:
         u, p = stepper.step(
             lambda u, p: -(h * h) * (K @ u) - h * (C @ p),
-            np.hstack([one, nil]),
-            np.hstack([nil, one]),
+            np.hstack([unit, zero]),
+            np.hstack([zero, unit]),
         )
         return bool(np.abs(np.linalg.eigvals(np.vstack([u, p]))).max() <= 1 + ROUNDED)
 

@@ -73,10 +73,10 @@ def check_pushes(scene: Scene, solver: StaticSolver) -> None:
     """
     if not (scene.top.push and scene.law.rests) or isinstance(scene.top, PrescribedLoad):
         return  # those of a prescribed interface are checked with the scene
-    known = {t: _at_rest(scene, t, solver) for t in {one.begin for one in scene.top.push}}
-    for one in scene.top.push:
-        if known[one.begin] is not None:
-            check_push(scene, one, *known[one.begin])
+    known = {t: _at_rest(scene, t, solver) for t in {push.begin for push in scene.top.push}}
+    for push in scene.top.push:
+        if known[push.begin] is not None:
+            check_push(scene, push, *known[push.begin])
 
 
 def _patch(scene: Scene, x: float, length: float) -> list[int]:
@@ -85,8 +85,8 @@ def _patch(scene: Scene, x: float, length: float) -> list[int]:
     last = (scene.N_x - 1) * l
     if not x <= last * (1 + 1e-12):
         raise SceneError("x", x, "m", f"0 to {last!r} m", "outside the interface")
-    most = length / 2 + 1e-9 * l
-    blocks = [n for n in range(1, scene.N_x + 1) if abs((n - 1) * l - x) <= most]
+    reach = length / 2 + 1e-9 * l
+    blocks = [n for n in range(1, scene.N_x + 1) if abs((n - 1) * l - x) <= reach]
     if not blocks:
         raise SceneError("length", length, "m", f"at least {l!r} m", "no block lies inside")
     return blocks

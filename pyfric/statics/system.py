@@ -207,7 +207,8 @@ class System:
 
     def largest_turn(self, q: np.ndarray) -> float:
         """Return the largest relative displacement of the ends of a bond, over l."""
-        return float(max(np.abs(one).max() for one in self.elongations(q))) / self.scene.slider.l
+        longest = max(np.abs(bonds).max() for bonds in self.elongations(q))
+        return float(longest) / self.scene.slider.l
 
     def stiffened(self, shape: np.ndarray, stiffer: np.ndarray) -> np.ndarray:
         """Return the forces (n_q,) of a shape (n_q,) by changes of bond stiffness, (3, n_bonds)."""

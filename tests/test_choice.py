@@ -225,7 +225,7 @@ def test_open_blocks():
 
 
 def test_little_viscosity():
-    found = plan(small(eta=0.0, V=1.6e-3), tolerance=0.1, t_end=0.75)
+    found = plan(small(eta=0.0, V=8e-3), tolerance=0.1, t_end=0.15)
     assert found.fidelity == "dynamic"
     assert RELAXES in rejected("quasi-static", found)
     assert "spares too little" in rejected("hybrid", found)

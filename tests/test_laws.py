@@ -261,6 +261,20 @@ def test_refusals_name_knot_and_value():
             with_law(scene, law=law())
 
 
+@pytest.mark.parametrize(
+    ("table", "function", "text"),
+    [
+        ("hold", lambda t: "x", r"interface\.law\.hold = 'x': the function at 0 s: a number is .*"),
+        ("age", lambda t: math.inf, r"interface\.law\.age = inf: the function at 0 s: not a finite"),
+        ("slide", lambda s: s > 0.3 or None, r"interface\.law\.slide: the function at 0 m: a num.*"),
+        ("speed", lambda v: float(v > 0.3), r"interface\.law\.speed = <.*: below .* m/s: it jumps.*"),
+    ],
+)
+def test_refusals_of_functions_name_the_field(table, function, text):
+    with pytest.raises(SceneError, match=f"^{text}.*; allowed: "):
+        laws.TabulatedLaw.of(**{table: (function, 1.0)})
+
+
 def test_a_law_of_ones_own_takes_ten_lines():
     """The page's own code."""
     page = (Path(__file__).parents[1] / "docs" / "laws.md").read_text(encoding="utf-8")

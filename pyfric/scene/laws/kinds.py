@@ -93,7 +93,7 @@ class Table:
         return self
 
 
-def sampled(function: Callable[[float], float], end: float) -> Table:
+def sampled(function: Callable[[float], float], end: float, unit: str = "") -> Table:
     """Return a table that follows a function on [0, end].
 
     Intervals are halved until the chord is close to the function at their quarters. The allowed
@@ -102,14 +102,17 @@ def sampled(function: Callable[[float], float], end: float) -> Table:
     Args:
         function: a function of one number.
         end: end of the table, in the unit of the argument.
+        unit: this unit, for messages.
 
     Raises:
-        SceneError: a value is not a finite number, or more than `MAX_KNOTS` would be needed.
+        SceneError: a value is not a finite number, or more than `MAX_KNOTS` would be needed. It
+            does not name the field.
     """
     end = check_number("end", end, "", gt=0.0)
 
     def value(x: float) -> float:
-        return check_number(f"the law at {x:.6g}", function(x), "")
+        with naming(where=f"the function at {x:.6g} {unit}".rstrip()):
+            return check_number("", function(x), "")
 
     coarse = [value(end * n / 16) for n in range(17)]
     allowed = CLOSE * (max(coarse) - min(coarse))
@@ -122,8 +125,8 @@ def sampled(function: Callable[[float], float], end: float) -> Table:
             for share in (0.25, 0.5, 0.75)
         )
         if off > allowed and len(x) + len(todo) > MAX_KNOTS:
-            reason = "it jumps, or is too rough"
-            raise SceneError("law", b, "", f"a function that {MAX_KNOTS} knots can follow", reason)
+            reason = f"below {b:.6g} {unit}".rstrip() + ": it jumps, or is too rough"
+            raise SceneError("", function, "", f"what {MAX_KNOTS} knots can follow", reason)
         if off > allowed:
             todo += [((a + b) / 2, b), (a, (a + b) / 2)]
         else:

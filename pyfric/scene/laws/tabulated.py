@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
 from pyfric.scene.checked import NotNegative, from_entries
-from pyfric.scene.errors import SceneError, unknown
+from pyfric.scene.errors import SceneError, naming, unknown
 from pyfric.scene.laws.columns import Measured, from_csv
 from pyfric.scene.laws.kinds import (
     UNITS,
@@ -192,7 +192,9 @@ def _made(name: str, source: Source) -> Table:
     if isinstance(source, str | Path):
         return from_csv(source, field, unit)
     if not (isinstance(source, tuple | list) and len(source) == 2 and callable(source[0])):
-        allowed = "a CSV file, a function with the end of its table, or a Measured curve"
+        allowed = f"a CSV file, a function with the end of its table in {unit}, or a Measured curve"
         raise SceneError(field, source, "", allowed)
     function, end = source
-    return sampled(function, check_number(f"{field}.end", end, unit, gt=0.0))
+    end = check_number(f"{field}.end", end, unit, gt=0.0)
+    with naming(field):
+        return sampled(function, end, unit)

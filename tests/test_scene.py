@@ -216,8 +216,10 @@ def test_a_whole_part_is_taken_as_it_is(name, part):
 @pytest.mark.parametrize("name", ["law", "interface.law"])
 def test_the_table_of_a_law_replaces_the_coefficients_of_a_preset(name):
     law = TabulatedLaw(slip=[0.0, 1e-6], mu=[0.6, 0.45])
-    interface = preset("run1", {name: law}).interface
-    assert (interface.mu_s, interface.mu_k) == (0.6, 0.45)
+    for changes in ({name: law}, {name: law, "mu_s": 0.6}, {name: law, "interface.mu_k": 0.45}):
+        interface = preset("run1", changes).interface
+        assert (interface.mu_s, interface.mu_k) == (0.6, 0.45)
+    assert preset("run2", mu_s=0.6).interface == Interface(mu_s=0.6, mu_k=0.3)
 
 
 def test_numpy_and_integer_scalars_become_plain_floats():

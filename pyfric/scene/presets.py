@@ -310,10 +310,7 @@ class Preset(NamedTuple):
     def __call__(self, changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
         """Return the scene with changes; see `preset`."""
         given = joined(changes, fields)
-        law = given.get("law", given.get("interface.law"))
-        ends = isinstance(law, FrictionLaw) and law.ends() is not None  # it holds mu_s and mu_k
-        taken = {*given, *(("mu_s", "mu_k") if ends else ())}
-        own = {n: v for n, v in self.values.items() if taken.isdisjoint(_named(n))}
+        own = {n: v for n, v in self.values.items() if given.keys().isdisjoint(_named(n))}
         return self.setup(own | given)
 
 
@@ -328,8 +325,8 @@ PRESETS: MappingProxyType[str, Preset] = MappingProxyType(
         name: Preset(setup, {"name": name} | values, about)
         for name, setup, values, about in (
             ("fig1", setup1, {}, "Figs 1, 3 and 4(a) of the paper: setup 1"),
-            ("run1", setup1, {"interface.mu_s": 0.5, "interface.mu_k": 0.2}, "run 1 of Fig. 4(b)"),
-            ("run2", setup1, {"interface.mu_s": 0.55, "interface.mu_k": 0.3}, "run 2 of Fig. 4(b)"),
+            ("run1", setup1, {"interface": Interface(mu_s=0.5, mu_k=0.2)}, "run 1 of Fig. 4(b)"),
+            ("run2", setup1, {"interface": Interface(mu_s=0.55, mu_k=0.3)}, "run 2 of Fig. 4(b)"),
             ("run3", setup1, {"driver.h": 7.5e-3}, "run 3 of Fig. 4(b): pushed at 7.5 mm"),
             (
                 "run4",

@@ -15,7 +15,7 @@ from helpers import refused, small
 import pyfric
 from pyfric.cli.commands import main
 from pyfric.figures import phase_map, save_figure
-from pyfric.scene import Scene, chain
+from pyfric.scene import Scene, chain, preset
 from pyfric.sweeps import Job, chain_job, phase_diagram, phases
 from pyfric.theory import chain_prestress, chain_speed
 
@@ -170,7 +170,7 @@ def test_a_phase_diagram_of_the_chain(tmp_path):
 def test_the_two_numbers_of_the_chain_go_by_their_names():
     """They were taken in their order: alpha for tau_bar."""
     axes = ("tau_bar", [0.2, 0.3]), ("alpha", [2.0, 3.0])
-    job, *_ = phases._jobs(None, *axes, None, None)
+    job, *_ = phases._jobs(None, *axes, None, None, None)
     assert job(0.2, 3.0).scene == chain_job(alpha=3.0, tau_bar=0.2).scene
 
 
@@ -205,6 +205,24 @@ def test_a_phase_diagram_of_any_scene(tmp_path):
 
 
 @pytest.mark.slow
+def test_a_phase_diagram_of_a_named_preset(monkeypatch, tmp_path):
+    """Each point is the preset with these values, so that k follows from l; so by command."""
+    asked = []
+    monkeypatch.setattr(phases, "run_all", lambda jobs, **_: asked.append(jobs) or 1 / 0)
+    values, given = [2.5e-3, 5e-3], {"mu_s": 0.6}
+    axes = {"x": ("l", values), "y": ("L", [0.07, 0.14])}
+    expected = [preset("chain", given, l=l, L=L) for l in values for L in (0.07, 0.14)]
+    command = ["phase-diagram", "chain", "--set", "mu_s=0.6", "--t-end", "1 ms", "--x"]
+    command += ["l=2.5e-3:5e-3:2", "--y", "L=0.07:0.14:2", "--out", str(tmp_path)]
+    with pytest.raises(ZeroDivisionError):
+        phase_diagram("chain", **axes, t_end=1e-3, changes=given)
+    CliRunner().invoke(main, command)
+    assert [[job.scene for job in jobs] for jobs in asked] == [expected, expected]
+    done = CliRunner().invoke(main, [*command, "--set", "L=0.1"])
+    assert (done.exit_code, "given twice" in done.output) == (2, True)
+    refused(lambda: phase_diagram(changes=given), "changes", "their own")
+
+
 def test_a_phase_diagram_with_points_at_which_nothing_slips(tmp_path):
     found = phase_diagram(
         small(h=2.5e-3),

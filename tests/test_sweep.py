@@ -21,7 +21,7 @@ from pyfric.cli.commands import main
 from pyfric.engines import Options, RunError
 from pyfric.planning import simulate
 from pyfric.record import Record, analysis
-from pyfric.scene import SceneError, Spread, laws
+from pyfric.scene import SceneError, Spread, laws, preset
 from pyfric.sweeps import Job, Span, Sweep, runs, sweep
 
 OPTIONS = Options(fidelity="quasistatic")
@@ -67,6 +67,23 @@ def test_a_grid_takes_all_combinations():
     expected = [(h, t) for h in (2.5e-3, 5e-3) for t in (1e-3, 2e-3, 3e-3)]
     assert list(found.rows.itertuples(index=False, name=None)) == expected
     assert [(job.scene.driver.h, job.t_end) for job in found.jobs] == expected
+
+
+@pytest.mark.parametrize("name", ["fig1", "chain", "slow", "run1"])
+def test_a_named_preset_is_made_at_each_point(name, tmp_path):
+    """What follows from l, L or k in a preset follows at each point; a scene changes as it is."""
+    over = {"l": ["5 mm", 2.5e-3], "slider.L": [0.07]} | ({"k": [1e7]} if name == "slow" else {})
+    grid = dataclasses.replace(swept(scene=name, over=over, options={}), t_end=1e-3)
+    values = grid.rows.to_dict("records")
+    assert [job.scene for job in grid.jobs] == [preset(name, row) for row in values]
+    document = {"scene": name, "t_end": "1 ms", "over": {"l": ["5 mm", "2.5 mm"]}}
+    (tmp_path / "sweep.toml").write_text(tomli_w.dumps(document))
+    of_file = Sweep.from_toml(tmp_path / "sweep.toml")
+    assert [job.scene for job in of_file.jobs] == [preset(name, l=l) for l in (5e-3, 2.5e-3)]
+    as_it_is = swept(scene=preset(name), over=over, options={})
+    assert [job.scene for job in as_it_is.jobs] == [preset(name).replace(row) for row in values]
+    assert {job.key for job in grid.jobs}.isdisjoint(job.key for job in as_it_is.jobs)
+    assert grid != as_it_is
 
 
 def test_a_list_goes_through_all_fields_at_once_and_so_do_the_rows_of_a_frame():

@@ -115,7 +115,14 @@ def scene_of(name: str, changes: tuple[str, ...]) -> Scene:
     Raises:
         SceneError: no such preset or file, or a name or value is refused.
     """
-    from pyfric.scene import as_scene, once, spoken
+    from pyfric.scene import as_scene
+
+    return as_scene(name, changes_of(changes))
+
+
+def changes_of(changes: tuple[str, ...]) -> dict[str, Any]:
+    """Return the names and values of --set."""
+    from pyfric.scene import once, spoken
 
     values = []
     for change in changes:
@@ -123,7 +130,7 @@ def scene_of(name: str, changes: tuple[str, ...]) -> Scene:
         if not (key and equals):
             raise click.UsageError(f"--set {change}: write KEY=VALUE, such as 'h=7.5 mm'.")
         values.append((key, text if key == "name" else spoken(text)))
-    return as_scene(name, once(values))
+    return once(values)
 
 
 def record_of(path: str) -> Record:

@@ -27,6 +27,7 @@ import pandas as pd
 from pyfric.engines import Options
 from pyfric.record import SLOW, Record, pace_limits
 from pyfric.scene import (
+    PRESETS,
     SceneError,
     SceneLike,
     as_scene,
@@ -34,6 +35,7 @@ from pyfric.scene import (
     check_number,
     check_whole,
     full_name,
+    once,
     scene_fields,
 )
 from pyfric.signals import at_once
@@ -161,6 +163,7 @@ def phase_diagram(
     label: Callable[[Record], Hashable] | Labels | None = None,
     t_end: float | None = None,
     options: Options | Mapping[str, Any] | None = None,
+    changes: Mapping[str, Any] | None = None,
     lines: bool = True,
     tolerance: float = 1e-3,
     cache: Cache = True,
@@ -170,7 +173,8 @@ def phase_diagram(
 
     Args:
         scene: a scene, the name of a preset or the path of a scene file, or a function of x and y
-            that returns a `Job`. None means `chain_job`.
+            that returns a `Job`. None means `chain_job`. If a preset is named, each point is
+            `preset(name, values)`, so that what follows from l or L in it follows at each point.
         x, y: each the name of a field, such as "driver.h", and its values, rising. Those of the
             chain are "alpha" and "tau_bar", in either order; None means alpha along x and tau_bar
             along y as in the paper, 20 values each.
@@ -178,6 +182,7 @@ def phase_diagram(
             pace of `Record.rupture_class`, "nothing slipped" without events.
         t_end: end of the runs of a scene, s; None for the chain and for a function.
         options: options of the runs of a scene; None for the chain and for a function.
+        changes: names of other fields of a scene to values; None for the chain and for a function.
         lines: whether to find the lines on which labels change, along y.
         tolerance: largest error of lines, in decades if y is spaced logarithmically, else over the
             range of y.
@@ -190,7 +195,7 @@ def phase_diagram(
     Source: see the module.
     """
     tolerance = check_number("tolerance", tolerance, "", gt=0.0, lt=0.5)
-    job, axes, units = _jobs(scene, x, y, t_end, options)
+    job, axes, units = _jobs(scene, x, y, t_end, options, changes)
     (x_name, xs), (y_name, ys) = axes
     labels = LABELS if label is None else label
     labels = labels if isinstance(labels, Mapping) else {"label": labels}
@@ -264,7 +269,7 @@ def phase_diagram(
 
 
 def _jobs(
-    scene: Any, x: Axis | None, y: Axis | None, t_end: Any, options: Any
+    scene: Any, x: Axis | None, y: Axis | None, t_end: Any, options: Any, changes: Any
 ) -> tuple[Callable[[float, float], Job], tuple[Axis, Axis], tuple[str, str]]:
     """Return the function from x and y to jobs, the axes with checked values, and their units."""
     own = scene is None
@@ -286,21 +291,22 @@ def _jobs(
     if own and set(names) != {"alpha", "tau_bar"}:
         raise SceneError("x, y", names, "", "'alpha' and 'tau_bar', the numbers of the chain")
     if own or callable(scene):
-        for name, value in (("t_end", t_end), ("options", options)):
+        for name, value in (("t_end", t_end), ("options", options), ("changes", changes)):
             if value is not None:
                 raise SceneError(name, value, "", "None without a scene: the jobs have their own")
         chains = lambda a, b: chain_job(**{names[0]: a, names[1]: b})  # noqa: E731
         return chains if own else scene, tuple(checked), ("", "")
-    base = as_scene(scene)
+    base = scene if isinstance(scene, str) and scene in PRESETS else as_scene(scene)
     if t_end is None:
         raise SceneError("t_end", None, "s", "the end of the runs of a scene", "missing")
 
     def job(a: float, b: float) -> Job:
-        changed = base.replace(dict(zip(names, (a, b), strict=True)))
-        return Job(scene=changed, t_end=t_end, options=options or Options())
+        given = once([*(changes or {}).items(), *zip(names, (a, b), strict=True)])
+        return Job(scene=as_scene(base, given), t_end=t_end, options=options or Options())
 
-    fields = scene_fields(base)
-    marks = [fields[full_name(base, name)] for name in names]
+    example = as_scene(base, changes)
+    fields = scene_fields(example)
+    marks = [fields[full_name(example, name)] for name in names]
     return job, tuple(checked), tuple(mark.unit for mark in marks)
 
 

@@ -44,11 +44,11 @@ from pyfric.scene import (
     SceneError,
     SceneLike,
     Written,
+    as_scene,
     check_number,
     check_whole,
     naming,
     parsed,
-    preset,
     unknown,
 )
 from pyfric.sweeps.results import Results
@@ -89,7 +89,9 @@ class Sweep:
     """One scene at many points.
 
     Args:
-        scene: what is varied.
+        scene: what is varied. Of a preset that is named, each point is `preset(name, values)`, so
+            that what follows from l or L in it follows at each point. Of a `Scene` or a file, only
+            the fields in `over` change.
         t_end: time of the end, in s or as "300 ms".
         over: a mapping from names to lists of values, in SI or as "5 mm", or to a `Span`; or a
             DataFrame with a row for each point. Names are fields of a scene file ("driver.h", "h",
@@ -104,7 +106,7 @@ class Sweep:
         SceneError: an argument is refused.
     """
 
-    scene: Scene
+    scene: Scene | str
     t_end: float
     over: dict[str, list[Any] | Span]
     points: Kind
@@ -128,7 +130,8 @@ class Sweep:
         max_GB: float | None = None,
     ) -> None:
         first = Job(scene=scene, t_end=t_end, options=options)
-        vars(self).update(scene=first.scene, t_end=first.t_end, options=first.options)
+        scene = scene if isinstance(scene, str) and scene in PRESETS else first.scene
+        vars(self).update(scene=scene, t_end=first.t_end, options=first.options)
         points = "list" if isinstance(over, pd.DataFrame) else points
         if points not in get_args(Kind):
             raise unknown("points", points, str(points), get_args(Kind))
@@ -151,7 +154,7 @@ class Sweep:
 
     def __repr__(self) -> str:
         fields = ", ".join(self.over)
-        name = self.scene.name or "a scene"
+        name = as_scene(self.scene).name or "a scene"
         return f"Sweep of {name} over {fields}: {self.points}, t_end = {self.t_end:g} s"
 
     _repr_html_ = html
@@ -209,7 +212,7 @@ class Sweep:
         options = {name.removeprefix("options."): values.pop(name) for name in names}
         try:
             options = dataclasses.replace(self.options, **options)
-            job = Job(scene=self.scene.replace(values), t_end=t_end, options=options)
+            job = Job(scene=as_scene(self.scene, values), t_end=t_end, options=options)
             check_run(job.scene, job.options)
             return job
         except SceneError as error:
@@ -306,7 +309,7 @@ def _read(path: Path) -> dict[str, Any]:
     limits, scene = document.pop("limits"), document["scene"]
     _check_keys("limits.", limits, LIMITS)
     if isinstance(scene, str):
-        scene = preset(scene) if scene in PRESETS else Scene.from_toml(folder / scene)
+        scene = scene if scene in PRESETS else Scene.from_toml(folder / scene)
     elif isinstance(scene, dict):
         scene = Scene.from_toml(tomli_w.dumps(scene) + "\n", files=folder)
     else:
@@ -339,7 +342,7 @@ def _check_keys(prefix: str, table: Mapping[str, Any], known: tuple[str, ...]) -
             raise unknown(prefix + key, value, key, known)
 
 
-def _over(table: Mapping[str, Any], scene: Scene, read: Callable[..., Any]) -> dict[str, Any]:
+def _over(table: Mapping[str, Any], scene: SceneLike, read: Callable[..., Any]) -> dict[str, Any]:
     """Return what varies: lists of values and ranges in SI; all else is refused by `Sweep`."""
     over = _flat(table)
     for given, value in over.items():

@@ -14,9 +14,10 @@ from pyfric.engines import Options
 from pyfric.scene import (
     Annotation,
     Quantity,
-    Scene,
     SceneError,
+    SceneLike,
     annotations,
+    as_scene,
     check_number,
     check_whole,
     full_name,
@@ -131,7 +132,7 @@ def drawn(spans: Sequence[Span], kind: str, n: int, seed: int) -> list[list[floa
     return [[span.at(share) for span, share in zip(spans, row, strict=True)] for row in shares]
 
 
-def varied(scene: Scene) -> dict[str, Annotation]:
+def varied(scene: SceneLike) -> dict[str, Annotation]:
     """Return all that may vary, with annotations; those of options are of their numbers only."""
     marks = annotations(Options)
     units = {name: mark.unit for name, mark in marks.items() if isinstance(mark, Quantity)}
@@ -139,14 +140,14 @@ def varied(scene: Scene) -> dict[str, Annotation]:
         f"options.{name}": Quantity(units[name]) if name in units else Annotation()
         for name in OPTIONS
     }
-    return {"t_end": Quantity("s", ge=0.0)} | scene_fields(scene) | options
+    return {"t_end": Quantity("s", ge=0.0)} | scene_fields(as_scene(scene)) | options
 
 
-def full_field(scene: Scene, name: str, values: Any) -> str:
+def full_field(scene: SceneLike, name: str, values: Any) -> str:
     """Return the full name of what varies.
 
     Raises:
         SceneError: there is no such field, or it is in several parts.
     """
     with naming(f"over.{name}"):
-        return full_name(scene, name, values, varied(scene))
+        return full_name(as_scene(scene), name, values, varied(scene))

@@ -14,6 +14,7 @@ from pyfric.cli.shared import (
     SceneName,
     Seconds,
     Tell,
+    changes_of,
     check_folder,
     command_line,
     figure_out_option,
@@ -138,9 +139,9 @@ def phase_diagram(
     check_folder(out)
     if scene is not None:
         how |= {"t_end": t_end, "options": {"stop_when": stop_when or None}}
-    what = None if scene is None else scene_of(scene, changes)
+        how["changes"] = changes_of(changes)
     axes = {side: given and _axis(side, given) for side, given in (("x", x), ("y", y))}
-    found = pyfric.phase_diagram(what, **axes, progress=tell.progress, **how)
+    found = pyfric.phase_diagram(scene, **axes, progress=tell.progress, **how)
     save_figure(figures.phase_map(found), out / "phases", command_line(), tell)
 
 

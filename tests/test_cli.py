@@ -18,7 +18,6 @@ from helpers import same_run, small
 import pyfric
 from pyfric import core
 from pyfric.cli.commands import main
-from pyfric.cli.commands.run import TABLES
 from pyfric.cli.shared import Exit, Tell
 from pyfric.figures import FIGURES
 from pyfric.paper.reproduction import mathematical
@@ -771,7 +770,7 @@ def test_one_rule_for_folders(name, tmp_path):
 
 
 def test_what_is_read_is_never_replaced(tmp_path):
-    path, link = tmp_path / "scene.toml", tmp_path / "link.toml"
+    path, link = tmp_path / "scene", tmp_path / "link"
     pyfric.preset("fig1").to_toml(path)
     link.symlink_to(path)
     text = path.read_text()
@@ -790,25 +789,34 @@ def test_another_record_that_is_read_is_not_replaced(record_file, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("outputs", "text"),
+    ("command", "name", "text"),
     [
-        (("--out", "x.png", "--figure", "x"), "--figure x.png: --out writes the same file"),
-        (("--out", "x_slip.csv", "--figure", "./x"), "--figure x_slip.csv: --out"),
-        (("--out", "d/curve.csv", "--csv", "d"), "--csv d/curve.csv: --out"),
+        ("run", "a.csv", "--out = 'a.csv': the file would be netCDF, not CSV; allowed: a name"),
+        ("scene", "a.nc", "--out = 'a.nc': the file would be TOML, not netCDF"),
+        ("show none.nc", "a.png", "--out = 'a.png': the file would be HTML, not PNG"),
+        ("draw", "a.svg", "--out = 'a.svg': the file would be PNG, not SVG"),
+        ("regimes", "a.nc", "--out = 'a.nc': the file would be CSV, not netCDF"),
     ],
 )
-def test_two_outputs_are_never_one_file(outputs, text, tmp_path, monkeypatch):
+def test_outputs_have_no_name_of_another_format(command, name, text, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "d").mkdir()
-    found = pyf(*OUTPUTS["run"], *outputs, "--overwrite")
-    assert refused(found, text)
-    assert [path.name for path in tmp_path.iterdir()] == ["d"]
+    assert refused(pyf(*OUTPUTS.get(command, command.split()), "--out", name), text)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_figure_may_be_named_with_its_suffix(tmp_path):
+    done = pyf(*OUTPUTS["run"], "--figure", tmp_path / "x.png")
+    assert done.exit_code == 0, done.output
+    names = {"x.png", "x.pdf", "x.txt", "x_curve.csv", "x_slip.csv"}
+    assert {path.name for path in tmp_path.iterdir()} == names
+    assert refused(pyf(*OUTPUTS["run"], "--figure", "x.csv"), "--figure = 'x.csv'", "not CSV")
+    assert refused(pyf(*OUTPUTS["run"], "--figure", "none/x"), "--figure none/x", "No such file")
 
 
 def test_all_files_of_a_figure_are_checked(tmp_path):
     done = pyf(*OUTPUTS["run"], "--figure", tmp_path / "a", "--csv", tmp_path / "d")
     assert done.exit_code == 0, done.output
-    assert {path.name for path in (tmp_path / "d").iterdir()} == set(TABLES)
+    assert (tmp_path / "d" / "curve.csv").exists()
     assert pyf("draw", "fig1", *SMALL, "--out", tmp_path / "b").exit_code == 0
     for path in sorted(tmp_path.glob("?[._]*")):
         folder = tmp_path / f"with {path.name}"

@@ -184,6 +184,9 @@ def inside_and_readable(fig, width=3.4):
 def test_saved_files(ladder, tmp_path):
     stem = tmp_path / "new" / "fig1b"
     fig = fig1b(ladder)
+    with pytest.raises(OSError, match=r"No such file or directory: .*new.fig1b\.png"):
+        save_figure(fig, stem)
+    stem.parent.mkdir()
     save_figure(fig, stem)
     names = {path.name for path in stem.parent.iterdir()}
     expected = {"fig1b.png", "fig1b.pdf", "fig1b.txt", "fig1b_curve.csv", "fig1b_slip.csv"}
@@ -204,6 +207,18 @@ def test_files_are_reproducible(ladder, tmp_path):
 def test_stem_with_a_dot_is_kept(ladder, tmp_path):
     paths = save_figure(fig1b(ladder), tmp_path / "mu0.7")
     assert paths[0].name == "mu0.7.png"
+
+
+def test_the_suffix_of_a_figure_is_optional_and_no_other(ladder, tmp_path):
+    fig = fig1b(ladder)
+    files = save_figure(fig, tmp_path / "a")
+    for name in ("a.png", "a.pdf", "a.PNG"):
+        assert save_figure(fig, tmp_path / name) == files
+    for name in ("b.csv", "b.svg", "b.nc"):
+        refused = f"path = '.*{name}': the file would be PNG, not .*; allowed: .* ends in .png"
+        with pytest.raises(pyfric.SceneError, match=refused):
+            save_figure(fig, tmp_path / name)
+    assert sorted(tmp_path.iterdir()) == sorted(files)
 
 
 def test_caption_states_scene_engine_and_counts(ladder):

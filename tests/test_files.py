@@ -13,8 +13,18 @@ import pytest
 from damage import damaged, unnoticed
 from helpers import small
 
+import pyfric
 from pyfric.core import State, StateError
-from pyfric.scene import check_writable, clean_drafts, files, sealed, unsealed, write, written
+from pyfric.scene import (
+    SceneError,
+    check_writable,
+    clean_drafts,
+    files,
+    sealed,
+    unsealed,
+    write,
+    written,
+)
 from pyfric.statics import loaded_state
 
 NOBODY = 4_000_000  # above the largest number that Linux gives a process
@@ -26,6 +36,26 @@ def names(folder):
 
 def state():
     return loaded_state(small()).state(small(), 1e-7)
+
+
+@pytest.mark.parametrize(
+    ("save", "name", "text"),
+    [
+        ("save", "a.csv", "netCDF, not CSV; allowed: .* ends in .nc; to_csv, or --csv, writes"),
+        ("save", "a.HTML", "netCDF, not HTML; allowed: a name that ends in .nc$"),
+        ("to_html", "a.png", "HTML, not PNG; allowed: a name that ends in .html$"),
+    ],
+)
+def test_names_of_other_formats_are_refused(save, name, text, tmp_path):
+    record = pyfric.simulate(small(), 1e-5, fidelity="dynamic", progress=False)
+    with pytest.raises(SceneError, match=rf"^path = '.*{name}': the file would be {text}"):
+        getattr(record, save)(tmp_path / name)
+    with pytest.raises(SceneError, match="TOML, not CSV"):
+        record.scene.to_toml(tmp_path / "a.csv")
+    with pytest.raises(SceneError, match=r"^checkpoint = 'a\.csv': the file would be netCDF"):
+        pyfric.simulate(small(), 1e-5, fidelity="dynamic", checkpoint="a.csv", progress=False)
+    assert names(tmp_path) == []
+    assert record.save(tmp_path / "mu0.7").exists()
 
 
 # --- what cannot be written ----------------------------------------------------------------------

@@ -153,12 +153,14 @@ def check_out(
     *,
     option: str = "--out",
     ends: tuple[str, ...] = ("",),
+    suffix: str = "",
     reads: Iterable[str | Path | None] = (),
 ) -> None:
     """Refuse an output before anything starts, by the same rule for all commands.
 
-    It is the file `out`, or several files with this stem and different `ends`. All must be writable
-    (`pyfric.scene.check_writable`). A file is replaced only with --overwrite, and one that the
+    It is the file `out`, with the `suffix` of its format unless it has one of its own, or several
+    files with this stem and different `ends`. All must be writable (`pyfric.scene.check_writable`).
+    A file is replaced only with --overwrite, and one that the
     command `reads` never.
     """
     if out is None:
@@ -166,21 +168,11 @@ def check_out(
     read = [Path(one) for one in reads if one is not None and Path(one).exists()]
     for end in ends:
         path = out.with_name(out.name + end)
-        _check_writable(path, path, option)
+        _check_writable(path, path, option, suffix)
         if path.exists() and any(path.samefile(one) for one in read):
             raise click.UsageError(f"{option} {path}: this file is read by the same command.")
         if path.exists() and not overwrite:
             raise click.UsageError(f"{option} {path}: the file exists; --overwrite replaces it.")
-
-
-def check_apart(**outputs: Iterable[Path]) -> None:
-    """Refuse outputs of options if two options write one file, even if it does not exist yet."""
-    of: dict[str, str] = {}
-    for option, paths in outputs.items():
-        for path in paths:
-            other = of.setdefault(os.path.realpath(path), option)
-            if other != option:
-                raise click.UsageError(f"--{option} {path}: --{other} writes the same file.")
 
 
 def check_folder(out: Path | None, option: str = "--out") -> None:
@@ -193,12 +185,13 @@ def check_folder(out: Path | None, option: str = "--out") -> None:
         _check_writable(out, (out if os.path.lexists(out) else out.parent) / "file", option)
 
 
-def _check_writable(out: Path, path: Path, option: str) -> None:
+def _check_writable(out: Path, path: Path, option: str, suffix: str = "") -> None:
     """Refuse an output for which this file cannot be written."""
-    from pyfric.scene import check_writable
+    from pyfric.scene import check_writable, naming
 
     try:
-        check_writable(path)
+        with naming(option):
+            check_writable(path, suffix=suffix)
     except OSError as error:
         raise click.UsageError(f"{option} {out}: {error.strerror}.") from None
 
@@ -253,7 +246,7 @@ def running(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 class _File(click.Path):
-    """The path of a file or of the stem of its name: neither is empty, or ends like a folder."""
+    """The path of a file or of the stem of a figure: neither is empty, or ends like a folder."""
 
     def convert(self, value: Any, param: Any, ctx: Any) -> Any:
         text = os.fspath(value)
@@ -262,8 +255,22 @@ class _File(click.Path):
         return super().convert(value, param, ctx)
 
 
+class _Stem(_File):
+    """The stem of the names of a figure's files; the suffix .png or .pdf may follow it."""
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        from pyfric.scene import figure_stem, naming
+
+        with naming(param.opts[0]):
+            return figure_stem(super().convert(value, param, ctx))
+
+
 def file_option(name: str, **rest: Any) -> Callable[..., Any]:
     return click.option(name, type=_File(path_type=Path), **rest)
+
+
+def stem_option(name: str, **rest: Any) -> Callable[..., Any]:
+    return click.option(name, type=_Stem(path_type=Path), metavar="STEM", **rest)
 
 
 def folder_option(name: str, **rest: Any) -> Callable[..., Any]:
@@ -336,7 +343,7 @@ def _provenance_of(table: Path) -> Path:
 def check_table(out: Path | None, overwrite: bool) -> None:
     """Refuse a table or its provenance file before anything starts, as `check_out` does."""
     if out is not None:
-        check_out(out, overwrite)
+        check_out(out, overwrite, suffix=".csv")
         check_out(_provenance_of(out), overwrite)
 
 
@@ -356,10 +363,14 @@ def save_table(table: pd.DataFrame, out: Path | None, command: str, digits: str)
 
 
 def save_figure(figure: DataFigure, stem: Path, command: str, tell: Tell) -> None:
-    """Save a figure and its provenance (the command that makes it), and print their names."""
+    """Save a figure and its provenance (the command that makes it), and print their names.
+
+    A missing folder is made.
+    """
     from pyfric import figures
     from pyfric.record import provenance
 
+    stem.parent.mkdir(parents=True, exist_ok=True)
     files = figures.save_figure(figure, stem)
     files.append(provenance(stem.with_name(f"{stem.name}_provenance.toml"), command))
     tell.files(files)

@@ -14,7 +14,16 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from pyfric.record import Record
-from pyfric.scene import PREFIXES, Scene, SceneError, laws, prefix_power, write, written
+from pyfric.scene import (
+    PREFIXES,
+    Scene,
+    SceneError,
+    figure_stem,
+    laws,
+    prefix_power,
+    write,
+    written,
+)
 
 COLUMN_WIDTH = 3.4
 """Width of one journal column, inches."""
@@ -153,13 +162,16 @@ def colour_bar(
 def save_figure(fig: DataFigure, path_stem: str | os.PathLike[str]) -> list[Path]:
     """Write the figure as PNG (300 dpi) and PDF, its caption as text and its data as CSV.
 
-    ``path_stem`` is a path without suffix; the files are stem.png, stem.pdf, stem.txt and
-    stem_<table>.csv. Missing folders are made. Returns the paths.
+    ``path_stem`` is a path whose suffix, .png or .pdf, may be left out; the files are stem.png,
+    stem.pdf, stem.txt and stem_<table>.csv. Returns the paths.
+
+    Raises:
+        OSError: a file cannot be written, such as into a missing folder.
+        SceneError: the suffix is that of another format.
     """
     from matplotlib.backends.backend_pdf import FigureCanvasPdf  # slow to import
 
-    stem = Path(path_stem)
-    stem.parent.mkdir(parents=True, exist_ok=True)
+    stem = figure_stem(path_stem)
     paths = [stem.with_name(stem.name + suffix) for suffix in (".png", ".pdf", ".txt")]
     png, pdf, txt = paths
     dpi, layout = fig.dpi, fig.get_layout_engine()

@@ -44,6 +44,7 @@ from pyfric.scene import (
     check_writable,
     default_geometry,
     followed_by,
+    naming,
 )
 from pyfric.signals import at_once, forget, nothing_to_save, raise_if_asked
 from pyfric.statics import (
@@ -143,7 +144,8 @@ def simulate(
     check_run(scene, options)
     if options.checkpoint is not None:
         numbers = 4 * scene.N_x * scene.N_z + 2 * POINTS
-        check_writable(options.checkpoint, 8 * numbers)
+        with naming("checkpoint"):
+            check_writable(options.checkpoint, 8 * numbers, ".nc")
     run = functools.partial(_run, initial=initial, progress=progress)
     made = Specification(
         scene=scene, t_begin=_begin(initial), t_end=t_end, options=options, run=run

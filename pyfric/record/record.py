@@ -232,8 +232,10 @@ class Record:
 
         Raises:
             OSError: the file cannot be written; it names path and reason.
+            SceneError: the name ends like that of another format, such as .csv.
         """
-        return write(path, sealed(file_image(layout.variables(self), layout.attributes(self))))
+        image = file_image(layout.variables(self), layout.attributes(self))
+        return write(path, sealed(image), ".nc")
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
@@ -296,8 +298,9 @@ class Record:
 
         Raises:
             OSError: the file cannot be written; it names path and reason.
+            SceneError: the name ends like that of another format, such as .png.
         """
-        return write(path, page(self).encode())
+        return write(path, page(self).encode(), ".html")
 
     def to_csv(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write the tables as CSV into ``folder`` (made if missing) and return the paths.

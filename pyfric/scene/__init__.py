@@ -19,6 +19,7 @@ from pyfric.scene.errors import SceneError, naming, unknown
 from pyfric.scene.files import (
     check_writable,
     clean_drafts,
+    figure_stem,
     sealed,
     unsealed,
     write,

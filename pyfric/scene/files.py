@@ -16,11 +16,18 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from pyfric.scene.errors import SceneError
 from pyfric.signals import held_back
 
 MARK = b"\npyfric sha256 "
 SEAL_LENGTH = len(MARK) + 64 + 1
 DRAFT = re.compile(r"\.pyfric-(?P<host>.+)-(?P<process>\d{1,9})-[0-9a-f]{8}\.tmp(\.\w+)?")
+FORMATS = {
+    **{".nc": "netCDF", ".csv": "CSV", ".html": "HTML", ".toml": "TOML", ".json": "JSON"},
+    **{".png": "PNG", ".pdf": "PDF", ".svg": "SVG", ".jpg": "JPEG", ".gif": "GIF", ".mp4": "MP4"},
+    **{".txt": "text", ".xlsx": "Excel", ".parquet": "Parquet", ".npz": "NumPy", ".zip": "zip"},
+}
+"""Suffixes of names of files, in small letters, and the formats that they promise."""
 OLD = 86400.0
 """Age above which a temporary file of another machine counts as abandoned, in s."""
 
@@ -50,12 +57,40 @@ def written(path: str | os.PathLike[str]) -> Iterator[Path]:
         _flush(target.parent)
 
 
-def write(path: str | os.PathLike[str], content: bytes) -> Path:
-    """Write a file completely or not at all, and return its path.
+def check_suffix(path: str | os.PathLike[str], own: str) -> None:
+    """Refuse the name of a file whose suffix promises another format than that of `own`.
+
+    Raises:
+        SceneError: the suffix is another one of `FORMATS`.
+    """
+    found = Path(path).suffix.lower()
+    if own and found != own and found in FORMATS:
+        reason = f"the file would be {FORMATS[own]}, not {FORMATS[found]}"
+        tables = "; to_csv, or --csv, writes tables" * (own == ".nc" and found == ".csv")
+        raise SceneError("path", os.fspath(path), "", f"a name that ends in {own}{tables}", reason)
+
+
+def figure_stem(path: str | os.PathLike[str]) -> Path:
+    """Return a path without the suffix .png or .pdf: the files of a figure are named after it.
+
+    Raises:
+        SceneError: its suffix is that of another format.
+    """
+    path = Path(path)
+    if path.suffix.lower() in (".png", ".pdf"):
+        return path.with_suffix("")
+    check_suffix(path, ".png")
+    return path
+
+
+def write(path: str | os.PathLike[str], content: bytes, suffix: str = "") -> Path:
+    """Write a file completely or not at all, and return its path; `suffix` is that of its format.
 
     Raises:
         OSError: see `written`.
+        SceneError: see `check_suffix`.
     """
+    check_suffix(path, suffix)
     with written(path) as draft:
         draft.write_bytes(content)
     return Path(path)
@@ -78,12 +113,14 @@ def read_at_most(path: str | os.PathLike[str], size: int) -> bytes:
         return file.read(size)
 
 
-def check_writable(path: str | os.PathLike[str], size: int = 0) -> None:
+def check_writable(path: str | os.PathLike[str], size: int = 0, suffix: str = "") -> None:
     """Check whether a file of this size, in bytes, can be written; no file is left.
 
     Raises:
         OSError: the file cannot be written. The error names path.
+        SceneError: see `check_suffix`; `suffix` is that of its format.
     """
+    check_suffix(path, suffix)
     target = Path(os.path.realpath(path))
     with _naming(path):
         _check_regular(target)

@@ -440,10 +440,11 @@ class Scene:
 
         Raises:
             OSError: the file cannot be written; an existing file is then unchanged.
+            SceneError: the name ends like that of another format, such as .nc.
         """
         text = tomli_w.dumps(table(self))
         if path is not None:
-            write(path, text.encode())
+            write(path, text.encode(), ".toml")
         return text
 
     @classmethod

@@ -19,6 +19,7 @@ from pyfric.cli.shared import (
     record_of,
     scene_of,
     set_option,
+    stem_option,
     stop_unless_complete,
     telling,
 )
@@ -38,7 +39,7 @@ def show(record: str, out: Path | None, overwrite: bool, tell: Tell) -> None:
     The page is one file of at most 2 MB. Open it with a browser; it needs no network.
     """
     out = out or Path(f"{Path(record).stem}.html")
-    check_out(out, overwrite, reads=[record])
+    check_out(out, overwrite, suffix=".html", reads=[record])
     found = record_of(record)
     tell.files([found.to_html(out)], record=record, events=len(found.events))
 
@@ -46,7 +47,7 @@ def show(record: str, out: Path | None, overwrite: bool, tell: Tell) -> None:
 @main.command(section="Look")
 @click.argument("scene", type=SceneName())
 @set_option
-@file_option("--out", metavar="STEM", help="Names of the files. [default: sketch_SCENE]")
+@stem_option("--out", help="Names of the files. [default: sketch_SCENE]")
 @overwrite_option
 @telling
 def draw(
@@ -79,7 +80,7 @@ t_end_option = click.option(
 @event_option
 @t_end_option
 @set_option
-@file_option("--out", metavar="STEM", help="Names of the files. [default: event_N]")
+@stem_option("--out", help="Names of the files. [default: event_N]")
 @click.option("--mp4", is_flag=True, help="Also write STEM.mp4, a film; that needs ffmpeg.")
 @click.option("--gif", is_flag=True, help="Also write STEM.gif, a film that needs no ffmpeg.")
 @overwrite_option
@@ -119,7 +120,7 @@ def movie(
 @event_option
 @t_end_option
 @set_option
-@file_option("--out", metavar="STEM", help="Names of the files. [default: spacetime_N]")
+@stem_option("--out", help="Names of the files. [default: spacetime_N]")
 @overwrite_option
 @telling
 def spacetime(
@@ -127,13 +128,12 @@ def spacetime(
 ) -> None:
     """Draw the slip rate of one event over space and time, with wave speeds and theory as lines.
 
-    SCENE and RECORD are as in `pyfric movie`. The suffix .png of a name is optional. The event is
-    run again with full dynamics from a state just before it.
+    SCENE and RECORD are as in `pyfric movie`. The event is run again with full dynamics from a
+    state just before it.
     """
     from pyfric import figures
 
     stem = out or Path(f"spacetime_{event}")
-    stem = stem.with_suffix("") if stem.suffix == ".png" else stem
     ends = figure_ends("slip_rate", "pinned", "lines", "front")
     check_out(stem, overwrite, ends=ends, reads=[source])
     record = _run_of(source, event, tell, **how)

@@ -19,7 +19,6 @@ from pyfric.cli.shared import (
     SceneName,
     Seconds,
     Tell,
-    check_apart,
     check_folder,
     check_out,
     figure_ends,
@@ -30,6 +29,7 @@ from pyfric.cli.shared import (
     scene_of,
     set_option,
     signalled,
+    stem_option,
     stop,
     stop_unless_complete,
     telling,
@@ -45,10 +45,6 @@ if TYPE_CHECKING:
 HERE = "\0"  # value of --resume without a file
 DRAWN = figure_ends("curve", "slip")
 """Ends of the names of the files of --figure."""
-TABLES = tuple(
-    f"{name}.csv" for name in ("curve", "events", "episodes", "interface", "stresses", "columns")
-)
-"""Files of --csv."""
 
 
 @main.command(section="Simulate")
@@ -59,7 +55,7 @@ TABLES = tuple(
 def scene(scene: str, changes: tuple[str, ...], out: Path | None, overwrite: bool) -> None:
     """Print SCENE as a TOML file that you can change."""
     what = scene_of(scene, changes)
-    check_out(out, overwrite, reads=[scene])
+    check_out(out, overwrite, suffix=".toml", reads=[scene])
     text = what.to_toml(out)
     if out is None:
         click.echo(text, nl=False)
@@ -184,7 +180,7 @@ def plan(
     help="Continue the record in FILE, or in --out if no FILE is given; SCENE may have another "
     "speed or load from there on.",
 )
-@file_option("--figure", metavar="STEM", help="Draw STEM.png and STEM.pdf, with caption and data.")
+@stem_option("--figure", help="Draw STEM.png and STEM.pdf, with caption and data.")
 @folder_option("--csv", metavar="DIR", help="Write the tables of the record as CSV.")
 @telling
 @click.pass_context
@@ -214,15 +210,11 @@ def run(
             raise click.UsageError("--resume without a file continues the one in --out: name it.")
         resume = str(out)
     goes_on = bool(out and resume) and Path(resume).resolve() == out.resolve()
-    check_out(out, overwrite or goes_on, reads=[scene, None if goes_on else resume])
+    reads = [scene, None if goes_on else resume]
+    check_out(out, overwrite or goes_on, suffix=".nc", reads=reads)
     reads = [scene, resume, out]
     check_out(figure, overwrite, option="--figure", ends=DRAWN, reads=reads)
     check_folder(csv, "--csv")
-    check_apart(
-        out=[] if out is None else [out],
-        figure=[] if figure is None else [figure.with_name(figure.name + end) for end in DRAWN],
-        csv=[] if csv is None else [csv / name for name in TABLES],
-    )
     before = None if resume is None else _record_to_continue(resume, what, ctx)
     record, files = _run(what, t_end, before, out, tell.progress, how)
     if record.done and not asked_to_stop():

@@ -356,12 +356,22 @@ def test_resume_of_a_complete_run_does_nothing(record_file, monkeypatch):
         "--sample=1 ms",
         "--t-gap=2 ms",
         "--no-budget",
+        "--stepper=verlet",
+        "--switching=step_end",
         "--fidelity=hybrid",
     ],
 )
 def test_resume_keeps_the_method(option, record_file):
     name = option[2:].partition("=")[0].removeprefix("no-").replace("-", "_")
     assert refused(run("--resume", record_file, option), name, "cannot change")
+
+
+@pytest.mark.parametrize("option", ["--tolerance=0.01", "--want=stress"])
+@pytest.mark.parametrize("how", [("--resume",), ("--fidelity", "hybrid"), ("--method", "paper")])
+def test_no_option_is_without_effect(how, option, record_file):
+    how = (*how, record_file) if how == ("--resume",) else how
+    name, value = option[2:].split("=")
+    assert refused(run(*how, option), f"{name} = ", value, "has no effect; allowed: none")
 
 
 def test_resume_needs_the_same_scene(record_file):

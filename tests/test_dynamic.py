@@ -381,7 +381,7 @@ def test_checkpoints_can_be_continued(tmp_path):
     saved = Record.load(path)
     assert saved.status == "interrupted"
     assert 0 < saved.final_state.t <= whole.final_state.t
-    rest = simulate(scene, 3e-3, initial=saved, progress=False)
+    rest = simulate(scene, 3e-3, initial=saved, progress=False, sample=3e-4)
     assert same_run(rest, whole, status="complete")
 
 

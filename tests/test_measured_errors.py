@@ -884,11 +884,3 @@ def test_a_run_that_a_slightly_faster_driver_changes_from_the_start_does_not_hol
     assert errors.until < ladder.events["t_start"][main_events(ladder)[0]]
     assert errors.holds is False
     assert "a driver that is faster by 1e-09" in str(errors)
-
-
-def test_a_continued_run_says_that_it_was_not_verified():
-    first = pyfric.simulate("fig1", 1e-3, fidelity="dynamic", progress=False)
-    again = pyfric.simulate(
-        "fig1", 2e-3, fidelity="dynamic", initial=first, verify="sample", progress=False
-    )
-    assert any("errors were not measured: the run continues" in note for note in again.notes)

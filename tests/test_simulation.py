@@ -19,6 +19,7 @@ from pyfric.planning import choice, plan, simulation
 from pyfric.record import Record, budget_error
 from pyfric.scene import SceneError, chain, setup1, setup2
 from pyfric.statics import EquilibriumError
+from pyfric.sweeps import Sweep
 
 simulate = functools.partial(pyfric.simulate, progress=False, verify="none")
 """Runs that measure no errors, which takes a second run: see test_measured_errors."""
@@ -339,10 +340,8 @@ def test_broken_arguments(name, given_value):
 @pytest.fixture(scope="module")
 def halves():
     """Runs of each engine to 65 ms."""
-    return {
-        name: simulate(small(), 0.065, fidelity=name, sample=1e-4)
-        for name in ("quasistatic", "hybrid", "dynamic")
-    }
+    how = {"quasistatic": {}, "hybrid": {"sample": 1e-4}, "dynamic": {"sample": 1e-4}}
+    return {name: simulate(small(), 0.065, fidelity=name, **more) for name, more in how.items()}
 
 
 @pytest.mark.parametrize("fidelity", ["quasistatic", "hybrid", "dynamic"])
@@ -357,6 +356,49 @@ def test_a_record_goes_on_with_its_engine(fidelity, halves):
             simulate(small(), 0.07, initial=half, fidelity=other)
     with pytest.raises(StateError, match="another scene"):
         simulate(small(mu_k=0.4), 0.07, initial=half)
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        {"want": "stress"},
+        {"tolerance": 0.01},
+        {"verify": "full"},
+        {"geometry": "linear"},
+        {"stepper": "verlet"},
+        {"dt": "0.2 us"},
+        {"sample": 1e-3},
+        {"t_gap": 1.0},
+        {"options": pyfric.Options(tolerance=0.1)},
+        {"options": pyfric.Options(switching="step_end")},
+    ],
+    ids=str,
+)
+def test_a_record_goes_on_with_no_option_that_has_no_effect(option, halves):
+    half = halves["dynamic"]
+    with pytest.raises(SceneError, match=r"cannot change|has no effect.*goes on keeps"):
+        simulate(small(), 0.07, initial=half, **option)
+    kept = {"geometry": "finite", "sample": "0.1 ms", "dt": half.method.dt, "fidelity": "auto"}
+    assert simulate(small(), 0.0651, initial=half, **kept, threads=1).method == half.method
+
+
+@pytest.mark.parametrize("option", [{"want": "stress"}, {"tolerance": 0.1}])
+def test_a_named_engine_has_no_tolerance(option):
+    for how in ({"fidelity": "hybrid"}, {"method": "paper"}, {"fidelity": "quasistatic"}):
+        with pytest.raises(SceneError, match=r"has no effect; allowed: none with fid") as refusal:
+            simulate(small(), 1e-4, **how, **option)
+        assert refusal.value.field == next(iter(option))
+    over = {"t_end": [1e-4, 2e-4]}
+    jobs = Sweep(scene=small(), t_end=1.0, over=over, options={"fidelity": "hybrid"} | option).jobs
+    assert all(isinstance(job, SceneError) for job in jobs)
+    how = {"fidelity": "dynamic", "verify": "sample"} | option
+    errors = pyfric.simulate(small(), 1e-3, **how, progress=False).errors
+    assert option.items() <= {"want": errors.want, "tolerance": errors.tolerance}.items()
+
+
+def test_a_static_sequence_is_not_sampled():
+    with pytest.raises(SceneError, match=r"sample = 1e-05 s: .*allowed: nothing"):
+        simulate(small(), 1e-4, fidelity="quasistatic", sample=1e-5)
 
 
 def test_a_prediction_does_not_go_on():
@@ -499,7 +541,9 @@ def test_long_adaptive_steps_have_no_room_for_located_switches():
 def test_a_record_goes_on_with_its_own_method():
     how = {"stepper": "adaptive", "rtol": 1e-4, "switching": "located", "geometry": "linear"}
     first = simulate(small(), 1e-4, fidelity="dynamic", **how)
-    for given_rtol in (None, 1e-4, 1e-9):
+    with pytest.raises(SceneError, match="rtol = 1e-09: cannot change"):
+        simulate(small(), 2e-4, initial=first, rtol=1e-9)
+    for given_rtol in (None, 1e-4):
         whole = simulate(small(), 2e-4, initial=first, rtol=given_rtol)
         assert whole.method.stepper == "adaptive"
         assert whole.method.switching == "located"

@@ -26,6 +26,7 @@ from pyfric.engines.options import (
     Keywords,
     Options,
     Want,
+    check_kept,
     default_switching,
     kept,
     step_size,

@@ -19,12 +19,14 @@ from pyfric.engines.cost import POINTS
 from pyfric.engines.pauses import longest_pause
 from pyfric.record import Method
 from pyfric.scene import (
+    Annotation,
     Conditions,
     Geometry,
     NotNegative,
     Positive,
     Quantity,
     SceneError,
+    annotations,
     check_geometry,
     check_number,
     check_whole,
@@ -36,7 +38,7 @@ from pyfric.scene import (
 from pyfric.statics import check_rests, check_sticks, stability_limit
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from typing import Unpack
 
     from pyfric.engines.dynamic import Run
@@ -119,8 +121,9 @@ class Options:
         method: "paper" means the method of the paper: RK4 with its uniform step (0.2 us in setup 1,
             0.09 us in setup 2), contacts that switch at step ends, and full dynamics unless
             `fidelity` is "hybrid". None means that the options below decide.
-        want: the quantity that the run is made for; see `pyfric.plan`.
-        tolerance: accepted error; see `pyfric.plan`.
+        want: the quantity that the run is made for; see `pyfric.plan`. Refused for an engine that
+            is named, unless its errors are measured.
+        tolerance: accepted error; see `pyfric.plan`. Refused like `want`.
         verify: how the errors in `Record.errors` are measured. "sample": by a reference run within
             a budget of work, twice that of the run and half a second. "full": by a run in finite
             geometry with a quarter of the step, and a run whose driver is faster by 1e-9 relative.
@@ -147,7 +150,8 @@ class Options:
             means 1e-6, or with a plan a quarter of the tolerance, at most 1e-3.
         budget: whether to keep the energy budget, as columns of the curve; full dynamics only. None
             means yes for fidelity = "dynamic".
-        sample: time between two points of the loading curve, in s; None means 5000 points.
+        sample: time between two points of the loading curve, in s; None means 5000 points. Static
+            engines, which have points where something changes, refuse it.
         t_gap: longest pause inside an event, in s. None means a value derived from the scene, 1 ms
             in scenes of the paper (`pyfric.engines.pauses`).
         stop_when: one or several conditions. The first that holds ends the run before t_end, at the
@@ -208,7 +212,7 @@ class Options:
         for name, values in known.items():
             value = getattr(self, name)
             if value not in values:
-                raise SceneError(name, value, "s" if name == "dt" else "", allowed)
+                raise SceneError(name, value, "s" if name in ("dt", "sample") else "", allowed)
 
     def given(self) -> dict[str, Any]:
         """Return the options that differ from their defaults."""
@@ -267,6 +271,7 @@ class Options:
             dt=("auto",),
             budget=(None, False),
             accuracy=(None,),
+            sample=(None,),
         )
 
     def settled(self, scene: Scene, engine: type[Run], t_begin: float, t_end: float) -> Method:
@@ -326,6 +331,37 @@ def kept(method: Method) -> dict[str, Any]:
         same |= {name: getattr(method, name) for name in names}
         same["sample"] = method.sample * method.dt
     return same
+
+
+def check_kept(scene: Scene, method: Method, given: Mapping[str, Any]) -> None:
+    """Raise SceneError if an option that was given differs from what a continued run keeps.
+
+    Args:
+        scene: the scene.
+        method: method of the record that is continued.
+        given: names of options to values; None is no choice.
+    """
+    for name, held in {"fidelity": method.engine, **kept(method)}.items():
+        if given.get(name) is None:
+            continue
+        mark = annotations(Options).get(name, Annotation())
+        value = mark.check(given[name])
+        if name == "method":
+            paper = ("rk4", "step_end", paper_step(scene))
+            same = (method.stepper, method.switching, method.dt) == paper
+        elif name == "dt":
+            same = step_size(scene, value, method.stepper) == held
+        elif name == "sample":
+            same = max(1, round(value / method.dt)) == method.sample
+        else:
+            same = value == held or (name, value) == ("fidelity", "auto")
+        if not same:
+            allowed = "what the record that is continued was made with, or no such option"
+            raise SceneError(name, value, mark.unit, allowed, "cannot change")
+    for name in ("want", "tolerance", "verify"):
+        if given.get(name) not in (None, "none"):
+            allowed = "none: a run that goes on keeps its model, and its errors are not measured"
+            raise SceneError(name, given[name], "", allowed, "has no effect")
 
 
 def default_switching(scene: Scene, method: str | None = None) -> Switching:

@@ -19,6 +19,7 @@ from pyfric.engines import (
     Options,
     Run,
     RunError,
+    check_kept,
     check_memory,
     ended_by_condition,
     full_work,
@@ -56,7 +57,7 @@ from pyfric.statics import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from typing import Unpack
 
     from pyfric.display import Progress
@@ -80,13 +81,13 @@ def simulate(
 ) -> Record:
     """Simulate a scene from the loaded slider, or continue another run.
 
-    A `Record` as `initial` continues its run, and the result holds the whole run. Another engine is
-    refused. Geometry, stepper, switching, step, rtol, accuracy, budget, sampling and t_gap are
-    kept; other values of these options are ignored, and errors are not measured. The speed of the
-    driver or the loads may differ from then on; the scene of the result then has a protocol that
-    joins both. The driver continues from its position, so that F_T does not jump. Times of
-    protocols count from t = 0. Full dynamics continues with the same bits. The hybrid engine finds
-    the same events, with forces that agree to its accuracy.
+    A `Record` as `initial` continues its run, and the result holds the whole run. Engine, geometry,
+    stepper, switching, step, rtol, accuracy, budget, sampling and t_gap are kept; other values of
+    these options are refused. So are `want`, `tolerance` and `verify`: no model is chosen, and no
+    errors are measured. The speed of the driver or the loads may differ from then on; the scene of
+    the result then has a protocol that joins both. The driver continues from its position, so that
+    F_T does not jump. Times of protocols count from t = 0. Full dynamics continues with the same
+    bits. The hybrid engine finds the same events, with forces that agree to its accuracy.
 
     Ctrl-C ends a run with status "interrupted". The record is then valid, and `initial=record`
     continues the run. The next call of `simulate`, `plan`, `run_all` or `prediction_curve` in the
@@ -130,18 +131,20 @@ def simulate(
     if not isinstance(initial, State | Record | None):
         raise StateError(f"initial: expected a State or a Record, not {type(initial).__name__}")
     t_end = check_number("t_end", t_end, "s", ge=0.0)
-    if isinstance(initial, Record):
-        keywords = {**keywords, **kept(initial.method)}
     if not isinstance(options, Options | None):
         raise SceneError("options", options, "", "Options or None")
+    given = {**(options or Options()).given(), **keywords}
+    if isinstance(initial, Record):
+        keywords = {**keywords, **kept(initial.method)}
     options = dataclasses.replace(options or Options(), **keywords).on(scene)
     notes: tuple[str, ...] = ()
     if isinstance(initial, Record):
         options = _going_on(initial, options)
+        check_kept(scene, initial.method, given)
         scene, notes = _both(initial, scene)
     else:
         options.check_sample(t_end - (0.0 if initial is None else initial.t))
-    check_run(scene, options)
+    check_run(scene, options, given)
     if options.checkpoint is not None:
         numbers = 4 * scene.N_x * scene.N_z + 2 * POINTS
         with naming("checkpoint"):
@@ -155,13 +158,20 @@ def simulate(
     record = _with_notes(run(scene, t_end, options), *notes)
     if options.verify in (None, "none") or not record.done:
         return record
-    if isinstance(initial, Record):
-        return _with_notes(record, "errors were not measured: the run continues another one")
     return verified(record, _until(made, record))
 
 
-def check_run(scene: Scene, options: Options) -> None:
-    """Raise SceneError if the chosen static engine cannot have a scene or an option."""
+def check_run(scene: Scene, options: Options, given: Mapping[str, Any] | None = None) -> None:
+    """Raise SceneError if the named engine cannot have a scene or an option.
+
+    `given` are the options that a user named; None: those that differ from their defaults.
+    """
+    named = options.fidelity != "auto" and options.verify in (None, "none")
+    for name, value in (options.given() if given is None else given).items():
+        if named and name in ("want", "tolerance"):
+            allowed = f"none with fidelity = {options.fidelity!r}: it chooses a model, or judges "
+            allowed += "errors that verify measures"
+            raise SceneError(name, value, "", allowed, "has no effect")
     if options.geometry is not None:
         check_geometry(options.geometry, scene)
     if options.fidelity != "auto" and not issubclass(ENGINES[options.fidelity], Run):

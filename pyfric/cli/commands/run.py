@@ -202,6 +202,7 @@ def run(
     Figure and CSV are written if the run is complete. The result is printed even if the run fails
     or stops. `pyfric scene` shows a scene as TOML.
     """
+    from pyfric.engines import check_kept
     from pyfric.signals import asked_to_stop
 
     what = scene_of(scene, changes)
@@ -215,7 +216,11 @@ def run(
     reads = [scene, resume, out]
     check_out(figure, overwrite, option="--figure", ends=DRAWN, reads=reads)
     check_folder(csv, "--csv")
-    before = None if resume is None else _record_to_continue(resume, what, ctx)
+    named = ParameterSource.COMMANDLINE
+    how = {name: how[name] for name in how if ctx.get_parameter_source(name) is named}
+    before = None if resume is None else record_of(resume)
+    if before is not None:
+        check_kept(what, before.method, how)
     record, files = _run(what, t_end, before, out, tell.progress, how)
     if record.done and not asked_to_stop():
         if figure is not None:
@@ -276,38 +281,6 @@ def _hint(scene: str, changes: tuple[str, ...], t_end: float, out: Path | None) 
     return f"continue with: {shlex.join(arguments)}"
 
 
-def _record_to_continue(path: str, scene: Scene, ctx: click.Context) -> Record:
-    """Return a record that is continued; options that were given have to be those that it keeps.
-
-    Raises:
-        RecordError: no record.
-        SceneError: an option differs.
-    """
-    from pyfric.engines import kept, step_size
-    from pyfric.scene import SceneError, paper_step
-
-    before = record_of(path)
-    method = before.method
-
-    def same(name: str, value: Any, held: Any) -> bool:
-        if name == "method":
-            paper = ("rk4", "step_end", paper_step(scene))
-            return (method.stepper, method.switching, method.dt) == paper
-        if name == "dt":
-            return step_size(scene, value, method.stepper) == held
-        if name == "sample":
-            return max(1, round(value / method.dt)) == method.sample
-        return value == held or (name, value) == ("fidelity", "auto")
-
-    for name, held in {"fidelity": method.engine, **kept(method)}.items():
-        given = ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE
-        if given and not same(name, value := ctx.params[name], held):
-            allowed = "what the record that is continued was made with, or no such option"
-            unit = "s" if isinstance(value, float) and name != "rtol" else ""
-            raise SceneError(name, value, unit, allowed, "cannot change")
-    return before
-
-
 def _is_done(record: Record, scene: Scene, t_end: float) -> bool:
     """Whether a complete record of the scene ends at t_end, or within the step beyond it."""
     from pyfric.scene import followed_by
@@ -330,9 +303,8 @@ def _simulate(
 
     if out is not None:
         import h5py  # noqa: F401  # slow to import: not for after Ctrl-C
-    given = {name: value for name, value in how.items() if value not in (None, ())}
-    options = pyfric.Options(checkpoint=out, **given)
+    how = {"initial": initial, "progress": progress, "checkpoint": out, **how}
     try:
-        return pyfric.simulate(scene, t_end, options, initial=initial, progress=progress)
+        return pyfric.simulate(scene, t_end, **how)
     except pyfric.RunError as error:
         return error.record

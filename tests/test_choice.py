@@ -243,6 +243,8 @@ def test_options_that_a_model_lacks_rule_it_out():
         found = choice.choose(scene, options, 0.7)
         assert found.fidelity == "hybrid"
         assert getattr(found, name) == given_value
+    for more in ({"accuracy": 1e-4}, {"sample": 1e-3}):
+        assert choice.choose(scene, pyfric.Options(tolerance=0.1, **more), 0.7).fidelity == "hybrid"
     stepped = choice.choose(scene, pyfric.Options(tolerance=0.1, stepper="verlet"), 0.7)
     assert stepped.fidelity == "dynamic"
 

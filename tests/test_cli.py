@@ -707,7 +707,8 @@ def test_movie(tmp_path, monkeypatch):
     table = drawn[0].tables["field"].to_csv(index=False)
     assert stem.with_name("event_field.csv").read_bytes() == table.encode()
     assert refused(pyf("movie", tmp_path / "run.nc", "--event", 99), "event = 99", "1 to ")
-    assert refused(pyf("movie", tmp_path / "run.nc", "--event", 1, *SMALL), "--set")
+    for scenes_only in (SMALL, ("--t-end", "1 s")):
+        assert refused(pyf("movie", tmp_path / "run.nc", "--event", 1, *scenes_only), "--set and")
     assert refused(pyf("movie", "fig1"), "--event")
     new = tmp_path / "new"
     nothing = pyf("movie", "fig1", *SMALL, "--t-end", "0.1 ms", "--event", 1, "--out", new)

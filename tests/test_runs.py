@@ -108,6 +108,7 @@ def test_code_version_follows_the_installed_files(monkeypatch, tmp_path):
         (lambda: run_all([job()], workers=True), "workers"),
         (lambda: run_all([job()], errors="ignore"), "errors"),
         (lambda: run_all([job()], executor=3), "executor"),
+        (lambda: run_all([job()], 1, executor=ThreadPoolExecutor(1)), "workers = 1"),
         (lambda: run_all([job()], cache=3), "cache"),
     ],
 )
@@ -191,7 +192,7 @@ def test_records_and_errors_come_back_in_order(tmp_path, workers):
     shown = []
     with side_by_side(todo, workers) as pool:
         how = {"progress": lambda *now: shown.append(now), "errors": "return"}
-        found = run_all(todo, 1, tmp_path, executor=pool, **how)
+        found = run_all(todo, cache=tmp_path, executor=pool, **how)
         assert list(pool.map(divmod, [7, 9], [2, 4])) == [(3, 1), (2, 1)]
     assert shown == [(0, 3), (1, 3), (2, 3), (3, 3)]
     assert [type(outcome) for outcome in found] == [JobError, pyfric.Record, JobError, JobError]

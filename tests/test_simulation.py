@@ -396,6 +396,11 @@ def test_a_named_engine_has_no_tolerance(option):
     assert option.items() <= {"want": errors.want, "tolerance": errors.tolerance}.items()
 
 
+def test_there_is_no_error_to_measure_up_to_the_first_slip():
+    with pytest.raises(SceneError, match=r"verify = 'sample'.*allowed: 'none', because"):
+        simulate(small(), 1e-4, fidelity="equilibrium", verify="sample")
+
+
 def test_a_static_sequence_is_not_sampled():
     with pytest.raises(SceneError, match=r"sample = 1e-05 s: .*allowed: nothing"):
         simulate(small(), 1e-4, fidelity="quasistatic", sample=1e-5)

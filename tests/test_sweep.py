@@ -437,6 +437,20 @@ def test_any_document_is_a_sweep_or_refused(tmp_path_factory, document, over):
         assert len(found.over)
 
 
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["--dry-run", "--status"], "--dry-run excludes --status and --out"),
+        (["--dry-run", "--out", "out"], "--dry-run excludes --status and --out"),
+        (["--dry-run", "--workers", "1"], "--workers: --dry-run and --status run nothing"),
+        (["--status", "--workers", "1"], "--workers: --dry-run and --status run nothing"),
+    ],
+)
+def test_the_command_refuses_options_without_effect(words, text, file):
+    found = command(file, *words)
+    assert (found.exit_code, text in found.stderr) == (2, True), found.output
+
+
 def test_the_command_runs_and_goes_on(file, tmp_path):
     dry = json.loads(command(file, "--dry-run", "--json").stdout)
     assert (dry["points"], dry["finished"], dry["failed"]) == (6, 0, {})

@@ -273,6 +273,9 @@ class Options:
             accuracy=(None,),
             sample=(None,),
         )
+        if self.fidelity == "equilibrium":
+            allowed = "'none', because there is no event whose error could be measured"
+            self._check_without(allowed, verify=(None, "none"))
 
     def settled(self, scene: Scene, engine: type[Run], t_begin: float, t_end: float) -> Method:
         """Return the method of an engine with time steps for a run between two times, in s.

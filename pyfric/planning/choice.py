@@ -91,6 +91,8 @@ PHASE = 1 / 120
 MOVING = 0.8
 """Front speed over the limiting one, c_R or the speed of sound in a chain, at which plans state the
 length of the cohesive zone, too."""
+STEPS = {"dt", "switching", "accuracy", "sample"}
+"""Options that the quasi-static engine does not have."""
 OVERDAMPED = math.sqrt(3) / 4
 """eta/sqrt(k m) below which a block oscillates: 8 eta < 2 sqrt(3 k m), from its eight bonds."""
 
@@ -325,7 +327,7 @@ class _Choice:
             reason = f"expected error {error:.2g}"
         elif failed := [one for one in needs if not one.holds]:
             reason = str(failed[0])
-        elif options.dt != "auto" or options.geometry == "finite" or options.switching:
+        elif options.given().keys() & STEPS or options.geometry == "finite":
             reason = "no steps and no finite geometry"
         if reason:
             self.reasons.append(f"quasi-static ({reason})")

@@ -222,6 +222,8 @@ def run_all(
         raise SceneError("errors", errors, "", "'raise' or 'return'")
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise SceneError("executor", executor, "", "an object with submit, or None")
+    if executor is not None and workers is not None:
+        raise SceneError("workers", workers, "", "None with an executor, which makes the runs")
     _count(workers)
     store = Store.at(cache)
     by_key = {job.key: job for job in jobs}

@@ -71,7 +71,7 @@ event_option = click.option(
     help="Number of the event, from 1, as `pyfric info` and tables have it.",
 )
 t_end_option = click.option(
-    "--t-end", type=Seconds(), default=1.0, help="End time of the run of a scene. [default: 1 s]"
+    "--t-end", type=Seconds(), help="End time of the run of a scene. [default: 1 s]"
 )
 
 
@@ -140,7 +140,9 @@ def spacetime(
     tell.files(figures.save_figure(figures.space_time(record, event), stem))
 
 
-def _run_of(source: str, event: int, tell: Tell, t_end: float, changes: tuple[str, ...]) -> Record:
+def _run_of(
+    source: str, event: int, tell: Tell, t_end: float | None, changes: tuple[str, ...]
+) -> Record:
     """Return the record in a file, or that of a scene; say by which method it was made.
 
     Raises:
@@ -149,12 +151,13 @@ def _run_of(source: str, event: int, tell: Tell, t_end: float, changes: tuple[st
     import pyfric
 
     if source.lower().endswith(".nc"):
-        if changes:
-            raise click.UsageError(f"--set changes scenes, but {source} is a record.")
+        if changes or t_end is not None:
+            raise click.UsageError(f"--set and --t-end are of scenes, but {source} is a record.")
         record = record_of(source)
     else:
         scene = scene_of(source, changes)
         engine = "hybrid" if scene.has_rests and scene.law.rests else "dynamic"
+        t_end = 1.0 if t_end is None else t_end
         record = pyfric.simulate(scene, t_end, fidelity=engine, progress=tell.progress)
         stop_unless_complete(record, "")
     record.row(event)

@@ -60,8 +60,10 @@ def sweep(
     """
     from pyfric.sweeps import Sweep
 
-    if dry_run and status:
-        raise click.UsageError("--dry-run and --status exclude each other.")
+    if dry_run and (status or out):
+        raise click.UsageError("--dry-run excludes --status and --out.")
+    if (dry_run or status) and workers:
+        raise click.UsageError("--workers: --dry-run and --status run nothing.")
     check_folder(out)
     what = Sweep.from_toml(file)
     if dry_run or status:

@@ -148,7 +148,7 @@ def test_steps_resolve_weakening_as_far_as_those_of_reference_runs_can():
 @given(
     want=st.sampled_from(WANTS),
     tolerance=st.floats(1e-6, 1.0),
-    t_end=st.sampled_from([0.0, 1e-30, 1e30]) | st.floats(1e-9, 5.0),
+    t_end=st.sampled_from([0.0, 1e-30, 1e5]) | st.floats(1e-9, 5.0),
 )
 def test_any_question(want, tolerance, t_end):
     scene = setup2(L=0.012, H=0.004)

@@ -18,7 +18,7 @@ from pyfric.engines import RunError, integration, quasistatic, step_size
 from pyfric.planning import choice, plan, simulation
 from pyfric.record import Record, budget_error
 from pyfric.scene import SceneError, chain, setup1, setup2
-from pyfric.statics import EquilibriumError
+from pyfric.statics import EquilibriumError, loaded_state
 from pyfric.sweeps import Sweep
 
 simulate = functools.partial(pyfric.simulate, progress=False, verify="none")
@@ -237,7 +237,7 @@ def test_a_gap_that_was_not_foreseen():
 def test_high_speed_that_was_not_foreseen(monkeypatch):
     """The plan is one for a slow driver, whose pilot run shows that the slider comes to rest."""
 
-    def foreseen(scene, options, t_end, ladder):
+    def foreseen(scene, options, t_end, ladder, t_begin):
         return plain(slow() if ladder else scene, options, 0.4 if ladder else t_end, ladder=ladder)
 
     plain = simulation.choose
@@ -394,6 +394,25 @@ def test_a_named_engine_has_no_tolerance(option):
     how = {"fidelity": "dynamic", "verify": "sample"} | option
     errors = pyfric.simulate(small(), 1e-3, **how, progress=False).errors
     assert option.items() <= {"want": errors.want, "tolerance": errors.tolerance}.items()
+
+
+@pytest.mark.parametrize("option", [{}, {"stop_when": "main_events = 1"}, {"want": "front_speed"}])
+def test_a_run_that_is_too_long_is_refused_before_any_work(option, monkeypatch):
+    for name in ("pilot_run", "expected_end", "counted", "transitions"):
+        monkeypatch.setattr(choice, name, None)
+    for call in (simulate, plan):
+        with pytest.raises(SceneError, match=r"^t_end = 1000000000.0 s: .*at most .*1e\+12 steps"):
+            call(small(), t_end=1e9, **option)
+    with pytest.raises(SceneError, match=r"^t_end = 1000000000.0 s"):
+        simulate(small(), 1e9, initial=loaded_state(small()).state(small(), 1e-6), tolerance=0.1)
+
+
+def test_a_run_that_is_too_long_for_steps_is_refused_before_long_work(monkeypatch):
+    """Whether static states answer is seen by a pilot run without steps."""
+    monkeypatch.setattr(choice, "counted", None)
+    for scene in (small(), small(push=((1, 1.0),))):
+        with pytest.raises(SceneError, match=r"^t_end = 1000000000.0 s"):
+            plan(scene, tolerance=0.1, t_end=1e9)
 
 
 def test_there_is_no_error_to_measure_up_to_the_first_slip():

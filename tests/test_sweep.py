@@ -157,6 +157,12 @@ def test_drawn_points_follow_their_seed_and_ranges(kind):
         assert np.diff(np.sort(np.log10(rows["driver.K"].astype(float)))).max() < 3 * 2 / 100
 
 
+def test_a_point_that_is_far_too_long_spoils_no_estimate():
+    ends = swept(over={"t_end": [1e-3, 1e9]}, options={})
+    one = swept(over={"t_end": [1e-3]}, options={})
+    assert ends.estimate(cache=None).hours == pytest.approx(one.estimate(cache=None).hours, rel=0.5)
+
+
 def test_numbers_of_points_are_whole():
     over = {"driver.h": Span(start=2.5e-3, stop=1e-2, n=np.int64(3))}
     assert len(swept(over=over).jobs) == 3

@@ -27,6 +27,7 @@ from pyfric.engines.options import (
     Options,
     Want,
     check_kept,
+    check_steps,
     default_switching,
     kept,
     step_size,

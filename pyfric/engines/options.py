@@ -300,11 +300,8 @@ class Options:
         dt, switching = self.steps_on(scene)
         if switching == "located":
             _check_located(scene, self.stepper, dt)
-        steps = (t_end - t_begin) / dt
-        if steps > MAX_STEPS:
-            allowed = f"at most {t_begin + MAX_STEPS * dt:.3g} s, {MAX_STEPS:g} steps of {dt:g} s"
-            raise SceneError("t_end", t_end, "s", allowed)
-        every = steps / POINTS if self.sample is None else self.sample / dt
+        check_steps(t_begin, t_end, dt)
+        every = (t_end - t_begin) / POINTS if self.sample is None else self.sample
         return Method(
             engine=engine.name,
             geometry=self.geometry or default_geometry(scene),
@@ -312,13 +309,20 @@ class Options:
             switching=switching,
             rtol=(self.rtol or RTOL) if STEPPERS[self.stepper].adaptive else None,
             dt=dt,
-            sample=max(1, round(every)),
+            sample=max(1, round(every / dt)),
             t_gap=longest_pause(scene) if self.t_gap is None else self.t_gap,
             threads=core.useful_threads(scene.N_x * scene.N_z, self.threads and int(self.threads)),
             variant=core.VARIANT,
             budget=engine.keeps_budget if self.budget is None else bool(self.budget),
             accuracy=(self.accuracy or ACCURACY) if engine.jumps else None,
         )
+
+
+def check_steps(t_begin: float, t_end: float, dt: float) -> None:
+    """Raise SceneError if a run between two times has too many steps; all in s."""
+    if (t_end - t_begin) / dt > MAX_STEPS:
+        allowed = f"at most {t_begin + MAX_STEPS * dt:.3g} s, {MAX_STEPS:g} steps of {dt:g} s"
+        raise SceneError("t_end", t_end, "s", allowed)
 
 
 def _is_auto(dt: Any) -> bool:

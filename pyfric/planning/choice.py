@@ -22,6 +22,7 @@ expected errors; `pyfric.planning.verification` measures them.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
@@ -37,6 +38,7 @@ from pyfric.engines import (
     Fidelity,
     Options,
     Want,
+    check_steps,
     default_switching,
     full_counts,
     located,
@@ -219,37 +221,51 @@ def plan(
 
 
 def choose(
-    scene: Scene, options: Options, t_end: float, *, ladder: bool = True, priced: bool = False
+    scene: Scene,
+    options: Options,
+    t_end: float,
+    *,
+    t_begin: float = 0.0,
+    ladder: bool = True,
+    priced: bool = False,
 ) -> Plan:
     """Return the plan that respects all options that were given.
 
     Args:
         scene: the scene.
         options: options; the plan fills in those left at None or "auto".
-        t_end: length of the run, in s.
+        t_end, t_begin: times of the end and the beginning of the run, in s.
         ladder: whether the quasi-static engine may be chosen.
         priced: whether full dynamics is made once, where it is cheap, to count its transitions.
+
+    Raises:
+        SceneError: a run with steps would have too many.
     """
-    choice = _Choice(scene, options, t_end, priced)
-    return choice.on_lattice(choice.model(ladder))
+    choice = _Choice(scene, options, (t_begin, t_end), ladder, priced)
+    return choice.on_lattice(choice.model())
 
 
 class _Choice:
     """The choice of a model for one scene and one set of options."""
 
-    def __init__(self, scene: Scene, options: Options, t_end: float, priced: bool) -> None:
-        self.scene, self.options, self.t_end = scene, options.on(scene), t_end
+    def __init__(
+        self, scene: Scene, options: Options, ends: tuple[float, float], ladder: bool, priced: bool
+    ) -> None:
+        self.scene, self.options, self.t_end = scene, options.on(scene), ends[1] - ends[0]
         self.want, self.tolerance = options.want, options.tolerance
         self.reasons: list[str] = []
-        self.priced = priced
+        self.ladder, self.priced = ladder, priced
         self.stepped = bool(options.budget) or options.stepper != "rk4"
         self.geometry: Geometry = options.geometry or default_geometry(scene)
         self.located = 0.0  # block evaluations for transitions, once a pilot run counts them
         self.dt, self.error = self._step()
+        self._check_steps = functools.partial(check_steps, *ends, self.dt)
+        if not ladder or self.want == "front_speed" or self.tolerance < ERROR_QUASISTATIC:
+            self._check_steps()  # before pilot runs, because no static engine will be chosen
         if self._full_work() > CHEAP:
-            self.t_end = expected_end(scene, t_end, self.options.stop_when)
+            self.t_end = expected_end(scene, self.t_end, self.options.stop_when)
 
-    def model(self, ladder: bool) -> Plan:
+    def model(self) -> Plan:
         """Return the plan with the cheapest engine that answers what is wanted."""
         scene, full = self.scene, self._full_work()
         if scene.prescribed and scene.N_z > 1:
@@ -266,8 +282,9 @@ class _Choice:
         if full <= CHEAP:
             return self._full(f"full dynamics takes about {full * machine_speed():.2g} s")
         pilot = pilot_run(scene, self.t_end)
-        if ladder and (found := self._ladder(pilot)) is not None:
+        if self.ladder and (found := self._ladder(pilot)) is not None:
             return found
+        self._check_steps()
         needs = self._linear(pilot)
         return self._hybrid(pilot, needs)
 
@@ -296,6 +313,7 @@ class _Choice:
 
     def _full(self, reason: str, needs: tuple[Assumption, ...] = ()) -> Plan:
         """Return the plan of full dynamics."""
+        self._check_steps()
         self.reasons.append(f"hybrid ({reason})")
         switching = self.options.switching or default_switching(self.scene)
         made = {"geometry": self.geometry, "switching": switching, "dt": self.dt}

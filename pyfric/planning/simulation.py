@@ -268,7 +268,7 @@ def _planned(made: Specification, initial: State | None, progress: object) -> Re
     """Run the chosen model and measure its errors; if a quasi-static run fails, run dynamics."""
     options, scene = made.options, made.scene
     with at_once():
-        plan = choose(scene, options, made.t_end - made.t_begin, ladder=initial is None)
+        plan = choose(scene, options, made.t_end, t_begin=made.t_begin, ladder=initial is None)
     notes = [_chosen(plan)]
     if plan.fidelity == "quasistatic":
         record, reason = _static(plan, made)
@@ -276,7 +276,7 @@ def _planned(made: Specification, initial: State | None, progress: object) -> Re
             return _with_notes(record, *notes)
         nothing_to_save()
         with at_once():
-            plan = choose(scene, options, made.t_end - made.t_begin, ladder=False)
+            plan = choose(scene, options, made.t_end, t_begin=made.t_begin, ladder=False)
         notes.append(f"quasistatic was not enough: {reason}; {_chosen(plan)}")
     level = _resolved(options, plan)
     if plan.fidelity == "hybrid":
@@ -356,11 +356,14 @@ def _as_planned(made: Specification, plan: Plan, level: Options) -> Specificatio
 def expected_cost(scene: Scene, t_end: float, how: Options) -> tuple[float, float]:
     """Return the expected time of a run to t_end (s) in s, and the size of its record in bytes.
 
-    The time includes verification, but no refinement.
+    The time includes verification, but no refinement. A run that would be refused costs nothing.
     """
     how = how.on(scene)
     if how.fidelity == "auto":
-        found = choose(scene, how, t_end)
+        try:
+            found = choose(scene, how, t_end)
+        except SceneError:
+            return 0.0, 0.0
         return found.seconds + found.price, _size(scene, t_end)
     geometry = how.geometry or default_geometry(scene)
     t_end = expected_end(scene, t_end, how.stop_when)

@@ -158,10 +158,9 @@ def check_out(
 ) -> None:
     """Refuse an output before anything starts, by the same rule for all commands.
 
-    It is the file `out`, with the `suffix` of its format unless it has one of its own, or several
-    files with this stem and different `ends`. All must be writable (`pyfric.scene.check_writable`).
-    A file is replaced only with --overwrite, and one that the
-    command `reads` never.
+    It is the file `out`, in the format of `suffix`, or several files with this stem and different
+    `ends`. All must be writable (`pyfric.scene.check_writable`). A file is replaced only with
+    --overwrite, and one that the command `reads` never.
     """
     if out is None:
         return

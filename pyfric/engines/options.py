@@ -301,7 +301,7 @@ class Options:
         if switching == "located":
             _check_located(scene, self.stepper, dt)
         check_steps(t_begin, t_end, dt)
-        every = (t_end - t_begin) / POINTS if self.sample is None else self.sample
+        every = (t_end - t_begin) / dt / POINTS if self.sample is None else self.sample / dt
         return Method(
             engine=engine.name,
             geometry=self.geometry or default_geometry(scene),
@@ -309,7 +309,7 @@ class Options:
             switching=switching,
             rtol=(self.rtol or RTOL) if STEPPERS[self.stepper].adaptive else None,
             dt=dt,
-            sample=max(1, round(every / dt)),
+            sample=max(1, round(every)),
             t_gap=longest_pause(scene) if self.t_gap is None else self.t_gap,
             threads=core.useful_threads(scene.N_x * scene.N_z, self.threads and int(self.threads)),
             variant=core.VARIANT,

@@ -78,7 +78,7 @@ def figure_stem(path: str | os.PathLike[str]) -> Path:
     """
     path = Path(path)
     if path.suffix.lower() in (".png", ".pdf"):
-        return path.with_suffix("")
+        return figure_stem(path.with_suffix(""))  # so that the stem of a stem is the same
     check_suffix(path, ".png")
     return path
 

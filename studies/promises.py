@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 import plans
+from tpv3 import STATIONS, distance, misfit, ruptured
 
-from pyfric.checks.tpv3 import STATIONS, distance, misfit, ruptured
 from pyfric.engines import step_size
 from pyfric.planning import plan, simulate
 from pyfric.record import differences, zone_of_scene

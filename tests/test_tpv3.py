@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
-import tpv3 as study
+import tpv3
 
-from pyfric.checks import tpv3
 from pyfric.engines import step_size
 from pyfric.scene import Scene, SceneError, preset
 
@@ -43,15 +42,15 @@ def test_ruptures_come_near_the_reference_on_a_coarse_lattice():
     assert tpv3.misfit(arrivals + 0.1) > 0.02
     assert (np.diff(times[(x > 2) & inside]) > 0).all()
     assert 2 < 2 * rate[x < 10].max() < 15
-    assert 2 * np.interp(5.0, x, slip) == pytest.approx(study.PLACES[5][1], rel=0.04)
+    assert 2 * np.interp(5.0, x, slip) == pytest.approx(tpv3.PLACES[5][1], rel=0.04)
 
 
 def test_the_report_says_misfits_and_orders():
     rows = [{"l": l, "eta2": 0.001, "dashpots": "along", "rms": l / 2e4} for l in (100.0, 50.0)]
     more = {"t_14": 4.7, "rate_5": 1.0, "slip_5": 1.0, "rate_10": 1.0, "slip_10": 1.0}
     frame = pd.DataFrame([row | more | {"dt": 1e-3, "seconds": 1.0} for row in rows])
-    assert study.orders(frame) == pytest.approx([1.0])
-    text = study.report(frame)
+    assert tpv3.orders(frame) == pytest.approx([1.0])
+    text = tpv3.report(frame)
     assert "observed order: 1.00" in text
     assert "0.250 %" in text
     assert tpv3.misfit(tpv3.REFERENCE + 0.047177) == pytest.approx(0.01)

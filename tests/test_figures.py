@@ -1,7 +1,6 @@
 """Figures show what the record holds, and their files carry data and caption."""
 
 import dataclasses
-import io
 import re
 from unittest import mock
 
@@ -698,28 +697,6 @@ def test_strip_and_movie(run, tmp_path):
     assert len(shown) > path.stat().st_size
     film = path.rename(tmp_path / "event.mp4")
     assert film._repr_html_().startswith('<video controls loop muted src="data:video/mp4;base64,')
-
-
-def test_frames_of_a_film_are_the_whole_figure(run):
-    """What moves, drawn over what stays, gives the pixels of the figure drawn at once."""
-    N_x, N_z, p = run.scene.N_x, run.scene.N_z, np.full(run.scene.N_x, 9.0)
-    v = np.linspace(-0.1, 0.1, 4 * N_z * N_x).reshape(2, N_z, 2, N_x)
-    mode = np.arange(N_x) % 3
-    frames = [strip.Frame(n * 1e-5, v[n], p * (0.2 + 0.3 * n), p, n * mode) for n in (0, 1)]
-    fig, (panels,) = strip._panels(run.scene, 1, 0.1)
-    panels.scale(run.scene)
-    panels.show(frames[0], 0.0, (1e6, "us"))
-    fig.canvas.draw()
-    fig.set_layout_engine("none")
-    film, file = strip._Canvas(fig, panels.moving()), io.BytesIO()
-    panels.show(frames[1], 0.0, (1e6, "us"))
-    film.savefig(file)
-    for one in panels.moving():
-        one.set_animated(False)
-    fig.canvas.draw()
-    whole = np.asarray(fig.canvas.buffer_rgba()).astype(int).ravel()
-    apart = np.abs(np.frombuffer(file.getvalue(), np.uint8) - whole)
-    assert apart.max() <= 2
 
 
 def test_a_film_is_what_its_name_says(run, tmp_path, monkeypatch):

@@ -12,16 +12,12 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
 
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
-from matplotlib.lines import Line2D
 from matplotlib.ticker import EngFormatter
 
 from pyfric import core
@@ -204,12 +200,10 @@ def event_movie(
     panels.show(frames[0], t_start, unit)
     fig.canvas.draw()
     fig.set_layout_engine("none")  # nothing moves from frame to frame
-    fig.set_dpi(FILM_DPI)
     with written(path) as draft:
         film = draft.with_name(draft.name + Path(path).suffix)  # writers go by the name
         try:
             with writer.saving(fig, film, dpi=FILM_DPI):
-                writer.fig = _Canvas(fig, panels.moving())
                 for frame in frames:
                     panels.show(frame, t_start, unit)
                     writer.grab_frame()
@@ -233,38 +227,7 @@ def _writer(path: Path, fps: int) -> AbstractMovieWriter:
     if not has_ffmpeg():
         reason = "an MP4 needs ffmpeg, or the extra movies (imageio-ffmpeg), which is not here"
         raise SceneError("path", str(path), "", allowed, reason)
-    even = "pad=ceil(iw/2)*2:ceil(ih/2)*2"  # H.264 takes nothing else
-    return FFMpegWriter(fps=fps, codec="h264", extra_args=["-vf", even, "-preset", "veryfast"])
-
-
-class _Canvas:
-    """A figure as writers of films take it, of which only what moves is drawn for each frame."""
-
-    def __init__(self, fig: DataFigure, moving: Sequence[Artist]) -> None:
-        self._fig, self._moving = fig, moving
-        lines = [one for one in moving if isinstance(one, Line2D)]
-        for one in moving:
-            one.set_animated(True)
-        for one in lines:  # an axis draws its ticks, animated or not
-            one.set_visible(False)
-        fig.canvas.draw()
-        self._still = fig.canvas.copy_from_bbox(fig.bbox)
-        for one in lines:
-            one.set_visible(True)
-
-    def get_size_inches(self) -> np.ndarray:
-        """Return width and height, which a GIF's writer asks for."""
-        return self._fig.get_size_inches()
-
-    def set_size_inches(self, *size: float) -> None:
-        """Do nothing: writers set the size that the figure has."""
-
-    def savefig(self, file: IO[bytes], **_: Any) -> None:
-        """Write the pixels of the next frame."""
-        self._fig.canvas.restore_region(self._still)
-        for one in self._moving:
-            self._fig.draw_artist(one)
-        file.write(self._fig.canvas.buffer_rgba())
+    return FFMpegWriter(fps=fps, codec="h264", extra_args=["-preset", "veryfast"])
 
 
 def has_ffmpeg() -> bool:
@@ -359,16 +322,6 @@ class _Panels:
         at, look = (0.97 - bar / 2, 0.87 * top), {"ha": "center", "va": "top", "fontsize": SMALL}
         self.top.text(*at, shown, **look)
 
-    def moving(self) -> list[Artist]:
-        """Return what `show` changes and what lies on the velocity field, from back to front."""
-        above = []
-        for one in sorted(self.top.get_children(), key=Artist.get_zorder):
-            if isinstance(one, Axis):  # its labels lie beside the field, and take long to draw
-                above += _ticks(one)
-            elif one is not self.top.patch:
-                above.append(one)
-        return [*above, self.line, self.slip, self.open]
-
     def show(self, frame: Frame, t_start: float, unit: tuple[float, str]) -> None:
         """Show a frame; t_start is the time of the first slip, s, unit that of `time_unit`."""
         self.image.set_data(frame.v[:, 0])
@@ -379,15 +332,6 @@ class _Panels:
         self.open.set_ydata(np.where(frame.mode == 2, 0.0, np.nan))
         text = f"{(frame.t - t_start) * unit[0]:.1f} {unit[1]}, slipping: {slips.sum()}"
         self.title.set_text(text)
-
-
-def _ticks(axis: Axis) -> list[Artist]:
-    """Return the strokes of the ticks that are seen."""
-    low, high = sorted(axis.get_view_interval())
-    ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
-    seen = [one for one in ticks if low <= one.get_loc() <= high]
-    lines = (line for one in seen for line in (one.tick1line, one.tick2line))
-    return [line for line in lines if line.get_visible()]
 
 
 def _largest(frames: Sequence[Frame]) -> float:

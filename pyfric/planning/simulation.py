@@ -266,29 +266,41 @@ def _begin(initial: State | Record | None) -> float:
 
 def _planned(made: Specification, initial: State | None, progress: object) -> Record:
     """Run the chosen model and measure its errors; if a quasi-static run fails, run dynamics."""
-    options, scene = made.options, made.scene
-    with at_once():
-        plan = choose(scene, options, made.t_end, t_begin=made.t_begin, ladder=initial is None)
-    notes = [_chosen(plan)]
-    if plan.fidelity == "quasistatic":
-        record, reason = _static(plan, made)
-        if not reason:
-            return _with_notes(record, *notes)
-        nothing_to_save()
+    options, scene, notes, failed = made.options, made.scene, [], ""
+    while True:
         with at_once():
-            plan = choose(scene, options, made.t_end, t_begin=made.t_begin, ladder=False)
-        notes.append(f"quasistatic was not enough: {reason}; {_chosen(plan)}")
-    level = _resolved(options, plan)
-    if plan.fidelity == "hybrid":
-        notes += _said(scene, "hybrid", plan.seconds + plan.price, progress)
-    try:
-        record = made.run(scene, made.t_end, level)
-    except RunError as error:
-        error.record = _with_notes(error.record, *notes)
-        raise
-    if record.done and options.verify != "none":
-        record = verified(record, _as_planned(_until(made, record), plan, level))
-    return _with_notes(record, *notes)
+            ladder = initial is None and not failed
+            plan = choose(scene, options, made.t_end, t_begin=made.t_begin, ladder=ladder)
+        notes.append((failed and f"quasistatic was not enough: {failed}; ") + _chosen(plan))
+        level = dataclasses.replace(
+            options,
+            budget=bool(options.budget),
+            fidelity=plan.fidelity,
+            geometry=plan.geometry,
+            dt=plan.dt or "auto",
+            accuracy=plan.accuracy,
+            switching=options.switching or plan.switching,
+        )
+        if plan.fidelity == "hybrid":
+            notes += _said(scene, "hybrid", plan.seconds + plan.price, progress)
+        try:
+            record = made.run(scene, made.t_end, level)
+        except RunError as error:
+            error.record = _with_notes(error.record, *notes)
+            raise
+        except EquilibriumError as error:
+            if plan.fidelity != "quasistatic":
+                raise
+            failed = str(error)
+        else:
+            failed = "; ".join(map(str, plan.check(record))) if record.done else ""
+            if record.done and not failed and options.verify != "none":
+                record = verified(record, _as_planned(_until(made, record), plan, level))
+                if record is None:
+                    failed = "errors measured by dynamics exceed the tolerance"
+            if not failed:
+                return _with_notes(record, *notes)
+        nothing_to_save()
 
 
 def _chosen(plan: Plan) -> str:
@@ -297,37 +309,6 @@ def _chosen(plan: Plan) -> str:
     return (
         f"planned for {plan.want} within {plan.tolerance:g}: {plan.fidelity}, "
         f"{plan.geometry} geometry{rejected}"
-    )
-
-
-def _static(plan: Plan, made: Specification) -> tuple[Record | None, str]:
-    """Return the record of a quasi-static plan, and why it is rejected; "" if it is accepted."""
-    level = _resolved(made.options, plan)
-    try:
-        record = made.run(made.scene, made.t_end, level)
-    except EquilibriumError as error:
-        return None, str(error)
-    if not record.done:
-        return record, ""
-    if failed := plan.check(record):
-        return None, "; ".join(map(str, failed))
-    if made.options.verify == "none":
-        return record, ""
-    made = _until(made, record)
-    found = verified(record, _as_planned(made, plan, level))
-    return found, "" if found else "errors measured by dynamics exceed the tolerance"
-
-
-def _resolved(options: Options, plan: Plan) -> Options:
-    """Return the options, with the choices of the plan for those left open."""
-    return dataclasses.replace(
-        options,
-        budget=bool(options.budget),
-        fidelity=plan.fidelity,
-        geometry=plan.geometry,
-        dt=plan.dt or "auto",
-        accuracy=plan.accuracy,
-        switching=options.switching or plan.switching,
     )
 
 

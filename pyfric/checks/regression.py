@@ -7,7 +7,7 @@ located switching up to its first event over the whole interface. Three comparis
     stresses        tau and p at first slip and last stick of the main events, tau/p behind the tip
     crack_speeds    rupture times, v_c, and the collapse of v_c on the scaled prestress
 
-The quasi-static sequence is compared by the lengths and forces of its precursors (`Ladder`).
+The quasi-static sequence is compared by the lengths and forces of its precursors (`ladder`).
 
 Events are compared, not trajectories: forces over F_N, stresses over F_N/N_x, lengths in blocks.
 What a run may differ by is in `HYBRID`, `DYNAMIC` and `STEP_END`, with its reason.
@@ -293,69 +293,45 @@ def crack_speeds(known: Reference, made: Record, within: Tolerances) -> list[Che
 # --- the quasi-static sequence: precursors by length and force -----------------------------------
 
 
-class Ladder(NamedTuple):
-    """Main precursors from the trailing edge: lengths in blocks, forces over F_N; their table."""
+def precursors(events: pd.DataFrame, scene: Scene) -> pd.DataFrame:
+    """Return the main precursors from the trailing edge before the first system-size event.
 
-    length: np.ndarray
-    start: np.ndarray
-    arrest: np.ndarray
-    events: pd.DataFrame
-    scene: Scene
-
-    @classmethod
-    def of(cls, events: pd.DataFrame, scene: Scene) -> Ladder:
-        """Return the precursors before the first system-size event.
-
-        The length is the farthest block: L_p is 0 where a corner block that hardly carries load did
-        not move.
-        """
-        main = events[events["is_main"] & events["at_trailing_edge"]]
-        main = main[(main["last_block"] == scene.N_x).cumsum() == 0]
-        forces = main[["F_T_start", "F_T_arrest"]].to_numpy().T / scene.F_N
-        return cls(main["last_block"].to_numpy(), *forces, main, scene)
+    Their length is that of the farthest block: L_p is 0 where a corner block that hardly carries
+    load did not move.
+    """
+    main = events[events["is_main"] & events["at_trailing_edge"]]
+    return main[(main["last_block"] == scene.N_x).cumsum() == 0]
 
 
-def ladder_event_by_event(
-    a: Ladder, b: Ladder, blocks: int, last: int | None = None
-) -> list[Check]:
-    """Compare a ladder b with a, each event of a with one of b; b may have one more.
+def ladder(known: Reference, made: Record, blocks: int, last: int | None = None) -> list[Check]:
+    """Compare each precursor of a set with one of a quasi-static run, which may have one more.
 
     Args:
-        a: of full dynamics.
-        b: of the quasi-static engine, in the same geometry.
+        known: the set, in the geometry of the run.
+        made: the run.
         blocks: tolerance of lengths.
         last: tolerance of the last, longest one; None means the same.
     """
-    more = len(b.length) - len(a.length)
+    a, b = (precursors(one.events, known.scene) for one in (known, made))
+    more = len(b) - len(a)
     if more < 0:
-        return [_laddered("missing precursors", math.nan, 0)]
-    _, k = paired(a.events, b.events, a.scene)
-    off = np.abs(b.length[k] - a.length)
+        return [Check("quasi-static: missing precursors", math.nan, 0, why=NO_INERTIA)]
+    b = b.iloc[paired(a, b, known.scene)[1]]
+    off = np.abs(b["last_block"].to_numpy() - a["last_block"].to_numpy())
+    start, arrest = (
+        largest(b[name].to_numpy() - a[name].to_numpy()) / known.scene.F_N
+        for name in ("F_T_start", "F_T_arrest")
+    )
     return [
-        _laddered("precursors more", more, 1),
-        _laddered("lengths, blocks", largest(off[:-1]), blocks),
-        _laddered("longest precursor, blocks", off[-1], last or blocks),
-        _laddered("start, over F_N", largest(b.start[k] - a.start), LADDER),
-        _laddered("arrest, over F_N", largest(b.arrest[k] - a.arrest), LADDER),
+        Check(f"quasi-static: {what}", value, tolerance, why=NO_INERTIA)
+        for what, value, tolerance in (
+            ("precursors more", more, 1),
+            ("lengths, blocks", largest(off[:-1]), blocks),
+            ("longest precursor, blocks", off[-1], last or blocks),
+            ("start, over F_N", start, LADDER),
+            ("arrest, over F_N", arrest, LADDER),
+        )
     ]
-
-
-def ladder_at_given_length(a: Ladder, b: Ladder) -> list[Check]:
-    """Compare the forces at which precursors of a length start and stop, where both have some."""
-    common = (a.length >= b.length[0]) & (a.length <= b.length[-1])
-    checks = [
-        _laddered("lengths that do not grow", (np.diff(b.length) <= 0).sum(), 0),
-        _laddered("precursors out of range", (~common).sum(), 2),
-    ]
-    for force in ("start", "arrest"):
-        at_length = np.interp(a.length[common], b.length, getattr(b, force))
-        error = largest(at_length - getattr(a, force)[common])
-        checks.append(_laddered(f"{force} at given length, over F_N", error, LADDER))
-    return checks
-
-
-def _laddered(what: str, value: float, tolerance: float) -> Check:
-    return Check(f"quasi-static: {what}", value, tolerance, why=NO_INERTIA)
 
 
 # --- parts ---------------------------------------------------------------------------------------

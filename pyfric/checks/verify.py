@@ -5,7 +5,6 @@ Exact answers, bits, and stored full dynamics (`pyfric.checks.regression`).
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import math
 import signal
@@ -15,17 +14,16 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from pyfric import core, theory
 from pyfric.checks import regression
 from pyfric.checks.regression import DYNAMIC, HYBRID, STEP_END, Check, Tolerances
-from pyfric.display import plain
 from pyfric.paper.claims import CLAIMS, chain_front, shaken
 from pyfric.record import Record
 from pyfric.scene import laws, setup1
@@ -52,36 +50,21 @@ ERRORS = (RuntimeError, ValueError, ArithmeticError, ImportError, OSError, _OutO
 """What a wrong build may raise; the check then fails."""
 
 
-@dataclass(frozen=True)
-class Group:
-    """Checks that belong together.
-
-    Attributes:
-        name: what they compare with what.
-        checks: the checks; empty if none could be made.
-        note: what a reader has to know, such as what was skipped.
-        seconds: wall time, s.
-    """
-
-    name: str
-    checks: tuple[Check, ...]
-    note: str = ""
-    seconds: float = 0.0
-
-    @property
-    def holds(self) -> bool:
-        return all(check.holds for check in self.checks)
-
-
 @at_once()
-def verify(progress: Callable[[Group], None] | None = None) -> list[Group]:
-    """Make all checks.
+def verify(progress: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
+    """Make all checks, in groups.
 
     Args:
-        progress: called with each group when it is done.
+        progress: called with the name of each group before it is made.
+
+    Returns:
+        One row for each check. Columns: group, what is compared with what; name, value, tolerance,
+        unit and why (`pyfric.checks.regression.Check`); holds; note, what a reader of the group has
+        to know, such as what was skipped; seconds, wall time of the group.
     """
-    groups, begin = [], time.process_time()
-    for name, make in _all():
+    rows, begin = [], time.process_time()
+    for group, make in _all():
+        progress(group)
         start = time.perf_counter()
         try:
             with _limited(LIMIT - (time.process_time() - begin)):
@@ -89,10 +72,10 @@ def verify(progress: Callable[[Group], None] | None = None) -> list[Group]:
         except ERRORS as error:
             what = f"could not be made ({type(error).__name__})"
             checks, note = [Check(what, math.nan, 0)], str(error)
-        groups.append(Group(name, tuple(checks), note, time.perf_counter() - start))
-        if progress is not None:
-            progress(groups[-1])
-    return groups
+        about = {"note": note, "seconds": time.perf_counter() - start}
+        for one in checks:
+            rows.append({"group": group, **vars(one), "holds": one.holds, **about})
+    return pd.DataFrame(rows).astype({"value": float, "tolerance": float})
 
 
 @contextmanager
@@ -117,36 +100,20 @@ def _limited(seconds: float) -> Iterator[None]:
         signal.signal(signal.SIGPROF, old)
 
 
-def table(groups: list[Group]) -> list[dict[str, Any]]:
-    """Return the checks as plain dicts; None stands for values that are not finite."""
-    return [
-        {
-            "group": group.name,
-            **dataclasses.asdict(check),
-            "value": plain(float(check.value)),
-            "tolerance": float(check.tolerance),
-            "holds": check.holds,
-        }
-        for group in groups
-        for check in group.checks
-    ]
-
-
-def report(groups: list[Group]) -> str:
-    """Return the table: check, value, tolerance, verdict."""
-    lines = [f"{'check':<66}  {'value':>9}  {'tolerance':>9}  verdict"]
-    for group in groups:
-        lines += ["", f"{group.name} ({group.seconds:.1f} s)"]
-        for check in group.checks:
+def report(table: pd.DataFrame) -> str:
+    """Return the table as text: check, value, tolerance, verdict."""
+    lines, whole = [f"{'check':<66}  {'value':>9}  {'tolerance':>9}  verdict"], 0.0
+    for (group, seconds, note), checks in table.groupby(["group", "seconds", "note"], sort=False):
+        whole += seconds
+        lines += ["", f"{group} ({seconds:.1f} s)"]
+        for check in checks.itertuples():
             name = f"  {check.name}" + (f" ({check.unit})" if check.unit else "")
             verdict = "holds" if check.holds else "FAILS"
             lines.append(f"{name:<66}  {check.value:>9.2g}  {check.tolerance:>9.2g}  {verdict}")
-        lines += [f"  note: {group.note}"] if group.note else []
-    checks = [check for group in groups for check in group.checks]
-    failed = sum(not check.holds for check in checks)
-    seconds = sum(group.seconds for group in groups)
-    last = f"all {len(checks)} checks hold" if not failed else f"{failed} of {len(checks)} FAIL"
-    return "\n".join([*lines, "", f"{last} ({seconds:.0f} s)"])
+        lines += [f"  note: {note}"] if note else []
+    failed, count = int((~table["holds"]).sum()), len(table)
+    last = f"all {count} checks hold" if not failed else f"{failed} of {count} FAIL"
+    return "\n".join([*lines, "", f"{last} ({whole:.0f} s)"])
 
 
 Made = tuple[list[Check], str]

@@ -69,9 +69,9 @@ def verify(tell: Tell) -> None:
     """Check this build (a minute): bits, exact answers, and stored runs of full dynamics."""
     from pyfric.checks import verify as checks
 
-    groups = checks.verify(progress=lambda group: tell.step(f"{group.name} ..."))
-    tell.result(checks.table(groups), lambda: checks.report(groups))
-    if not all(group.holds for group in groups):
+    table = checks.verify(progress=lambda group: tell.step(f"{group} ..."))
+    tell.table(table, checks.report)
+    if not table["holds"].all():
         stop(Exit.FAILED)
 
 

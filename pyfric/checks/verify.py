@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pyfric import core, theory
+from pyfric import core
 from pyfric.checks import regression
 from pyfric.checks.regression import DYNAMIC, HYBRID, STEP_END, Check, Tolerances
-from pyfric.paper.claims import CLAIMS, chain_front, shaken
+from pyfric.paper.claims import CLAIMS, shaken
 from pyfric.record import Record
 from pyfric.scene import laws, setup1
 from pyfric.signals import at_once
@@ -123,7 +123,6 @@ def _all() -> Iterator[tuple[str, Callable[[], Made]]]:
     yield "build", _build
     yield "bits of a short run with slip", _bits
     yield "exact answers", _exact
-    yield "speed of fronts in chains against the exact one", _chains
     for name in ("fig1_linear", "run1_linear", "setup2_linear", "fig1_finite"):
         made = partial(_stored, name, regression.hybrid, HYBRID)
         yield f"{name}: hybrid engine against stored full dynamics", made
@@ -225,17 +224,6 @@ def _exact() -> Made:
     return [
         Check(one.text, one.value, band.high, band.unit, band.source) for one, band in found
     ], ""
-
-
-def _chains() -> Made:
-    """Steady fronts with bond viscosity: the paper's, and sqrt(k m), where v = c/(1 - tau_bar)."""
-    checks = []
-    for tau_bar, eta2 in ((0.7, 0.1), (0.5, 1.0)):
-        known = float(theory.chain_speed(tau_bar, 0.0, math.sqrt(eta2)))
-        error = abs(chain_front(tau_bar, math.sqrt(eta2), known, 0.04) / known - 1)
-        what = f"tau_bar = {tau_bar:g}, eta^2 = {eta2:g} k m: relative error of the speed"
-        checks.append(Check(what, error, 1e-6))
-    return checks, "mean over blocks 150 to 300, located switches, 25 steps from block to block"
 
 
 def _stored(

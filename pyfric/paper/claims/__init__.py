@@ -14,7 +14,6 @@ Source: PRL 107, 074301 (2011).
 """
 
 from pyfric.paper.claims.claim import CLAIMS, Claim, report, save, table
-from pyfric.paper.claims.exact import chain_front as chain_front
 from pyfric.paper.claims.exact import shaken as shaken
 from pyfric.paper.claims.scorecard import NUMBERS, measure
 from pyfric.paper.runs import jobs

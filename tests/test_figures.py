@@ -548,11 +548,11 @@ def test_sketch_shows_the_scene_with_its_numbers(scene, texts):
     np.testing.assert_array_equal(table["load_N"], scene.load)
     np.testing.assert_array_equal(table["shear_N"], scene.shear)
     blocks = next(line for line in fig.axes[0].get_lines() if line.get_marker() == "s")
-    x, z = blocks.get_xdata(), blocks.get_ydata()
-    assert (x.min(), x.max()) == pytest.approx((0, scene.slider.L * 1e3))
-    assert (z.min(), z.max()) == pytest.approx((0, scene.slider.H * 1e3))
+    x, z, L = blocks.get_xdata() / 100, blocks.get_ydata() / 100, scene.slider.L
+    assert (x.min(), x.max()) == pytest.approx((0, 1))
+    assert (z.min(), z.max()) == pytest.approx((0, scene.slider.H / L))
     if scene.N_z > 1:  # the driven row is drawn
-        assert np.isclose(z, scene.driver.h * 1e3).any()
+        assert np.isclose(z, scene.driver.h / L).any()
     all_inside(fig)
 
 

@@ -1,4 +1,7 @@
-"""Sketches of scenes, like Fig. 1(a): the lattice and all that acts on it, drawn to scale."""
+"""Sketches of scenes, like Fig. 1(a): the lattice and all that acts on it, drawn to scale.
+
+Lengths in the drawing are in hundredths of L.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +37,7 @@ MOST_COLUMNS = 32
 MOST_SPRINGS = 6
 """Of a plate as many springs are drawn at most."""
 FIELD_ROOM = 11
-"""Height of a field below the interface, two lines of text, in hundredths of L."""
+"""Height of a field below the interface, two lines of text."""
 FIELDS = {
     "mu_s": (r"$\mu_\mathrm{s}$", "", 0),
     "mu_k": (r"$\mu_\mathrm{k}$", "", 0),
@@ -62,36 +65,34 @@ def sketch(scene: SceneLike) -> DataFigure:
         trailing edge, load_N and shear_N, and the fields that vary, in SI units.
     """
     scene = as_scene(scene)
-    slider = scene.slider
-    L, H, unit = slider.L * 1e3, slider.H * 1e3, slider.L * 1e3 / 100
+    slider, d = scene.slider, scene.d
+    l, H = 100 * slider.l / slider.L, 100 * slider.H / slider.L
     above = 28 if scene.top.kind == "prescribed" else 23
-    room = {"top": above * unit, "bottom": 19 * unit, "side": 42 * unit}
-    room["bottom"] += FIELD_ROOM * unit * len(scene.varied)
-    width = L + room["side"] + 10 * unit
-    height = H + room["top"] + room["bottom"]
-    fig, (axes,) = panels(COLUMN_WIDTH * height / width)
+    below = 19 + FIELD_ROOM * len(scene.varied)
+    fig, (axes,) = panels(COLUMN_WIDTH * (above + H + below) / 152)
     fig.set_layout_engine("none")
     axes.set_position((0, 0, 1, 1))
     axes.set_axis_off()
-    x_min = -room["side"] if scene.d > 0 else -10 * unit
-    axes.set_xlim(x_min, x_min + width)
-    axes.set_ylim(-room["bottom"], H + room["top"])
+    axes.set_xlim((-42, 110) if d > 0 else (-10, 142))
+    axes.set_ylim(-below, H + above)
     axes.set_aspect("equal")
 
     q = _thinning(scene)
-    x = _kept(scene.N_x, q) * slider.l * 1e3
-    z = np.union1d(_kept(scene.N_z, q), [scene.j_h, scene.j_h_top]) * slider.l * 1e3
-    _lattice(axes, x, z, scene.N_z == 1, unit)
-    _foundation(axes, x, L, unit, scene)
-    top = _rod if scene.rigid else _load
-    top(axes, x, L, H, unit, scene)
+    x = _kept(scene.N_x, q) * l
+    z = np.union1d(_kept(scene.N_z, q), [scene.j_h, scene.j_h_top]) * l
+    _lattice(axes, x, z, scene.N_z == 1)
+    _foundation(axes, x, scene)
+    if scene.rigid:
+        _rod(axes, H, scene)
+    else:
+        _load(axes, l, H, scene)
     if scene.driver.K:
-        _driver(axes, z, L, unit, scene)
-    _fields(axes, x, unit, scene)
-    _length(axes, (0, -13 * unit), (L, -13 * unit), f"$L$ = {_shown(slider.L, 'm', -1)}", unit)
+        _driver(axes, z, l, scene)
+    _fields(axes, l, scene)
+    _length(axes, (0, -13), (100, -13), f"$L$ = {_shown(slider.L, 'm', -1)}", 3)
     if scene.N_z > 1:
-        far = L + 4 * unit if scene.d > 0 else -4 * unit
-        _length(axes, (far, 0), (far, H), f"$H$ = {_shown(slider.H, 'm', -1)}", scene.d * unit)
+        far = 104 if d > 0 else -4
+        _length(axes, (far, 0), (far, H), f"$H$ = {_shown(slider.H, 'm', -1)}", 3 * d)
 
     n, x_mm = scene.n_of_i, (scene.n_of_i - 1) * slider.l * 1e3
     columns = {"n": n, "x_mm": x_mm, "load_N": _forces(scene), "shear_N": scene.shear}
@@ -116,10 +117,10 @@ def _kept(count: int, q: int) -> np.ndarray:
     return np.unique(np.append(np.arange(0, count, q), count - 1))
 
 
-def _lattice(axes: Axes, x: np.ndarray, z: np.ndarray, chain: bool, unit: float) -> None:
+def _lattice(axes: Axes, x: np.ndarray, z: np.ndarray, chain: bool) -> None:
     if chain:
         for left, right in pairwise(x):
-            axes.plot(*_zigzag((left, 0), (right, 0), 0.8 * unit, 3), color=BLUE, lw=0.5)
+            axes.plot(*_zigzag((left, 0), (right, 0), 0.8, 3), color=BLUE, lw=0.5)
     else:
         X, Z = np.meshgrid(x, z)
         ends = [
@@ -140,16 +141,16 @@ def _forces(scene: Scene) -> np.ndarray:
     return scene.p_prescribed if scene.prescribed else scene.load
 
 
-def _foundation(axes: Axes, x: np.ndarray, L: float, unit: float, scene: Scene) -> None:
+def _foundation(axes: Axes, x: np.ndarray, scene: Scene) -> None:
     """The springs of the foundation, and the fields that do not vary.
 
     A prescribed interface stands on the wall.
     """
-    depth = (1 if scene.prescribed else 5) * unit
+    depth = 1 if scene.prescribed else 5
     if not scene.prescribed:
-        springs = [_zigzag((at, -0.3 * unit), (at, -depth), 0.7 * unit, 3).T for at in x]
+        springs = [_zigzag((at, -0.3), (at, -depth), 0.7, 3).T for at in x]
         axes.add_collection(LineCollection(springs, colors=GREEN, linewidths=0.5))
-    _wall(axes, (-2 * unit, -depth), (L + 2 * unit, -depth), unit, -1)
+    _wall(axes, -2, 102, -depth, -1)
     friction = scene.law.mean
     means = {"mu_s": friction.mu_s, "mu_k": friction.mu_k}
     if scene.N_z > 1 and not scene.prescribed:
@@ -161,66 +162,56 @@ def _foundation(axes: Axes, x: np.ndarray, L: float, unit: float, scene: Scene) 
         for name, value in means.items()
         if name not in scene.varied
     ]
-    text = ", ".join(told)
-    _text(axes, (L / 2, -9.5 * unit), text, GREEN)
+    _text(axes, (50, -9.5), ", ".join(told), GREEN)
 
 
-def _fields(axes: Axes, x: np.ndarray, unit: float, scene: Scene) -> None:
+def _fields(axes: Axes, l: float, scene: Scene) -> None:
     """The fields that vary along the interface, each between its least and its largest value."""
-    L = scene.slider.L * 1e3
     for n, name in enumerate(scene.varied):
         values = scene.field(name)
         low, high = values.min(), values.max()
-        bottom, high_at = -(19 + FIELD_ROOM * (n + 1) - 3) * unit, 5 * unit
-        at = np.arange(scene.N_x) * scene.slider.l * 1e3
+        bottom, high_at = -(19 + FIELD_ROOM * (n + 1) - 3), 5
         height = bottom + high_at * (values - low) / (high - low)
-        axes.step(at, height, where="mid", color=GREEN, lw=LINE)
+        axes.step(np.arange(scene.N_x) * l, height, where="mid", color=GREEN, lw=LINE)
         if name in FIELDS:
             text, of, power = FIELDS[name]
         else:  # a field of the friction law
             text, of = name, annotations(type(scene.interface.law))[name].unit
             power = prefix_power(high)
         text += f"\n{_shown((low, high), of, power, digits=3, joint='$-$')}"
-        side = {"ha": "right"} if scene.d > 0 else {"ha": "left"}
-        place = -3 * unit if scene.d > 0 else L + 3 * unit
-        _text(axes, (place, bottom + high_at / 2), text, GREEN, **side)
+        place, side = (-3, "right") if scene.d > 0 else (103, "left")
+        _text(axes, (place, bottom + high_at / 2), text, GREEN, ha=side)
 
 
-def _rod(axes: Axes, x: np.ndarray, L: float, H: float, unit: float, scene: Scene) -> None:
+def _rod(axes: Axes, H: float, scene: Scene) -> None:
     """The rod, the mattress that resists its tilt, and F_N at its centre."""
-    thick, above = 2 * unit, 10 * unit
-    axes.add_patch(Rectangle((0, H), L, thick, fc=GREY, ec=BLACK, lw=LINE, zorder=4))
+    thick, above = 2, 10
+    axes.add_patch(Rectangle((0, H), 100, thick, fc=GREY, ec=BLACK, lw=LINE, zorder=4))
     if scene.top.mattress:
         low = H + thick
-        places = [at for at in np.linspace(0, L, 14) if abs(at - L / 2) > 8 * unit]
-        springs = [_zigzag((at, low), (at, H + above), 0.9 * unit, 4).T for at in places]
+        places = [at for at in np.linspace(0, 100, 14) if abs(at - 50) > 8]
+        springs = [_zigzag((at, low), (at, H + above), 0.9, 4).T for at in places]
         axes.add_collection(LineCollection(springs, colors=ORANGE, linewidths=0.6))
-        for sign in (-1, 1):
-            ends = sorted((L / 2 + sign * 7 * unit, L / 2 + sign * (L / 2 + 2 * unit)))
-            _wall(axes, (ends[0], H + above), (ends[1], H + above), unit, 1)
+        for begin, end in ((-2, 43), (57, 102)):
+            _wall(axes, begin, end, H + above, 1)
         text = f"mattress {_shown(scene.top.mattress, 'N/m', 2)}"
-        _text(axes, (0, H + 14 * unit), text, ORANGE, ha="left")
-    _arrow(axes, (L / 2, H + above + 5.5 * unit), (L / 2, H + thick), VERMILION, 1.6)
-    text = rf"$F_\mathrm{{N}}$ = {_shown(scene.F_N, 'N')}"
-    _text(axes, (L / 2, H + 18.5 * unit), text, VERMILION)
-    _text(axes, (L, H + 14 * unit), f"rod {_shown(scene.M_rod * 1e3, 'g')}", "0.3", ha="right")
+        _text(axes, (0, H + 14), text, ORANGE, ha="left")
+    _arrow(axes, (50, H + above + 5.5), (50, H + thick), VERMILION, 1.6)
+    _text(axes, (50, H + 18.5), rf"$F_\mathrm{{N}}$ = {_shown(scene.F_N, 'N')}", VERMILION)
+    _text(axes, (100, H + 14), f"rod {_shown(scene.M_rod * 1e3, 'g')}", "0.3", ha="right")
 
 
-def _load(axes: Axes, x: np.ndarray, L: float, H: float, unit: float, scene: Scene) -> None:
+def _load(axes: Axes, l: float, H: float, scene: Scene) -> None:
     """Forces on the blocks, normal and shear, and for a chain springs to a rigid top."""
     at = np.linspace(0, scene.N_x - 1, min(scene.N_x, 21)).round().astype(int)
-    place = at * scene.slider.l * 1e3
-    load, row = _forces(scene), scene.j_shear * scene.slider.l * 1e3
-    most = np.max(load)
-    gap = 0.8 * unit
-    for where, force in zip(place, load[at], strict=True):
-        tail = row + gap + 10 * unit * force / most
-        _arrow(axes, (where, tail), (where, row + gap), VERMILION, 0.7)
-    shear = scene.shear[at]
+    load, shear, row = _forces(scene), scene.shear[at], scene.j_shear * l
+    most, gap = np.max(load), 0.8
+    for where, force in zip(at * l, load[at], strict=True):
+        _arrow(axes, (where, row + gap + 10 * force / most), (where, row + gap), VERMILION, 0.7)
     if np.any(shear):
-        for where, force in zip(place, shear, strict=True):
-            tip = where + 4 * unit * force / np.max(np.abs(shear))
-            _arrow(axes, (where, row + 0.6 * unit), (tip, row + 0.6 * unit), ORANGE, 0.7)
+        for where, force in zip(at * l, shear, strict=True):
+            tip = where + 4 * force / np.max(np.abs(shear))
+            _arrow(axes, (where, row + 0.6), (tip, row + 0.6), ORANGE, 0.7)
     if scene.top.kind == "distributed":
         text = rf"$F_\mathrm{{N}}$ = {_shown(scene.F_N, 'N')}, $\theta = {scene.top.theta:g}$"
     else:
@@ -233,53 +224,47 @@ def _load(axes: Axes, x: np.ndarray, L: float, H: float, unit: float, scene: Sce
             stiff = _shown(scene.k_top, "N/m", 2, digits=3)
             more.append(rf"$k_\mathrm{{top}}$ = {stiff} to a rigid top")
         text = "\n".join([text, ", ".join(more)]).strip()
-    _text(axes, (L / 2, H + 15.5 * unit), text, VERMILION, va="bottom")
+    _text(axes, (50, H + 15.5), text, VERMILION, va="bottom")
 
 
-def _driver(axes: Axes, z: np.ndarray, L: float, unit: float, scene: Scene) -> None:
+def _driver(axes: Axes, z: np.ndarray, l: float, scene: Scene) -> None:
     """The spring at height h, or those of a plate, the moving end, and their numbers."""
-    d, driver = scene.d, scene.driver
-    ends = np.array([scene.j_h, scene.j_h_top]) * scene.slider.l * 1e3
-    rows = z[(z >= ends[0]) & (z <= ends[1])]
+    d, driver, ends = scene.d, scene.driver, np.array([scene.j_h, scene.j_h_top])
+    rows = z[(z >= ends[0] * l) & (z <= ends[1] * l)]
     rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_SPRINGS)).round().astype(int)]
-    middle, reach = (rows[0] + rows[-1]) / 2, (rows[-1] - rows[0]) / 2
-    here = 0.0 if d > 0 else L
-    far = here - d * 13 * unit
-    for z in rows:
-        axes.plot(*_zigzag((far, z), (here, z), 1.6 * unit, 6), color=BLACK, lw=LINE, zorder=5)
-    low, high = middle - reach - 3 * unit, 2 * reach + 6 * unit
-    axes.add_patch(Rectangle((far - 0.6 * unit, low), 1.2 * unit, high, fc=BLACK, zorder=5))
-    _arrow(axes, (far - d * 9 * unit, middle), (far - d * 1.2 * unit, middle), BLACK, 1.2)
-    left = far - d * 28 * unit
-    side = {"ha": "left" if d > 0 else "right"}
-    for high, text in (
-        (10, f"$K$ = {_shown(driver.K, 'N/m', 2)}"),
-        (5, f"$V$ = {_shown(driver.V, 'm/s', -1, digits=4)}"),
-    ):
-        _text(axes, (left, rows[-1] + high * unit), text, BLACK, **side)
+    here = 0.0 if d > 0 else 100.0
+    far = here - d * 13
+    for at in rows:
+        axes.plot(*_zigzag((far, at), (here, at), 1.6, 6), color=BLACK, lw=LINE, zorder=5)
+    high = rows[-1] - rows[0] + 6
+    axes.add_patch(Rectangle((far - 0.6, rows[0] - 3), 1.2, high, fc=BLACK, zorder=5))
+    middle = (rows[0] + rows[-1]) / 2
+    _arrow(axes, (far - d * 9, middle), (far - d * 1.2, middle), BLACK, 1.2)
+    left, side = far - d * 28, "left" if d > 0 else "right"
+    K, V = _shown(driver.K, "N/m", 2), _shown(driver.V, "m/s", -1, digits=4)
+    _text(axes, (left, rows[-1] + 10), f"$K$ = {K}", BLACK, ha=side)
+    _text(axes, (left, rows[-1] + 5), f"$V$ = {V}", BLACK, ha=side)
     if driver.h:
-        height = _shown(np.unique(ends) / 1e3, "m", -1, joint="$-$")
-        _text(axes, (left, rows[0] - 6 * unit), f"$h$ = {height}", BLACK, **side)
+        height = _shown(np.unique(ends * scene.slider.l), "m", -1, joint="$-$")
+        _text(axes, (left, rows[0] - 6), f"$h$ = {height}", BLACK, ha=side)
 
 
 def _length(
-    axes: Axes, start: Sequence[float], stop: Sequence[float], text: str, unit: float
+    axes: Axes, start: Sequence[float], stop: Sequence[float], text: str, away: float
 ) -> None:
-    """A length between two arrow heads, with its text."""
+    """A length between two arrow heads, with its text beside it, or below it."""
     look = {"arrowstyle": "<->", "lw": 0.6, "color": "0.3", "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", stop, start, arrowprops=look)
-    middle = [(a + b) / 2 for a, b in zip(start, stop, strict=True)]
+    x, z = (start[0] + stop[0]) / 2, (start[1] + stop[1]) / 2
     upright = start[0] == stop[0]
-    away = (3 * unit, 0) if upright else (0, -3.2 * unit)
-    at = (middle[0] + away[0], middle[1] + away[1])
+    at = (x + away, z) if upright else (x, z - 3.2)
     _text(axes, at, text, "0.3", rotation=90 if upright else 0)
 
 
-def _wall(axes: Axes, start: Sequence[float], stop: Sequence[float], unit: float, out: int) -> None:
+def _wall(axes: Axes, start: float, stop: float, z: float, out: int) -> None:
     """A fixed horizontal wall, hatched above (out = 1) or below (out = -1)."""
-    axes.plot(*zip(start, stop, strict=True), color=BLACK, lw=LINE)
-    along = np.arange(start[0], stop[0] + 1e-9, 2.5 * unit)
-    lines = [[(a, start[1]), (a - 1.5 * unit, start[1] + 1.5 * unit * out)] for a in along]
+    axes.plot((start, stop), (z, z), color=BLACK, lw=LINE)
+    lines = [[(a, z), (a - 1.5, z + 1.5 * out)] for a in np.arange(start, stop + 1e-9, 2.5)]
     axes.add_collection(LineCollection(lines, colors=BLACK, linewidths=0.3))
 
 

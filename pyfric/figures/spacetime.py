@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from pyfric import theory
 from pyfric.core import State
-from pyfric.figures.again import Again, check_event
+from pyfric.figures.again import again, check_event
 from pyfric.figures.style import (
     BLACK,
     COLUMN_WIDTH,
@@ -72,7 +72,7 @@ def space_time(record: Record, event: int, initial: State | None = None) -> Data
     if record.motion:
         t, v = _pinned_shares(record, _window(record, event))
     else:
-        t, v = _slip_rates(record, Again(record, event, initial), _window(record, event))
+        t, v = _slip_rates(record, event, initial)
     lines = pd.concat([wave_lines(record, event), theory_times(record, event)], ignore_index=True)
     fig = _drawn(record, event, t, v, lines)
     N_x, n = record.scene.N_x, np.arange(1, record.scene.N_x + 1)
@@ -192,24 +192,19 @@ def _window(record: Record, event: int) -> tuple[float, float]:
     return max(begin - BEFORE * span, 0.0), begin + (1 + AFTER) * span
 
 
-def _slip_rates(
-    record: Record, again: Again, window: tuple[float, float]
-) -> tuple[np.ndarray, np.ndarray]:
+def _slip_rates(record: Record, event: int, initial: State | None) -> tuple[np.ndarray, np.ndarray]:
     """Return times (s) and slip rates along the drive from the trailing edge, (times, N_x), m/s."""
-    scene, dt, length = record.scene, record.method.dt, window[1] - window[0]
-    again.to(window[0])
+    scene, dt, window = record.scene, record.method.dt, _window(record, event)
+    length = window[1] - window[0]
     if record.method.switching == "located" and length < FEWEST * dt:
         dt /= math.ceil(FEWEST * dt / length)
-        again.state = again.state.with_dt(dt)
     every = max(1, math.ceil(length / (ROWS * dt)))
     order, times, rates = np.argsort(scene.n_of_i), [], []
-    for t in np.arange(*window, every * dt):
-        state = again.to(t)
+    for _, state in again(record, event, np.arange(*window, every * dt), initial, dt):
         if times and state.t <= times[-1]:
             continue  # the run began later
         times.append(state.t)
         rates.append(scene.d * state.y[0, 2][order])
-    again.check()
     return np.array(times), np.array(rates)
 
 

@@ -22,7 +22,7 @@ from matplotlib.ticker import EngFormatter
 
 from pyfric import core
 from pyfric.core import State
-from pyfric.figures.again import LEAD, Again, check_event
+from pyfric.figures.again import LEAD, again, check_event
 from pyfric.figures.style import (
     BLACK,
     COLUMN_WIDTH,
@@ -118,16 +118,14 @@ def event_frames(
     if not (times.size and np.all(np.diff(times) >= 0) and times[0] >= t_start - method.dt):
         allowed = f"increasing times in s from {t_start:.6g} on"
         raise SceneError("times", times, "s", allowed)
-    again, frames = Again(record, event, initial), []
-    for t in times:
-        state = again.to(t)
-        forces, order = core.evaluate(again.model, state, state.t), np.argsort(scene.n_of_i)
+    order, frames = np.argsort(scene.n_of_i), []
+    for model, state in again(record, event, times, initial):
+        forces = core.evaluate(model, state, state.t)
         v = state.y[:, 2:].copy()
         v[:, 0] *= scene.d
         mode = np.where(np.abs(state.mode) == 1, scene.d * state.mode, state.mode)
         tau = -scene.d * forces.f + 0.0
         frames.append(Frame(state.t, v[:, :, order], tau[order], forces.p[order], mode[order]))
-    again.check()
     return frames
 
 

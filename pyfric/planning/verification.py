@@ -183,12 +183,9 @@ def _apart(record: Record, other: Record) -> float:
 
 
 def _words(record: Record) -> str:
-    method = record.method
-    stepper = "" if method.stepper == "rk4" else f", {method.stepper}"
-    jumps = "" if method.accuracy is None else f", jumps within {method.accuracy:.1g} F_N"
-    return (
-        f"{method.engine}, {method.geometry} geometry, steps of {method.dt:.3g} s{stepper}{jumps}"
-    )
+    accuracy = record.method.accuracy
+    jumps = "" if accuracy is None else f", jumps within {accuracy:.1g} F_N"
+    return f"{record.method}{jumps}"
 
 
 def _quasistatic(record: Record, made: Specification) -> Record | None:
@@ -237,8 +234,7 @@ class _Verification:
             self.notes.append(f"refined to {_words(reference)}: measured error {off:.2g}")
             coarse, self.record = self.record, reference
             self.over += MOST * made.refinement
-            found = differences(self.record, coarse)
-            errors = self._measured(found, coarse, TURNED / SAFETY)  # an event may end elsewhere
+            errors = self._compared(coarse)
             level = self._level()
             if not _beyond(errors) or level.work > self.left:
                 break
@@ -248,8 +244,13 @@ class _Verification:
             errors = self._perturbed(errors)
         elif _beyond(errors):
             errors = self._determined(errors)
-        else:
-            errors = self._before_other_events(errors)
+        elif math.isfinite(t := self._other_outcome()):
+            notes = [*self.notes]
+            before = self._until(errors, t, self.other)
+            if before.measured() is None:  # earlier events do not tell what is wanted
+                self.notes = notes
+            else:
+                errors = before
         dt = min(one.method.dt for one in (self.record, self.other))
         if dt > (resolves := made.scene.resolving_step):
             errors = Errors(**_promise(made))
@@ -260,18 +261,20 @@ class _Verification:
         return _with(self.record, errors, self.notes)
 
     def _compared(self, other: Record) -> Errors:
-        """Return the errors that follow from a run whose steps are shorter."""
+        """Return the errors that follow from another run.
+
+        Shorter steps leave a known share of the error. From a coarser run, whose events may end
+        elsewhere, no smaller error follows.
+        """
         method = self.record.method
         order = 1 if method.switching == "step_end" else STEPPERS[method.stepper].order
         left = (method.dt / other.method.dt) ** -order  # over the error of the run
         if other.method.stepper == method.stepper:
             left = -left
-        return self._measured(differences(self.record, other), other, 1 / (1 + left))
-
-    def _measured(self, found: Differences, other: Record, factor: float) -> Errors:
-        """Return the errors that follow from differences from another run."""
-        self.found, self.other, self.factor = found, other, factor
-        return self._scaled(found)
+        coarser = other.method.dt > method.dt
+        self.factor = TURNED / SAFETY if coarser else 1 / (1 + left)
+        self.found, self.other = differences(self.record, other), other
+        return self._scaled(self.found)
 
     def _scaled(self, found: Differences) -> Errors:
         return _errors(found, self.made, self._factor(found.turned), _words(self.other))
@@ -376,20 +379,6 @@ class _Verification:
             before = errors
         together = statistics(self.record, other, until)
         return dataclasses.replace(before, until=until, statistics=together)
-
-    def _before_other_events(self, errors: Errors) -> Errors:
-        """Return the errors before the first event that has another outcome in the other run.
-
-        Where earlier events do not tell what is wanted, the errors remain those of all events.
-        """
-        t, notes = self._other_outcome(), [*self.notes]
-        if math.isinf(t):
-            return errors
-        before = self._until(errors, t, self.other)
-        if before.measured() is None:
-            self.notes = notes
-            return errors
-        return before
 
     def _other_outcome(self) -> float:
         """Return the start (s) of the first event that slips other blocks or ends in one run alone.

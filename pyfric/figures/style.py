@@ -223,10 +223,20 @@ def single(record: Record) -> None:
 
 
 def caption(records: Record | Sequence[Record], *texts: str) -> str:
-    """Join texts, and add a line with the scenes and one with the methods of the records."""
+    """Join texts, and add a line with the scenes and one with the methods of the records.
+
+    That of the methods also says what the records left open, and their version.
+    """
     several = [*records] if isinstance(records, Sequence) else [records]
-    scenes = scene_text([one.scene for one in several])
-    return "\n".join([" ".join(texts), scenes, engine_text(several)])
+    hows = "; ".join(dict.fromkeys(str(one.method) for one in several))
+    gaps = joined(f"{gap * 1e3:g} ms" for gap in sorted({one.method.t_gap for one in several}))
+    made = [f"Method: {hows}; events joined over pauses up to {gaps}."]
+    for status in dict.fromkeys(one.status for one in several if one.status != "complete"):
+        made.append(f"Run {status}.")
+    known = {one.versions["pyfric"] for one in several if "pyfric" in one.versions}
+    if known:
+        made.append(f"pyfric {joined(sorted(known))}.")
+    return "\n".join([" ".join(texts), scene_text([one.scene for one in several]), " ".join(made)])
 
 
 def scene_text(scenes: Sequence[Scene]) -> str:
@@ -288,19 +298,6 @@ def in_unit(
         power = prefix_power(most)
     texts = joint.join(f"{value / 1000.0**power:.{digits}g}" for value in values)
     return f"{texts} {PREFIXES[power]}{unit}".strip()
-
-
-def engine_text(records: Sequence[Record]) -> str:
-    """Engine, geometry, step and gap of the records, what they left open, and the version."""
-    hows = "; ".join(dict.fromkeys(str(one.method) for one in records))
-    gaps = joined(f"{gap * 1e3:g} ms" for gap in sorted({one.method.t_gap for one in records}))
-    text = [f"Method: {hows}; events joined over pauses up to {gaps}."]
-    for status in dict.fromkeys(one.status for one in records if one.status != "complete"):
-        text.append(f"Run {status}.")
-    known = {one.versions["pyfric"] for one in records if "pyfric" in one.versions}
-    if known:
-        text.append(f"pyfric {joined(sorted(known))}.")
-    return " ".join(text)
 
 
 def joined(texts: Iterable[str]) -> str:

@@ -106,9 +106,8 @@ class Claim:
 
     def as_dict(self) -> dict[str, Any]:
         """Attributes, those of the band among them, and the verdict."""
-        names = ("number", "text", "value", "how", "note", "damage", "damaged", "seconds")
-        own = {name: getattr(self, name) for name in names}
-        return own | vars(self.band) | {"band": str(self.band), "verdict": self.verdict}
+        own = vars(self) | vars(self.band) | {"band": str(self.band), "verdict": self.verdict}
+        return {name: value for name, value in own.items() if name != "damages"}
 
 
 class Measured(NamedTuple):

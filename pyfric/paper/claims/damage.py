@@ -100,21 +100,18 @@ def turned(record: Record) -> Record:
 def mirrored(record: Record) -> Record:
     """Seen from the leading edge: stresses in reverse order, events start at the other end."""
     arrays = {name: getattr(record, name)[..., ::-1] for name in (*STATES, *INITIAL)}
-    arrays["rupture_times"] = record.rupture_times[:, ::-1]
-    arrays["events"] = record.events.assign(at_trailing_edge=~record.events["at_trailing_edge"])
-    return record.replace(**arrays)
+    events = record.events.assign(at_trailing_edge=~record.events["at_trailing_edge"])
+    return record.replace(**arrays, rupture_times=record.rupture_times[:, ::-1], events=events)
 
 
 def before_for_after(record: Record) -> Record:
     """Stresses after events are those before them."""
-    arrays = {"tau_after": record.tau_before, "p_after": record.p_before}
-    return record.replace(**arrays)
+    return record.replace(tau_after=record.tau_before, p_after=record.p_before)
 
 
 def loaded_for_initial(record: Record) -> Record:
     """Stresses at F_T = 0 are those before the first event."""
-    arrays = {"tau_initial": record.tau_before[0], "p_initial": record.p_before[0]}
-    return record.replace(**arrays)
+    return record.replace(tau_initial=record.tau_before[0], p_initial=record.p_before[0])
 
 
 def p_unchanged(record: Record) -> Record:

@@ -87,11 +87,8 @@ def frame_times(record: Record, event: int, moments: Sequence[float] = MOMENTS) 
     check_event(record, event)
     row, times = record.events.loc[event], record.rupture_times[record.row(event)]
     last = np.nanmax(times) if np.isfinite(times).any() else math.nan
-    span = last - row["t_start"]
-    if not span > 0:
-        span = row["duration"]
-    if not span > 0:
-        span = LEAD * record.method.dt
+    spans = (last - row["t_start"], row["duration"], LEAD * record.method.dt)
+    span = next(one for one in spans if one > 0)
     return row["t_start"] + span * np.asarray(moments, dtype=float)
 
 
@@ -256,15 +253,14 @@ def _panels(scene: Scene, count: int, most: float) -> tuple[DataFigure, list[_Pa
     grid = fig.subplots(
         2 * rows, columns, squeeze=False, sharex=True, height_ratios=[field, below] * rows
     )
-    drawn = []
-    for n in range(rows * columns):
-        row, column = divmod(n, columns)
-        pair = grid[2 * row : 2 * row + 2, column]
-        if n < count:
-            drawn.append(_Panels(*pair, scene, most, labelled=column == 0, lowest=row == rows - 1))
-        else:
-            for axes in pair:
-                axes.set_axis_off()
+    above, under = grid[::2].ravel(), grid[1::2].ravel()
+    for axes in (*above[count:], *under[count:]):
+        axes.set_axis_off()
+    lowest = columns * (rows - 1)
+    drawn = [
+        _Panels(*pair, scene, most, labelled=n % columns == 0, lowest=n >= lowest)
+        for n, pair in enumerate(zip(above[:count], under[:count], strict=True))
+    ]
     text = r"velocity along the drive $v_x$ (m/s)"
     colour_bar(fig, drawn[0].image, grid, text, fraction=0.05)
     return fig, drawn

@@ -131,13 +131,10 @@ def _default_end(scene: Scene) -> float:
 
 def _reference(scene: Scene, t_end: float, budget: float) -> Method:
     """Return full dynamics at the smallest step of a row of halves that the budget pays for."""
-    switching = default_switching(scene)
     share = 0.5
-    while share > FINEST:
-        if _expected(scene, t_end, Method("dynamic", share=share / 2)) > budget:
-            break
+    while share > FINEST and _expected(scene, t_end, Method("dynamic", share=share / 2)) <= budget:
         share /= 2
-    return Method("dynamic", default_geometry(scene), switching, share)
+    return Method("dynamic", default_geometry(scene), default_switching(scene), share)
 
 
 def _expected(scene: Scene, t_end: float, method: Method) -> float:

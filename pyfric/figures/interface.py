@@ -183,9 +183,9 @@ def fig4a(record: Record, event: int | None = None) -> DataFigure:
     table = front(record, event)
     friction, row = record.scene.law.mean, record.events.loc[event]
     fig, (top, bottom) = panels(3.4, sharex=True, ratios=(1.2, 1))
-    _speeds(top, record.scene)
+    fastest = _speeds(top, record.scene)
     top.plot(table["x_over_L"], table["v_c"], color=BLUE, lw=0.9, marker="o", ms=2.8)
-    top.set_ylim(0, 1.1 * np.nanmax([*table["v_c"], *_wave_speeds(record.scene).values()]))
+    top.set_ylim(0, 1.1 * np.nanmax([*table["v_c"], fastest]))
     top.set_ylabel(r"front speed $v_\mathrm{c}$ (m/s)")
     mark(bottom, friction.mu_s, r"$\mu_\mathrm{s}$", at=0.97, away=(0, 1), ha="right")
     mark(bottom, friction.mu_k, r"$\mu_\mathrm{k}$", at=0.97, away=(0, 1), ha="right")
@@ -350,11 +350,13 @@ def _draw_runs(
     return handles, pd.concat(tables[1:] or tables)
 
 
-def _speeds(axes: Axes, scene: Scene) -> None:
-    for name, speed in _wave_speeds(scene).items():
+def _speeds(axes: Axes, scene: Scene) -> float:
+    """Mark speeds of long waves as the paper does, c_L and c_S, or c of a chain.
+
+    Returns:
+        The largest of them, m/s.
+    """
+    shown = {name: speed for name, speed in speeds(scene).items() if name != "c_R"}
+    for name, speed in shown.items():
         mark(axes, speed, LINES[name][-1], at=0.985, away=(0, 1), ha="right")
-
-
-def _wave_speeds(scene: Scene) -> dict[str, float]:
-    """Return the speeds of long waves that the paper shows, c_L and c_S, or c of a chain, m/s."""
-    return {name: speed for name, speed in speeds(scene).items() if name != "c_R"}
+    return max(shown.values())

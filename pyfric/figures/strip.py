@@ -42,9 +42,7 @@ from pyfric.signals import at_once
 
 MOMENTS = (0.05, 0.3, 0.55, 0.8, 1.0, 1.6)
 """Frames of a strip, in units of the time the front takes."""
-FILM_MOMENTS = (0.0, 2.0)
-"""The first and the last frame of a film, likewise."""
-FILM_DPI, FILM_FPS = 150, 12
+FILM_DPI = 150
 
 
 class Film(type(Path())):
@@ -129,18 +127,24 @@ def event_frames(
 
 
 @at_once()
-def event_strip(record: Record, event: int, initial: State | None = None) -> DataFigure:
+def event_strip(
+    record: Record,
+    event: int,
+    moments: Sequence[float] = MOMENTS,
+    initial: State | None = None,
+) -> DataFigure:
     """Draw an event as a strip of frames: velocity along the drive, tau/p and slip below it.
 
     Args:
         record: a run of the hybrid or the dynamic engine.
         event: its number, from 1.
+        moments: times of the frames from the first slip on, in units of the front's time.
         initial: as in `event_frames`.
 
     Raises:
         SceneError: see `event_frames`.
     """
-    frames = event_frames(record, event, frame_times(record, event), initial)
+    frames = event_frames(record, event, frame_times(record, event, moments), initial)
     t_start, most = record.events["t_start"].loc[event], _largest(frames)
     fig, drawn = _panels(record.scene, len(frames), most)
     unit = time_unit(frames[-1].t - t_start)
@@ -158,6 +162,8 @@ def event_movie(
     path: str | os.PathLike[str],
     *,
     count: int = 60,
+    moments: tuple[float, float] = (0.0, 2.0),
+    fps: int = 12,
     initial: State | None = None,
 ) -> Film:
     """Write an animation of an event; see `event_strip`.
@@ -166,6 +172,8 @@ def event_movie(
         record, event: as in `event_strip`.
         path: the file; its name ends in .gif, or in .mp4 if ffmpeg is installed.
         count: number of frames.
+        moments: times of the first and the last frame, in units of the front's time.
+        fps: frames per second.
         initial: as in `event_frames`.
 
     Returns:
@@ -175,8 +183,8 @@ def event_movie(
         SceneError: see `event_frames`; or the name ends in neither .gif nor .mp4.
         OSError: the file cannot be written.
     """
-    writer = _writer(Path(path))
-    times = frame_times(record, event, np.linspace(*FILM_MOMENTS, count))
+    writer = _writer(Path(path), fps)
+    times = frame_times(record, event, np.linspace(*moments, count))
     frames = event_frames(record, event, times, initial)
     t_start = record.events["t_start"].loc[event]
     fig, (panels,) = _panels(record.scene, 1, _largest(frames))
@@ -200,7 +208,7 @@ def event_movie(
     return Film(path)
 
 
-def _writer(path: Path) -> AbstractMovieWriter:
+def _writer(path: Path, fps: int) -> AbstractMovieWriter:
     """Return what writes this kind of film.
 
     Raises:
@@ -208,13 +216,13 @@ def _writer(path: Path) -> AbstractMovieWriter:
     """
     kind, allowed = path.suffix.lower(), "a name that ends in .gif, or .mp4 where ffmpeg is found"
     if kind == ".gif":
-        return PillowWriter(fps=FILM_FPS)
+        return PillowWriter(fps=fps)
     if kind != ".mp4":
         raise SceneError("path", str(path), "", allowed, "an unknown kind of film")
     if not has_ffmpeg():
         reason = "an MP4 needs ffmpeg, or the extra movies (imageio-ffmpeg), which is not here"
         raise SceneError("path", str(path), "", allowed, reason)
-    return FFMpegWriter(fps=FILM_FPS, codec="h264", extra_args=["-preset", "veryfast"])
+    return FFMpegWriter(fps=fps, codec="h264", extra_args=["-preset", "veryfast"])
 
 
 def has_ffmpeg() -> bool:

@@ -287,6 +287,8 @@ def test_refused_diagrams():
     refused(lambda: phase_diagram("fig1"), "x", "the name of a field")
     axes = {"x": ("driver.h", [2.5e-3, 5e-3]), "y": ("mu_s", [0.6, 0.7])}
     refused(lambda: phase_diagram("fig1", **axes), "t_end", "missing")
+    taken = {"speed": lambda record: record.status}
+    refused(lambda: phase_diagram("fig1", **axes, t_end=1e-3, label=taken), "label", "speed_over_c")
     refused(lambda: phase_diagram(y=("tau_bar", [0.5, 0.1])), "y", "rising")
     axes["y"] = axes["x"]
     refused(lambda: phase_diagram("fig1", **axes, t_end=1.0), "y", "another field")

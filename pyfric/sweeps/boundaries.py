@@ -98,7 +98,7 @@ def boundary(
         over_scale: scale of `over` in which the line is smooth, "log" or "linear".
         tolerance: largest error of the line: in decades, or over the length of a linear range.
         known: labels that are known already, such as those of a map: columns ``along``, ``over``
-            and ``label``, and ``measure`` if `measure` is given. They bracket the line.
+            and ``label``, and ``measure`` if it is given. Those in the range bracket the line.
         measure: a function of the same values, called after f. It returns a number that passes
             zero continuously where the label changes; NaN where it is unknown.
 

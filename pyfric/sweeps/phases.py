@@ -73,6 +73,9 @@ PACES: Mapping[frozenset[str], tuple[float, int]] = {
 }
 """Two paces -> the speed between them: a share of one of the two limits of a scene."""
 
+MEASURED = ("speed", "speed_over_c", "reached", "status")
+"""Columns of each point that are not labels."""
+
 Pair = tuple[Hashable, ...]
 """Labels below and above a line."""
 Row = dict[str, Any]
@@ -199,6 +202,9 @@ def phase_diagram(
     (x_name, xs), (y_name, ys) = axes
     labels = LABELS if label is None else label
     labels = labels if isinstance(labels, Mapping) else {"label": labels}
+    for name in labels:
+        if name in (taken := (x_name, y_name, *MEASURED)):
+            raise SceneError("label", name, "", f"a name other than {', '.join(taken)}")
     points = [(a, b) for a in xs for b in ys]
     records = run_all([job(a, b) for a, b in points], cache=cache, **how)
     rows: dict[tuple[float, float], Row] = {}
@@ -208,11 +214,10 @@ def phase_diagram(
         rows[a, b] = {
             **{x_name: a, y_name: b},
             **{name: of(record) for name, of in labels.items()},
-            "speed": front.speed,
-            "speed_over_c": front.speed / (slider.l * math.sqrt(slider.k / record.scene.m)),
-            "reached": front.reached,
-            "status": record.status,
         }
+        over_c = front.speed / (slider.l * math.sqrt(slider.k / record.scene.m))
+        measured = front.speed, over_c, front.reached, record.status
+        rows[a, b] |= dict(zip(MEASURED, measured, strict=True))
 
     def run(a: float, b: float) -> Row:
         if (a, b) not in rows:

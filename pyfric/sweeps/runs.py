@@ -53,7 +53,7 @@ ELSEWHERE = ("threads", "checkpoint", "checkpoint_every")
 OPTIONS = tuple(known.name for known in dataclasses.fields(Options) if known.name not in ELSEWHERE)
 """Options that a job may have."""
 DEFAULTS = Options()
-ROOMS = ("scene", "theory", "core", "statics", "record", "engines")
+ROOMS = ("scene", "theory", "core", "statics", "record", "engines", "planning")
 """Rooms whose code determines what a run gives."""
 POLL = 0.05
 """Time between two looks at runs elsewhere, s."""

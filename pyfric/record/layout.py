@@ -47,8 +47,10 @@ DRAWN = "drawn_"
 """Begins the names of fields of the interface as they were drawn, on x."""
 SHOWN = ("curve", "events", "interface", "motion")
 """Groups of a Dataset: what happened, without the logs that it was found from."""
-PLAIN = ("curve", "events", "episodes", "motion", "quiet", "switches")
-"""Groups that are fields of a record."""
+TABLES, LOGS = ("curve", "events", "episodes"), ("motion", "quiet", "switches")
+"""Groups that are fields of a record: data frames, and mappings of arrays."""
+EDGES = ("tau_initial", "p_initial")
+"""Fields of a record that are in the group of the interface."""
 CSV = {
     ("curve", ("t",)): "curve",
     ("events", ("event",)): "events",
@@ -57,8 +59,6 @@ CSV = {
     ("interface", ("event", "x")): "stresses",
 }
 """Group and dimensions -> the CSV file that holds them."""
-COUNTED = {name: held_in("interface")[name] for name in ("event", "n")}
-"""What rows of events, and of stresses, are counted by."""
 
 
 class Texts(pydantic.BaseModel):
@@ -85,31 +85,19 @@ def held_by(record: Record) -> Iterator[tuple[Held, np.ndarray]]:
         "event": record.events.index,
         "x": (scene.n_of_i - 1) * scene.slider.l,
         "n": scene.n_of_i,
-        "tau_initial": record.tau_initial,
-        "p_initial": record.p_initial,
     }
-    groups: dict[str, Mapping[str, Any]] = {
-        "curve": record.curve,
-        "events": record.events,
-        "episodes": record.episodes,
-        "interface": coordinates | _drawn(scene) | record.arrays,
-        "motion": record.motion,
-        "quiet": record.quiet,
-        "switches": record.switches,
-    }
-    for group, values in groups.items():
+    edges = {name: getattr(record, name) for name in EDGES}
+    groups: dict[str, Mapping[str, Any]] = {n: getattr(record, n) for n in (*TABLES, *LOGS)}
+    groups["interface"] = coordinates | edges | _drawn(scene) | record.arrays
+    for group in GROUPS:
         for name, held in held_in(group).items():
-            if name in values:
-                yield held, np.asarray(values[name])
+            if name in groups[group]:
+                yield held, np.asarray(groups[group][name])
     state = record.final_state
-    for name, value in ({} if state is None else state.values()).items():
-        yield _of_state(name, np.asarray(value)), np.asarray(value)
-
-
-def _of_state(name: str, values: np.ndarray) -> Held:
-    """Return what is said of a part of the final state, which `State` describes."""
-    dims = tuple(f"final_{name}_{axis}" for axis in range(values.ndim))
-    return Held("final_state", name, dims, values.dtype, "SI", f"{name} of the final state")
+    for name, value in ({} if state is None else state.values()).items():  # `State` describes it
+        values, said = np.asarray(value), f"{name} of the final state"
+        dims = tuple(f"final_{name}_{axis}" for axis in range(values.ndim))
+        yield Held("final_state", name, dims, values.dtype, "SI", said), values
 
 
 # --- out -----------------------------------------------------------------------------------------
@@ -175,21 +163,22 @@ def datatree(record: Record) -> xr.DataTree:
 
 def csv_tables(record: Record) -> dict[str, pd.DataFrame]:
     """Return the tables of `Record.to_csv` by name; columns.csv says what all others hold."""
-    tables: dict[str, dict[str, np.ndarray]] = {name: {} for name in CSV.values()}
-    meanings = []
-    for held, values in held_by(record):
-        if (name := CSV.get((held.group, held.dims))) is not None:
-            tables[name][held.name] = values.ravel()
-            meanings.append((name, held.name, held.unit, held.meaning))
-    events, blocks = record.events.index, record.scene.n_of_i
-    rows = {"events": events, "stresses": pd.MultiIndex.from_product([events, blocks])}
-    frames = {name: pd.DataFrame(columns) for name, columns in tables.items()}
-    for name, index in rows.items():
-        names = [*COUNTED][: index.nlevels]
-        frames[name] = frames[name].set_index(index.set_names(names)).reset_index()
-        meanings += [(name, one, COUNTED[one].unit, COUNTED[one].meaning) for one in names]
-    columns = pd.DataFrame(meanings, columns=["table", "column", "unit", "meaning"])
-    return frames | {"columns": columns}
+    known, n = held_in("interface"), record.scene.n_of_i
+    events = record.events.index.to_numpy()
+    held = [("events", known["event"], events)]
+    held += [("stresses", known["event"], np.repeat(events, len(n)))]
+    held += [("stresses", known["n"], np.tile(n, len(events)))]
+    for one, values in held_by(record):
+        if name := CSV.get((one.group, one.dims)):
+            held.append((name, one, values.ravel()))
+    tables: dict[str, dict[str, Any]] = {name: {} for name in CSV.values()}
+    for name, one, values in held:
+        tables[name][one.name] = values
+    meanings = [(name, one.name, one.unit, one.meaning) for name, one, _ in held]
+    tables["columns"] = dict(
+        zip(("table", "column", "unit", "meaning"), zip(*meanings, strict=True), strict=True)
+    )
+    return {name: pd.DataFrame(columns) for name, columns in tables.items()}
 
 
 # --- in ------------------------------------------------------------------------------------------
@@ -233,9 +222,9 @@ def fields(
     return {
         **vars(known),
         "scene": scene,
-        **{name: checked(name, groups[name], sizes) for name in PLAIN},
+        **{name: checked(name, groups[name], sizes) for name in (*TABLES, *LOGS)},
         "arrays": {name: interface[name] for name in found_arrays()},
-        **{name: interface[name] for name in ("tau_initial", "p_initial")},
+        **{name: interface[name] for name in EDGES},
         "final_state": _state(groups["final_state"], scene),
     }
 

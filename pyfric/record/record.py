@@ -32,11 +32,6 @@ if TYPE_CHECKING:
 
     from pyfric.record.catalogue import Catalogue
 
-TABLES = ("curve", "events", "episodes")
-LOGS = ("quiet", "switches", "motion")
-EDGES = ("tau_initial", "p_initial")
-
-
 COPY_ON_WRITE = int(pd.__version__.partition(".")[0]) >= 3
 """Whether a shallow copy of a table is copied where it is written to, as from pandas 3 on."""
 
@@ -60,7 +55,7 @@ class _Guarded:
         return kept.copy(deep=False) if shallow else copy.deepcopy(kept)
 
     def __set__(self, record: Record, value: Any) -> None:
-        own = table(self.field, value) if self.field in TABLES else copy.deepcopy(value)
+        own = table(self.field, value) if self.field in layout.TABLES else copy.deepcopy(value)
         record.__dict__[self.name] = own
 
 
@@ -119,18 +114,16 @@ class Record:
     errors: Errors | None = None
 
     def __post_init__(self) -> None:
-        sizes = {"x": self.scene.N_x, "event": len(self.__dict__["_events"])}
-        sizes["t"] = len(self.__dict__["_curve"])
-        edges = {name: getattr(self, name) for name in EDGES}
-        frozen: dict[str, Any] = _read_only(checked("interface", edges, sizes, EDGES))
+        own = self.__dict__
+        sizes = {"x": self.scene.N_x, "event": len(own["_events"]), "t": len(own["_curve"])}
+        edges = {name: own[name] for name in layout.EDGES}
+        own |= _read_only(checked("interface", edges, sizes, edges))
         arrays = checked("interface", self.arrays, sizes, found_arrays())
-        frozen["arrays"] = MappingProxyType(_read_only(arrays))
-        for log in LOGS:
-            frozen[log] = MappingProxyType(_read_only(checked(log, getattr(self, log), sizes)))
+        own["arrays"] = MappingProxyType(_read_only(arrays))
+        for log in layout.LOGS:
+            own[log] = MappingProxyType(_read_only(checked(log, own[log], sizes)))
         for name in ("versions", "timings", "counts"):
-            frozen[name] = MappingProxyType(dict(getattr(self, name)))
-        for name, value in frozen.items():
-            object.__setattr__(self, name, value)
+            own[name] = MappingProxyType(dict(own[name]))
         if not (self.done or self.status == "interrupted" or self.status.startswith("failed")):
             raise RecordError(f"record: status {self.status!r} is unknown")
 
@@ -318,9 +311,7 @@ class Record:
         ]
 
 
-def load(path: str | os.PathLike[str]) -> Record:
-    """Return the record in a file; see `Record.load`."""
-    return Record.load(path)
+load = Record.load
 
 
 def _read_only(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

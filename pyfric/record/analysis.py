@@ -450,9 +450,7 @@ def collapse_spread(
     edges = np.quantile(x, np.linspace(0, 1, bins + 1))
     edges[1:-1] = _between(np.sort(x), edges[1:-1])
     in_bin = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, bins - 1)
-    order = np.argsort(in_bin, kind="stable")
-    groups = np.split(values[order], np.searchsorted(in_bin[order], np.arange(1, bins)))
-    median = np.array([np.median(one) if one.size else np.nan for one in groups])
+    median = pd.Series(values).groupby(in_bin).median().reindex(range(bins)).to_numpy()
     rms = float(np.sqrt(np.mean((values - median[in_bin]) ** 2)))
     return Collapse(rms, int(x.size), edges, np.exp(median) if log else median)
 

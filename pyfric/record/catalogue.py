@@ -168,14 +168,10 @@ class Catalogue:
     def quiet_rows(self, kind: int, steps: np.ndarray) -> np.ndarray:
         """Return rows of the quiet log with this kind and step, -1 where there is none."""
         rows = np.flatnonzero(self.quiet["kind"] == kind)
-        if rows.size == 0:
-            return np.full(steps.shape, -1, dtype=np.int64)
         have = self.quiet["step"][rows]
-        if kind > 0:
-            at = np.minimum(np.searchsorted(have, steps, side="left"), rows.size - 1)
-        else:
-            at = np.maximum(np.searchsorted(have, steps, side="right") - 1, 0)
-        return np.where(have[at] == steps, rows[at], -1)
+        first, last = (np.searchsorted(have, steps, side) for side in ("left", "right"))
+        at = np.append(rows, -1)[first if kind > 0 else last - 1]
+        return np.where(last > first, at, -1)
 
 
 def build_catalogue(

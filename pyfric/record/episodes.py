@@ -59,14 +59,10 @@ def build_episodes(
     order = np.argsort(log["block"], kind="stable")  # block by block, in order of time
     block, old, new = (log[name][order] for name in ("block", "old", "new"))
     start, stop, reversals = _starts_and_stops(block, old, new)
-    has_stop = stop >= 0
-    at_start = order[start]
-    at_stop = order[stop[has_stop]]
+    at_start, at_stop = order[start], order[stop]
 
     def stopped(name: str, missing: float) -> np.ndarray:
-        column = np.full(start.size, missing, dtype=log[name].dtype)
-        column[has_stop] = log[name][at_stop]
-        return column
+        return np.where(stop >= 0, log[name][at_stop], missing).astype(log[name].dtype)
 
     u_x_start, u_x_stop = log["u_x"][at_start], stopped("u_x", np.nan)
     table = {
@@ -97,14 +93,10 @@ def _starts_and_stops(
         i = int(block[1:][broken][0])
         raise RecordError(f"switch log: contact states of block {i} (column) contradict each other")
     was, now = _slips(old), _slips(new)
-    edge = np.flatnonzero(was != now)  # starts and stops alternate within a block
-    k = np.flatnonzero(now[edge])
-    start = edge[k]
-    has_stop = np.zeros(k.size, dtype=bool)
-    inside = k + 1 < edge.size
-    has_stop[inside] = block[edge[k[inside] + 1]] == block[start[inside]]
-    stop = np.full(k.size, -1)
-    stop[has_stop] = edge[k[has_stop] + 1]
+    edge = np.append(np.flatnonzero(was != now), -1)  # starts and stops alternate within a block
+    k = np.flatnonzero(now[edge[:-1]])
+    start, stop = edge[k], edge[k + 1]
+    stop[block[stop] != block[start]] = -1
     reversed_in = np.cumsum(now & ~was)[was & now & (old != new)] - 1
     return start, stop, np.bincount(reversed_in, minlength=k.size).astype(np.int64)
 

@@ -102,7 +102,7 @@ def event_column(unit: str, meaning: str, dtype: type = float, **how: bool) -> E
     It takes a `Catalogue` and returns one value for each event. With required = False it takes the
     `Record` that holds all else, and may return None, for no such column.
     """
-    return lambda find: _found("events", ("event",), dtype, unit, meaning, find, **how)
+    return _found("events", ("event",), dtype, unit, meaning, **how)
 
 
 def block_array(unit: str, meaning: str, dtype: type = float) -> Enter:
@@ -111,14 +111,15 @@ def block_array(unit: str, meaning: str, dtype: type = float) -> Enter:
     It takes a `Catalogue` and returns an array of shape (n_events, N_x), blocks from left to right.
     It is an attribute of every record.
     """
-    return lambda find: _found("interface", ("event", "x"), dtype, unit, meaning, find)
+    return _found("interface", ("event", "x"), dtype, unit, meaning)
 
 
-def _found(
-    group: str, dims: tuple[str, ...], dtype: type, unit: str, meaning: str, find: Find, **how: bool
-) -> Find:
-    _enter(Held(group, find.__name__, dims, np.dtype(dtype), unit, meaning, find=find, **how))
-    return find
+def _found(group: str, dims: tuple[str, ...], dtype: type, *said: str, **how: bool) -> Enter:
+    def enter(find: Find) -> Find:
+        _enter(Held(group, find.__name__, dims, np.dtype(dtype), *said, find=find, **how))
+        return find
+
+    return enter
 
 
 def checked(

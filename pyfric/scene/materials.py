@@ -22,38 +22,22 @@ class Known(NamedTuple):
     source: str
 
 
-MATERIALS: Mapping[str, Known] = MappingProxyType(
-    {
-        "PMMA": Known(
-            3.3e9,
-            1190.0,
-            "PTEROFLAT XT acrylic sheets, technical data sheet "
-            "(Politem): tensile modulus by ISO 527-2, density by ISO 1183",
-        ),
-        "glass": Known(70e9, 2500.0, "EN 572-1, basic soda-lime silicate glass"),
-        "borosilicate glass": Known(64e9, 2230.0, "BOROFLOAT 33, mechanical properties (Schott)"),
-        "steel": Known(210e9, 7850.0, "EN 1993-1-1, 3.2.6; density: EN 1991-1-1, table A.4"),
-        "natural rubber": Known(
-            1.5e6,
-            950.0,
-            "MatWeb, Natural Rubber, Vulcanized: three "
-            "times the shear modulus of 0.5 MPa; density uncompounded",
-        ),
-        "PDMS 10:1": Known(
-            2.0e6,
-            None,
-            "Z. Wang, A. A. Volinsky, N. D. Gallant, J. Appl. "
-            "Polym. Sci. 131, 41050 (2014): 20 MPa over the ratio of base to curing "
-            "agent, in compression",
-        ),
-        "gelatine 20:1": Known(
-            4.34e3,
-            None,
-            "J. E. Bonavia et al., arXiv:2512.20502 (2025): "
-            "instantaneous, in compression, 20 parts of water to 1 of powder",
-        ),
-    }
-)
+# fmt: off
+MATERIALS: Mapping[str, Known] = MappingProxyType({
+    "PMMA": Known(3.3e9, 1190.0, "PTEROFLAT XT acrylic sheets, technical data sheet (Politem): "
+                  "tensile modulus by ISO 527-2, density by ISO 1183"),
+    "glass": Known(70e9, 2500.0, "EN 572-1, basic soda-lime silicate glass"),
+    "borosilicate glass": Known(64e9, 2230.0, "BOROFLOAT 33, mechanical properties (Schott)"),
+    "steel": Known(210e9, 7850.0, "EN 1993-1-1, 3.2.6; density: EN 1991-1-1, table A.4"),
+    "natural rubber": Known(1.5e6, 950.0, "MatWeb, Natural Rubber, Vulcanized: three times the "
+                            "shear modulus of 0.5 MPa; density uncompounded"),
+    "PDMS 10:1": Known(2.0e6, None, "Z. Wang, A. A. Volinsky, N. D. Gallant, J. Appl. Polym. Sci. "
+                       "131, 41050 (2014): 20 MPa over the ratio of base to curing agent, in "
+                       "compression"),
+    "gelatine 20:1": Known(4.34e3, None, "J. E. Bonavia et al., arXiv:2512.20502 (2025): "
+                           "instantaneous, in compression, 20 parts of water to 1 of powder"),
+})
+# fmt: on
 """Materials by name, each with its source."""
 
 

@@ -73,16 +73,16 @@ class TabulatedLaw(FrictionLaw):
     }
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_places", {})  # origins of the knots of tables
-        for name, (x, y) in COLUMNS.items():
-            given = [column for column in (x, y) if getattr(self, column) is not None]
-            if len(given) == 1:
-                missing = y if given == [x] else x
-                raise SceneError(
-                    f"interface.law.{missing}", None, "", "a list of numbers", "missing"
-                )
-            if given:
-                self._table(name).checked(f"interface.law.{x}", getattr(IN_UNITS, name))
+        tables: dict[str, Table] = {}
+        for name, columns in COLUMNS.items():
+            lists = [getattr(self, column) for column in columns]
+            if lists.count(None) == 1:
+                missing = f"interface.law.{columns[lists.index(None)]}"
+                raise SceneError(missing, None, "", "a list of numbers", "missing")
+            if None not in lists:
+                unit = getattr(IN_UNITS, name)
+                tables[name] = Table(*lists).checked(f"interface.law.{columns[0]}", unit)
+        object.__setattr__(self, "_tables", tables)
 
     @classmethod
     def of(cls, **tables: Source) -> Self:
@@ -136,30 +136,26 @@ class TabulatedLaw(FrictionLaw):
         for name, table in tables.items():
             lists |= zip(COLUMNS[name], (table.x, table.y), strict=True)
         made = from_entries(cls, entries, None, **lists)
-        made._places.update({name: table.places for name, table in tables.items()})
+        made._tables.update(tables)  # whose knots have places
         return made
 
     def text(self) -> str:
         """Return a summary of the tables: "slip 0 to 3 um, 4 knots, mu 0.700 to 0.450"."""
         parts = []
-        for name, (x, y) in COLUMNS.items():
-            if (table := self._table(name)) is not None:
-                end = with_prefix(table.x[-1], getattr(IN_UNITS, name))
-                ends = f"{y} {table.y[0]:.3f} to {table.y[-1]:.3f}".replace("_", " ")
-                parts.append(f"{x} 0 to {end}, {len(table.x)} knots, {ends}".replace("_", " "))
+        for name, table in self._tables.items():
+            x, y = (column.replace("_", " ") for column in COLUMNS[name])
+            end = with_prefix(table.x[-1], getattr(IN_UNITS, name))
+            ends = f"{y} {table.y[0]:.3f} to {table.y[-1]:.3f}"
+            parts.append(f"{x} 0 to {end}, {len(table.x)} knots, {ends}")
         return f"TabulatedLaw({'; '.join(parts)})"
 
     def ends(self) -> tuple[float, float] | None:
         """Return the first and the last mu of the table over slip."""
         return None if self.mu is None else (self.mu[0], self.mu[-1])
 
-    def _table(self, name: str) -> Table | None:
-        x, y = (getattr(self, column) for column in COLUMNS[name])
-        return None if x is None else Table(x, y, self._places.get(name, ()))
-
     def tables(self, of: Means) -> Tables:
         """Return the tables."""
-        found = Tables(**{name: self._table(name) for name in COLUMNS})
+        found = Tables(**self._tables)
         slide = _shares(found.slide, of) if found.slide else super().tables(of).slide
         return found._replace(slide=slide)
 

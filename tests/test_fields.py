@@ -88,7 +88,7 @@ def test_refusals():
     with_ = lambda **changes: dataclasses.replace(  # noqa: E731
         scene, interface=dataclasses.replace(scene.interface, **changes)
     )
-    refused(lambda: with_(mu_s=[0.7] * 8), "interface.mu_s", "8 numbers", "here 9")
+    refused(lambda: with_(mu_s=[0.7] * 8), "interface.mu_s", "8 numbers", "a list of 9 of them")
     refused(lambda: with_(d_c=[]), "interface.d_c", "0 numbers")
     refused(lambda: with_(mu_s=[0.7] * 8 + [-0.7]), "interface.mu_s", "block 9")
     refused(lambda: with_(mu_k=[0.45] * 8 + [0.71]), "interface.mu_k", "block 9", "mu_s = 0.7")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from pyfric.scene.checked import annotations
-from pyfric.scene.errors import SceneError
-from pyfric.scene.parts import CHAIN_NOTE, Interface, PrescribedLoad, steps_in
+from pyfric.scene.checked import Annotation, Words, annotations
+from pyfric.scene.errors import SceneError, naming
+from pyfric.scene.parts import CHAIN_NOTE, PrescribedLoad, steps_in
 from pyfric.scene.protocol import Push
 from pyfric.scene.spread import Spread
 
@@ -42,14 +42,10 @@ def check(scene: Scene) -> None:
 def _check_fields(scene: Scene) -> None:
     """Check the fields of the interface block by block."""
     law = scene.interface.law
-    marks = annotations(Interface) | {n: annotations(type(law))[n] for n in law.fields}
     for name in scene.fields:
-        mark, given = marks[name], getattr(law if name in law.fields else scene.interface, name)
-        if isinstance(given, tuple) and len(given) != scene.N_x:
-            allowed = f"{mark.allowed}: here {scene.N_x}"
-            raise SceneError(
-                f"interface.{name}", given, mark.unit, allowed, f"{len(given)} numbers"
-            )
+        owner = law if name in law.fields else scene.interface
+        mark, given = annotations(type(owner))[name], getattr(owner, name)
+        _check_length(scene, f"interface.{name}", given, mark)
         field = scene.field(name)
         low = (field < 0) | ((field == 0) & (mark.gt is not None))
         if isinstance(given, Spread) and low.any():
@@ -63,6 +59,13 @@ def _check_fields(scene: Scene) -> None:
         allowed = f"0 <= mu_k <= mu_s = {float(mu_s[i])!r} there"
         reason = f"mu_k exceeds mu_s at block {scene.n_of_i[i]} from the trailing edge"
         raise SceneError("interface.mu_k", float(mu_k[i]), "", allowed, reason)
+
+
+def _check_length(scene: Scene, name: str, given: Any, mark: Annotation) -> None:
+    """Check that a list has one number for each block."""
+    if isinstance(given, tuple) and len(given) != scene.N_x:
+        allowed = mark.allowed.replace("N_x", str(scene.N_x))
+        raise SceneError(name, given, mark.unit, allowed, f"{len(given)} numbers")
 
 
 def _check_height(scene: Scene) -> None:
@@ -84,10 +87,8 @@ def _check_height(scene: Scene) -> None:
 def _check_prescribed(scene: Scene) -> None:
     """Check that prescribed forces fit the blocks, and that a chain does not slip at t = 0."""
     for name in ("p", "tau"):
-        value = getattr(scene.top, name)
-        if isinstance(value, tuple) and len(value) != scene.N_x:
-            allowed = f"one number in N, or {scene.N_x} of them, one for each block"
-            raise SceneError(f"top.{name}", value, "N", allowed, f"{len(value)} numbers")
+        mark = annotations(PrescribedLoad)[name]
+        _check_length(scene, f"top.{name}", getattr(scene.top, name), mark)
     if scene.law.rests:
         for one in scene.top.push:
             check_push(scene, one, -scene.shear, scene.law.hold(scene.p_prescribed))
@@ -178,8 +179,8 @@ def check_geometry(geometry: str, scene: Scene | None = None) -> None:
     Raises:
         SceneError: unknown geometry, or finite geometry for a prescribed load.
     """
-    if not isinstance(geometry, str) or geometry not in get_args(Geometry):
-        raise SceneError("geometry", geometry, "", " or ".join(map(repr, get_args(Geometry))))
+    with naming("geometry"):
+        Words(get_args(Geometry)).check(geometry)
     if geometry == "finite" and scene is not None and default_geometry(scene) == "linear":
         what = "a chain" if scene.N_z == 1 else "a prescribed interface"
         raise SceneError("geometry", geometry, "", "'linear'", f"{what} has linear geometry only")

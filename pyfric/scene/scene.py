@@ -171,11 +171,8 @@ class Scene:
 
         Fields are interpolated; alpha of a block is proportional to its length.
         """
-        order, at, now = (
-            np.argsort(self.n_of_i),
-            np.linspace(0, 1, N_x),
-            np.linspace(0, 1, self.N_x),
-        )
+        at, now = np.linspace(0, 1, N_x), np.linspace(0, 1, self.N_x)
+        order = np.argsort(self.n_of_i)
         new = {
             name: tuple(np.interp(at, now, self.field(name)[order]).tolist())
             for name in self.fields

@@ -43,8 +43,8 @@ def test_slip_is_continuous_where_nearly_nothing_is_lost():
 def test_weakening_runs_away():
     """m s'' = drop p s/d_c."""
     law = setup1(mu_s=0.7, mu_k=0.45, d_c=1e-6).law
-    assert law.growth(4.0, 1e-3) == pytest.approx(math.sqrt(1.0 / 1e-9))
-    assert Law(0.7, 0.45).growth(4.0, 1e-3) == math.inf
+    assert law.resolving_step(4.0, 1e-3) == pytest.approx(math.sqrt(1e-9))
+    assert Law(0.7, 0.45).resolving_step(4.0, 1e-3) == math.inf
 
 
 def test_the_clock_counts_slip_and_nothing_else():

@@ -187,25 +187,19 @@ class Law:
         d_c = np.where(np.equal(self.d_c, 0), np.nan, self.d_c)
         return max(0.0, falls) * p * float(np.nanmax(self.drop / d_c))
 
-    def growth(self, p: float, m: float) -> float:
-        """Return the largest growth rate of slip of a free block of mass m (kg), in 1/s.
-
-        Weakening with slip alone gives sqrt(steepness/m). Weakening with speed alone gives
-        mu p |dfactor/dv|/m.
-        """
-        falls = 0.0 if self.tables.speed is None else max(0.0, -self.tables.speed.slopes.min())
-        by_speed = float(np.max(self.mu_s)) * falls * p / m
-        return math.hypot(math.sqrt(self.steepness(p) / m), by_speed / 2) + by_speed / 2
-
     def resolving_step(self, p: float, m: float) -> float:
-        """Return the longest step (s) that resolves weakening: 1 over `growth`, inf without any.
+        """Return the longest step (s) that resolves weakening under a load p (N); inf without any.
 
+        It is 1 over the largest growth rate of slip of a free block of mass m (kg). Weakening with
+        slip alone gives the rate sqrt(steepness/m), weakening with speed alone mu p |dfactor/dv|/m.
         Friction that falls at once, with d_c = 0, has no weakening to resolve.
         """
         if not self.weakens and self.tables.speed is None:
             return math.inf
-        growth = self.growth(p, m)
-        return 1 / growth if growth > 0 else math.inf
+        falls = 0.0 if self.tables.speed is None else max(0.0, -self.tables.speed.slopes.min())
+        by_speed = float(np.max(self.mu_s)) * falls * p / m
+        rate = math.hypot(math.sqrt(self.steepness(p) / m), by_speed / 2) + by_speed / 2
+        return 1 / rate if rate > 0 else math.inf
 
 
 FRICTIONLESS = Law(0.0, 0.0)

@@ -110,7 +110,11 @@ def noted(scene, at_rest, moving, speed=1.0):
     rows = {name: np.full((1, scene.N_x), np.nan) for name in known}
     for name, values in known.items():
         rows[name][0, : len(values)] = values
-    catalogue = SimpleNamespace(events=pd.DataFrame({"is_main": [True]}), arrays=rows)
+    catalogue = SimpleNamespace(
+        events=pd.DataFrame({"is_main": [True]}),
+        arrays=rows,
+        front_speed=front_speed(rows["rupture_times"], scene.slider.l, scene.d),
+    )
     return zone_notes(scene, "dynamic", catalogue)
 
 

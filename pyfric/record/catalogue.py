@@ -39,8 +39,8 @@ from pyfric.record.episodes import build_episodes
 from pyfric.record.growth import nucleation_lengths
 from pyfric.record.held import block_array, checked, event_column, found_arrays, held_in, table
 from pyfric.record.rupture import (
-    count_not_increasing,
     first_slips,
+    five_known,
     front_speed,
     longest_link,
     rupture_front,
@@ -339,7 +339,7 @@ def n_front(of: Catalogue) -> np.ndarray:
 
 @event_column("1", "blocks of the front without speed: their five times do not increase", int)
 def n_not_increasing(of: Catalogue) -> np.ndarray:
-    return count_not_increasing(of["rupture_times"], of.scene.d)
+    return (five_known(of["rupture_times"]) & np.isnan(of.front_speed)).sum(axis=1)
 
 
 @event_column("1", f"share of the front's blocks with X_c0 >= {RESOLVED} l, zone at rest")

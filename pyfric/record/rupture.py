@@ -124,9 +124,3 @@ def five_known(rupture_times: np.ndarray) -> np.ndarray:
     if rupture_times.shape[-1] > AVERAGED:
         known[..., half:-half] = _all_of(np.isfinite(rupture_times), AVERAGED + 1)
     return known
-
-
-def count_not_increasing(rupture_times: np.ndarray, d: int) -> np.ndarray:
-    """(n_events,) blocks with five rupture times that do not strictly increase."""
-    with_speed = np.isfinite(front_speed(rupture_times, 1.0, d))
-    return five_known(rupture_times).sum(axis=1) - with_speed.sum(axis=1)

@@ -30,7 +30,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pyfric.record.rupture import front_speed
 from pyfric.scene import PrescribedLoad, Scene
 from pyfric.theory import A_II, Material
 
@@ -165,8 +164,7 @@ def zone_notes(scene: Scene, engine: str, catalogue: Catalogue) -> tuple[str, ..
         catalogue: of the run; main events whose fronts have speeds count.
     """
     main = catalogue.events["is_main"].to_numpy(dtype=bool)
-    speeds = front_speed(catalogue.arrays["rupture_times"], scene.slider.l, scene.d)
-    fast = np.isfinite(speeds) & main[:, None]
+    fast = np.isfinite(catalogue.front_speed) & main[:, None]
     if not scene.law.rests:  # on junctions there is no cohesive zone
         return ()
     if not scene.law.weakens:
@@ -176,7 +174,7 @@ def zone_notes(scene: Scene, engine: str, catalogue: Catalogue) -> tuple[str, ..
         return (f"{engine}: d_c = 0: {', '.join(said)}",) if said else ()
     mean, unknown = _mean_p(scene), np.isnan(catalogue.arrays["p_before"])
     at_rest = np.where(unknown, zone_at_rest(scene, mean), catalogue.arrays["X_c0_over_l"])[fast]
-    moving = zone_moving(scene, mean, speeds)
+    moving = zone_moving(scene, mean, catalogue.front_speed)
     moving = np.where(unknown, moving, catalogue.arrays["X_c_over_l"])[fast]
     blocks, why = at_rest[np.isfinite(at_rest)], []
     if not blocks.size:

@@ -321,13 +321,14 @@ def compare_curve(
     most = 0.5 * (t[-1] - t[0]) if largest_shift is None else largest_shift
     most = check_number("largest_shift", most, "s", ge=0.0)
 
+    def apart(shift: float) -> np.ndarray:
+        found = np.interp(t + shift, known, forces, np.nan, np.nan) - F_T
+        return found[np.isfinite(found)]
+
     def rms(shift: float, least: float = 0.5) -> float:
-        at = t + shift
-        inside = (at >= known[0]) & (at <= known[-1])
-        if not inside.any() or inside.mean() < least:
-            return np.inf
-        apart = np.interp(at[inside], known, forces) - F_T[inside]
-        return float(np.sqrt(np.mean(apart**2)))
+        off = apart(shift)
+        few = not len(off) or len(off) < least * len(t)
+        return np.inf if few else float(np.sqrt(np.mean(off**2)))
 
     shifts = np.linspace(-most, most, SHIFTS)
     tried = [rms(shift) for shift in shifts]
@@ -340,9 +341,8 @@ def compare_curve(
         rms, bounds=ends, method="bounded", options={"xatol": 1e-9 * most}
     )
     shift, least = (found.x, found.fun) if found.fun < tried[n] else (shifts[n], tried[n])
-    inside = (t + shift >= known[0]) & (t + shift <= known[-1])
     now = rms(0.0, 0.0)
-    return Beside(now if now < np.inf else np.nan, float(shift), least, int(inside.sum()))
+    return Beside(now if now < np.inf else np.nan, float(shift), least, len(apart(shift)))
 
 
 def _check_measured(t: np.ndarray, F_T: np.ndarray) -> None:
@@ -386,16 +386,11 @@ def friction_coefficients(record: Record) -> FrictionCoefficients:
     mean = np.nan
     if len(sliding) > 1:
         begin, end = sliding["t_start"].iloc[[0, -1]]
-        if not _moves_back(scene, begin, end):
+        speeds = [V for t, V in scene.driver.protocol if begin <= t <= end]
+        if min([*speeds, *(scene.piece("V", t).at(t) for t in (begin, end))]) >= 0:
             F_N, T = (_mean_load(scene, what, begin, end) for what in ("F_N", "T"))
             mean = (mean_force(record, begin, end) + T) / F_N
     return FrictionCoefficients(mu_s_macro, mean, float(scene.law.mean.scaled(mu_s_macro)))
-
-
-def _moves_back(scene: Scene, begin: float, end: float) -> bool:
-    """Whether the driver moves back at some time between two times (s)."""
-    speeds = [V for t, V in scene.driver.protocol if begin <= t <= end]
-    return min([*speeds, *(scene.piece("V", t).at(t) for t in (begin, end))]) < 0
 
 
 def _mean_load(scene: Scene, what: str, begin: float, end: float) -> float:
@@ -448,7 +443,9 @@ def collapse_spread(
         raise SceneError("y", float(y.min()), "", "positive values, or log=False")
     values = np.log(y) if log else y
     edges = np.quantile(x, np.linspace(0, 1, bins + 1))
-    edges[1:-1] = _between(np.sort(x), edges[1:-1])
+    points = np.sort(x)  # edges are midway between them: the last digit of one must not count
+    after = np.clip(np.searchsorted(points, edges[1:-1]), 1, len(x) - 1)
+    edges[1:-1] = (points[after - 1] + points[after]) / 2
     in_bin = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, bins - 1)
     median = pd.Series(values).groupby(in_bin).median().reindex(range(bins)).to_numpy()
     rms = float(np.sqrt(np.mean((values - median[in_bin]) ** 2)))
@@ -463,12 +460,6 @@ def _numbers(name: str, values: ArrayLike) -> np.ndarray:
         return np.asarray(values, dtype=float)
     except (TypeError, ValueError):
         raise SceneError(name, values, "", "a list of numbers", "not numbers") from None
-
-
-def _between(x: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Move edges midway between points, sorted: the last digit of one on an edge must not count."""
-    after = np.clip(np.searchsorted(x, edges), 1, len(x) - 1)
-    return (x[after - 1] + x[after]) / 2
 
 
 def _chosen(record: Record, mask: pd.Series) -> pd.DataFrame:

@@ -69,7 +69,7 @@ class Catalogue:
     ``catalogue["t_stop"]`` is the column of events, or the array, of that name.
 
     Attributes:
-        columns: arrays over events by name, shape (n_events,); `events` is a data frame of them.
+        events: a data frame with a row for each event, counted from 1.
         arrays: arrays over events and blocks by name, shape (n_events, N_x), blocks from the left.
         episodes: a data frame, with the event of each.
         quiet, switches: the logs, as dicts of arrays.
@@ -89,7 +89,7 @@ class Catalogue:
 
     def __post_init__(self) -> None:
         names = [name for name, one in held_in("events").items() if one.find and one.required]
-        self.columns = {name: self[name] for name in names}
+        self.events = table("events", {name: self[name] for name in names})
         self.arrays = {name: self[name] for name in found_arrays()}
 
     def __getitem__(self, name: str) -> np.ndarray:
@@ -97,11 +97,6 @@ class Catalogue:
             held = (held_in("events") | found_arrays())[name]
             self._found[name] = held.checked(held.find(self))
         return self._found[name]
-
-    @functools.cached_property
-    def events(self) -> pd.DataFrame:
-        """One row for each event, counted from 1."""
-        return table("events", self.columns)
 
     @functools.cached_property
     def joined(self) -> dict[str, np.ndarray]:

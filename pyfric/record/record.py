@@ -166,8 +166,8 @@ class Record:
 
         `late` adds columns of events that take long; a reference run does not need them.
         """
-        events, episodes, arrays = catalogue.columns, catalogue.episodes, catalogue.arrays
-        record = cls(events=events, episodes=episodes, arrays=arrays, **rest)
+        what = {name: getattr(catalogue, name) for name in ("events", "episodes", "arrays")}
+        record = cls(**what, **rest)
         return record.with_late_columns() if late else record
 
     def with_late_columns(self) -> Self:

@@ -464,6 +464,5 @@ class Scene:
                 are listed.
         """
         missing = dict.fromkeys(("slider", "top", "driver", "interface"))
-        entries = missing | toml.parsed(source)
-        folder = toml.folder_of(source) if files is True else files or None
-        return from_entries(cls, entries, folder)
+        entries, beside = toml.parsed(source)
+        return from_entries(cls, missing | entries, beside if files is True else files or None)

@@ -51,8 +51,10 @@ MAX_FILE = 1_048_576
 """Largest size of a scene file, in bytes; two lists of `checked.MAX_LISTED` forces fit."""
 
 
-def parsed(source: str | os.PathLike[str], what: str = "scene") -> dict[str, Any]:
-    """Return the TOML document in a file, or in a text of several lines.
+def parsed(source: str | os.PathLike[str], what: str = "scene") -> tuple[dict[str, Any], Path]:
+    """Return the TOML document in a file, or in a text of several lines, and its folder.
+
+    The folder is that of files which the document names; for a text it is the current folder.
 
     Args:
         source: the path of a file, or the text.
@@ -63,10 +65,10 @@ def parsed(source: str | os.PathLike[str], what: str = "scene") -> dict[str, Any
     """
     if not isinstance(source, str | os.PathLike):
         raise SceneError(what, source, "", f"the path of a {what} file, or its text")
-    if _is_text(source):
-        name, data = None, source.encode("utf-8", "replace")
+    if isinstance(source, str) and "\n" in source:
+        name, folder, data = None, Path(), source.encode("utf-8", "replace")
     else:
-        name = str(source)
+        name, folder = str(source), Path(source).parent
         try:
             data = read_at_most(source, MAX_FILE + 1)
         except (OSError, ValueError) as error:
@@ -75,17 +77,8 @@ def parsed(source: str | os.PathLike[str], what: str = "scene") -> dict[str, Any
     if len(data) > MAX_FILE:
         raise SceneError(what, name, "", f"at most {MAX_FILE} bytes of TOML", "too large")
     try:
-        return tomllib.loads(data.decode("utf-8-sig"))  # some editors put a mark in front
+        return tomllib.loads(data.decode("utf-8-sig")), folder  # some editors put a mark in front
     except RecursionError:
         raise SceneError(what, name, "", "a TOML document", "nested too deeply") from None
     except ValueError as error:
         raise SceneError(what, name, "", "a TOML document", f"not TOML ({error})") from None
-
-
-def folder_of(source: str | os.PathLike[str]) -> Path:
-    """Return the folder of files named in a scene file; for a text it is the current folder."""
-    return Path() if _is_text(source) else Path(source).parent
-
-
-def _is_text(source: str | os.PathLike[str]) -> bool:
-    return isinstance(source, str) and "\n" in source

@@ -298,7 +298,7 @@ def _read(path: Path) -> dict[str, Any]:
     Raises:
         SceneError: it cannot be read, or a value is refused.
     """
-    document, folder = parsed(path, "sweep"), path.parent
+    document, folder = parsed(path, "sweep")
     _check_keys("", document, ENTRIES)
     for key in ("scene", "t_end", "over"):
         if key not in document:

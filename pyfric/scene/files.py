@@ -42,9 +42,7 @@ def written(path: str | os.PathLike[str]) -> Iterator[Path]:
     Raises:
         OSError: the file cannot be written, or path is a folder or a device. The error names path.
     """
-    target = Path(os.path.realpath(path))
-    with held_back(), _naming(path):
-        _check_regular(target)
+    with held_back(), _regular(path) as target:
         clean_drafts(target.parent)
         draft = _draft(target.parent)
         try:
@@ -121,9 +119,7 @@ def check_writable(path: str | os.PathLike[str], size: int = 0, suffix: str = ""
         SceneError: see `check_suffix`; `suffix` is that of its format.
     """
     check_suffix(path, suffix)
-    target = Path(os.path.realpath(path))
-    with _naming(path):
-        _check_regular(target)
+    with _regular(path) as target:
         draft = _draft(target.parent)
         try:
             draft.touch()
@@ -135,20 +131,21 @@ def check_writable(path: str | os.PathLike[str], size: int = 0, suffix: str = ""
             raise OSError(errno.ENOSPC, text)
 
 
-def _check_regular(target: Path) -> None:
-    if target.is_symlink():  # after all links were followed
-        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
-    if target.is_dir():
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-    if target.exists() and not target.is_file():
-        raise OSError(errno.EINVAL, "Not a regular file")
-
-
 @contextmanager
-def _naming(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Make an OSError name this path instead of a temporary file."""
+def _regular(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield the file that a path names, which is regular or does not exist.
+
+    An OSError names this path instead of a temporary file.
+    """
+    target = Path(os.path.realpath(path))
     try:
-        yield
+        if target.is_symlink():  # after all links were followed
+            raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
+        if target.is_dir():
+            raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
+        if target.exists() and not target.is_file():
+            raise OSError(errno.EINVAL, "Not a regular file")
+        yield target
     except OSError as error:
         other = error.filename is not None and not DRAFT.fullmatch(Path(error.filename).name)
         if error.errno is None or other:

@@ -289,7 +289,7 @@ class _Pairs:
         """Return differences of events, and of their front speeds."""
         rows, speeds = [], []
         for e, k in self._chosen():
-            row, off = self._pair(e, k) if k else self._alone(e)
+            row, off = self._pair(e, k) if k else (self._alone(e), np.zeros(0))
             about = {"event": e, "other": k, "t_start": float(self.events.loc[e, "t_start"])}
             rows.append(about | dict.fromkeys(BY_EVENT, np.nan) | row)
             speeds.append(pd.DataFrame({"event": e, "t_start": about["t_start"], "error": off}))
@@ -329,20 +329,19 @@ class _Pairs:
         ended = two["finished"] and parts(self.covered - two["t_stop"], self.a.method.t_gap)
         return bool(ended and not one["finished"])
 
-    def _alone(self, e: int) -> tuple[dict[str, float], np.ndarray]:
+    def _alone(self, e: int) -> dict[str, float]:
         """Return what is known of an event that b has not had yet, or has in another one."""
         a, b, one, F_N = self.a, self.b, self.events.loc[e], self.a.scene.F_N
         if (~self.partners["finished"] & (self.partners["t_start"] < one["t_start"])).any():
             end = one["t_stop"] if one["finished"] else a.curve["t"].iloc[-1]
             known = np.isfinite(one["F_T_start"])
-            off = _apart(a, b, one["t_start"], end) if known else np.nan
-            return {"arrest": off / F_N}, np.zeros(0)
+            return {"arrest": _apart(a, b, one["t_start"], end) / F_N if known else np.nan}
         if np.isfinite(one["F_T_start"]):
-            return {"start": abs(one["F_T_start"] - self.force) / F_N}, np.zeros(0)
+            return {"start": abs(one["F_T_start"] - self.force) / F_N}
         times = a.rupture_times[e - 1]
         span = np.ptp(times[np.isfinite(times)]) if np.isfinite(times).any() else 0.0
         late = self.covered - one["t_start"]
-        return {"rupture": late / span if span > 0 else np.nan}, np.zeros(0)
+        return {"rupture": late / span if span > 0 else np.nan}
 
     def _going_on(self, one: pd.Series, two: pd.Series) -> float:
         """Return how far forces are apart in an event that goes on in one of two runs, in N.

@@ -176,6 +176,20 @@ def test_lists_of_tests_name_files_that_exist():
     assert set(near()) <= {path.stem for path in (ROOT / "pyfric").rglob("*.py")}
 
 
+VAGUE = {"one", "some", "most", "few", "many", "here", "there"}
+"""Names that do not say what they hold."""
+
+
+def test_names_say_what_they_hold():
+    found = set()
+    for file, tree in trees():
+        for node in ast.walk(tree):
+            stored = isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+            name = node.id if stored else node.arg if isinstance(node, ast.arg) else ""
+            found |= {(file, name)} if name in VAGUE else set()
+    assert found == {("pyfric/cli/commands/cache.py", "most")}  # the option --most
+
+
 def test_no_constant_is_dead():
     """A module reads each of its numbers, or another one does, or it is public."""
     defined, read = {}, set()

@@ -247,7 +247,7 @@ def test_many_threads_hold_one_after_another(tmp_path):
 
 def test_records_used_least_recently_go(folder):
     size = folder.entries()[0].size
-    gone, drafts = folder.prune(most=2 * size)
+    gone, drafts = folder.prune(max_bytes=2 * size)
     assert [entry.path.stem for entry in gone] == [KEYS[2]]
     assert drafts == 1
     assert keys(folder) == KEYS[:2]
@@ -309,7 +309,7 @@ for n in range(3):
     found = store.load(key, made.scene)
     assert found is None or found == made
     if n % 2 == 0:
-        store.prune(most=0)
+        store.prune(max_bytes=0)
 """
 
 

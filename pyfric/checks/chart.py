@@ -191,10 +191,10 @@ def _measured(
 def _errors(record: Record, truth: Record, t_end: float) -> dict[str, Any]:
     """Return the errors of `WANTS`; NaN where nothing was compared."""
     off = differences(record, truth)
-    worst = {name: math.nan if one is None else one for name, one in off.errors().items()}
+    worst = {name: math.nan if error is None else error for name, error in off.errors().items()}
     t = truth.curve["t"].to_numpy()
     t = t[t <= off.covered]
-    apart = [np.interp(t, one.curve["t"], one.curve["F_T"]) for one in (record, truth)]
+    apart = [np.interp(t, run.curve["t"], run.curve["F_T"]) for run in (record, truth)]
     curve = float(np.sqrt(np.mean((apart[0] - apart[1]) ** 2))) / truth.scene.F_N
     stepped, forces = record.method.dt is not None, np.fmax(worst["start"], worst["arrest"])
     found = {

@@ -101,7 +101,7 @@ def _refused(scene: Callable[[], Scene], *, field: str, **how) -> Observed:
     try:
         _run(scene(), 1e-3, **how)
     except SceneError as error:
-        named = [str(one) for one in error.flat() if one.field == field]
+        named = [str(refusal) for refusal in error.flat() if refusal.field == field]
         return Observed("refusal", named[0]) if named else Observed("other refusal", str(error))
     return Observed("silence", "the run is complete")
 
@@ -127,7 +127,7 @@ def _stopped(scene: Callable[[], Scene], *, t_end: float) -> Observed:
 def _noted(scene: Callable[[], Scene], *, note: str, t_end: float = 1e-5, **how) -> Observed:
     """A note in the record."""
     notes = _run(scene(), t_end, **how).notes
-    found = [one for one in notes if note in one]
+    found = [text for text in notes if note in text]
     return Observed("warning", found[0]) if found else Observed("silence", f"notes: {notes}")
 
 
@@ -201,7 +201,7 @@ def _cascade(scene: Callable[[], Scene], *, t_end: float) -> Observed:
     steps, spared = record.counts["steps"], record.counts["steps_spared"]
     opened = int((record.switches["new"] == OPEN).sum())
     single = int((record.events["n_blocks"] == 1).sum() + record.episodes["corner"].sum())
-    ends = [one.curve["F_T"].iloc[-1] / one.scene.F_N for one in (record, ladder)]
+    ends = [run.curve["F_T"].iloc[-1] / run.scene.F_N for run in (record, ladder)]
     text = (
         f"{single} single-block slips, {opened} openings, "
         f"{100 * steps / (steps + spared):.2g} % of the time integrated"
@@ -363,23 +363,23 @@ def observe(
         like).
     """
     rows = []
-    for one in regimes:
-        progress(one.name)
+    for regime in regimes:
+        progress(regime.name)
         start = time.process_time()
         with warnings.catch_warnings(action="ignore"):
-            seen = one.look(one.scene)
+            seen = regime.look(regime.scene)
         within = seen.value <= seen.limit or not seen.quantity
         rows.append(
             {
-                "regime": one.name,
-                "scene": _changes(one.scene),
-                "stated": one.behaviour,
-                "text": one.text,
+                "regime": regime.name,
+                "scene": _changes(regime.scene),
+                "stated": regime.behaviour,
+                "text": regime.text,
                 "observed": seen.behaviour,
                 "quantity": seen.quantity,
                 "value": seen.value,
                 "limit": seen.limit,
-                "as_stated": seen.behaviour == one.behaviour and within,
+                "as_stated": seen.behaviour == regime.behaviour and within,
                 "seconds": time.process_time() - start,
                 "says": " ".join(seen.text.split()),
             }

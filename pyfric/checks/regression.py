@@ -146,9 +146,9 @@ def load(name: str, folder: str | os.PathLike[str] = INSTALLED) -> Reference:
         FileNotFoundError: it is not in the folder.
         SceneError: its scene is refused.
     """
-    here = Path(folder) / name
-    about = tomllib.loads((here / "provenance.toml").read_text(encoding="utf-8"))
-    tables = {table: pd.read_csv(here / f"{table}.csv") for table in TABLES}
+    source = Path(folder) / name
+    about = tomllib.loads((source / "provenance.toml").read_text(encoding="utf-8"))
+    tables = {table: pd.read_csv(source / f"{table}.csv") for table in TABLES}
     events = tables["events"] = tables["events"].set_index("event")
     whole = events[events["is_main"] & (events["L_p_over_L"] == 1)].iloc[0]
     return Reference(name, Scene.from_toml(about["scene"]), about, **tables, whole=whole)
@@ -203,8 +203,8 @@ def loading_curve(known: Reference, made: Record, within: Tolerances) -> list[Ch
     forces, blocks = error[["F_T_start", "F_T_arrest"]] / F_N, error[["first_block", "last_block"]]
     main = a["is_main"].to_numpy(dtype=bool)
     small, first, last = (
-        largest(one.to_numpy().ravel())
-        for one in (forces[~main], forces["F_T_start"][main], forces["F_T_arrest"][main])
+        largest(group.to_numpy().ravel())
+        for group in (forces[~main], forces["F_T_start"][main], forces["F_T_arrest"][main])
     )
     _, i, j = np.intersect1d(known.curve["t"], made.curve["t"], return_indices=True)
     still = _still(known, known.curve["t"].to_numpy()[i])
@@ -238,8 +238,8 @@ def stresses(known: Reference, made: Record, within: Tolerances) -> list[Check]:
         n, p = table["n"].to_numpy(), table["p_after"].to_numpy()
         slid = (n >= about["first_block"]) & (n < about["last_block"]) & (p > LEAST * unit)
         stored, own = (
-            rms(law.scaled(np.asarray(one["tau_after"])[slid] / np.asarray(one["p_after"])[slid]))
-            for one in (table, ours)
+            rms(law.scaled(np.asarray(now["tau_after"])[slid] / np.asarray(now["p_after"])[slid]))
+            for now in (table, ours)
         )
         behind.append(own - stored)
     about = "main events, RMS, over F_N/N_x"
@@ -312,7 +312,7 @@ def ladder(known: Reference, made: Record, blocks: int, last: int | None = None)
         blocks: tolerance of lengths.
         last: tolerance of the last, longest one; None means the same.
     """
-    a, b = (precursors(one.events, known.scene) for one in (known, made))
+    a, b = (precursors(run.events, known.scene) for run in (known, made))
     more = len(b) - len(a)
     if more < 0:
         return [Check("quasi-static: missing precursors", math.nan, 0, why=NO_INERTIA)]

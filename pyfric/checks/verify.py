@@ -73,8 +73,8 @@ def verify(progress: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
             what = f"could not be made ({type(error).__name__})"
             checks, note = [Check(what, math.nan, 0)], str(error)
         about = {"note": note, "seconds": time.perf_counter() - start}
-        for one in checks:
-            rows.append({"group": group, **vars(one), "holds": one.holds, **about})
+        for check in checks:
+            rows.append({"group": group, **vars(check), "holds": check.holds, **about})
     return pd.DataFrame(rows).astype({"value": float, "tolerance": float})
 
 
@@ -222,7 +222,7 @@ def _exact() -> Made:
     numbers = ("E1", "E3", "E4", "E7", "E8", "E9")
     found = [(claim, claim.band) for number in numbers for claim in CLAIMS[number]({})]
     return [
-        Check(one.text, one.value, band.high, band.unit, band.source) for one, band in found
+        Check(claim.text, claim.value, band.high, band.unit, band.source) for claim, band in found
     ], ""
 
 

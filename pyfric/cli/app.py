@@ -49,7 +49,9 @@ class Commands(_Listed, click.Group):
             listed = [self.commands[name] for name in self.list_commands(ctx)]
             listed = [command for command in listed if command.section == section]
             with formatter.section(section):
-                formatter.write_dl([(one.name, one.get_short_help_str()) for one in listed])
+                formatter.write_dl(
+                    [(command.name, command.get_short_help_str()) for command in listed]
+                )
 
     def invoke(self, ctx: click.Context) -> Any:
         from pyfric.signals import asked_to_stop, commanded

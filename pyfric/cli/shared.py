@@ -89,7 +89,7 @@ def _keys(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[s
     from pyfric.scene import PRESETS, settings
 
     words = [*ctx.params.values(), *ctx.args]
-    scene = next((one for one in words if isinstance(one, str) and one in PRESETS), "setup1")
+    scene = next((word for word in words if isinstance(word, str) and word in PRESETS), "setup1")
     return [f"{key}=" for key in settings(scene) if key.startswith(incomplete)]
 
 
@@ -164,11 +164,11 @@ def check_out(
     """
     if out is None:
         return
-    read = [Path(one) for one in reads if one is not None and Path(one).exists()]
+    read = [Path(path) for path in reads if path is not None and Path(path).exists()]
     for end in ends:
         path = out.with_name(out.name + end)
         _check_writable(path, path, option, suffix)
-        if path.exists() and any(path.samefile(one) for one in read):
+        if path.exists() and any(path.samefile(path_read) for path_read in read):
             raise click.UsageError(f"{option} {path}: this file is read by the same command.")
         if path.exists() and not overwrite:
             raise click.UsageError(f"{option} {path}: the file exists; --overwrite replaces it.")

@@ -221,7 +221,7 @@ def fig4b(records: Sequence[Record]) -> DataFigure:
         SceneError: there is no record.
     """
     records = listed(records)
-    tables = [fronts(one).assign(run=n, scene=one.scene.name) for n, one in enumerate(records, 1)]
+    tables = [fronts(run).assign(run=n, scene=run.scene.name) for n, run in enumerate(records, 1)]
     points = pd.concat(tables, ignore_index=True)
     blocks = len(points)
     points = points[np.isfinite(points["v_c"]) & np.isfinite(points["tau_over_p"])]
@@ -290,14 +290,14 @@ def _after_precursors(axes: Axes, record: Record, chosen: pd.DataFrame) -> list[
     """Draw p over the initial p after each precursor; return the profiles."""
     colours = mpl.colormaps["viridis_r"](np.linspace(0.1, 1, len(chosen)))
     profiles = []
-    for (_, one), colour in zip(chosen.iterrows(), colours, strict=True):
-        event = int(one["event"])
+    for (_, row), colour in zip(chosen.iterrows(), colours, strict=True):
+        event = int(row["event"])
         table = stress_profile(record, event, "after")
-        tip = round(one["L_p_over_L"] * len(table)) - 1
+        tip = round(row["L_p_over_L"] * len(table)) - 1
         look = {"color": colour, "lw": 0.9, "marker": "o", "ms": 3, "markevery": [tip]}
-        text = f"{one['L_p_over_L']:.2f}"
+        text = f"{row['L_p_over_L']:.2f}"
         axes.plot(table["x_over_L"], table["p_over_p_initial"], label=text, **look)
-        profiles.append(table.assign(event=event, L_p_over_L=one["L_p_over_L"]))
+        profiles.append(table.assign(event=event, L_p_over_L=row["L_p_over_L"]))
     axes.axhline(1, color="0.6", lw=0.5, zorder=0)
     legend(axes, title=r"$L_\mathrm{p}/L$", loc="upper center", ncols=2)
     axes.set_ylabel(r"$p/p_\mathrm{initial}$")
@@ -328,9 +328,9 @@ def _draw_runs(
         One legend handle for each run; run, scene, axis, its median, and v_c of each median.
     """
     handles, tables = [], [pd.DataFrame(columns=["at", "v_c", "run", "scene", "axis"])]
-    for n, one in enumerate(records, 1):
+    for n, record in enumerate(records, 1):
         colour, shape = LOOKS[(n - 1) % len(LOOKS)]
-        rows, friction = points[points["run"] == n], one.scene.law.mean
+        rows, friction = points[points["run"] == n], record.scene.law.mean
         look = {"ls": "", "marker": shape, "ms": 1.8, "color": colour, "alpha": 0.35, "mew": 0.3}
         look["zorder"] = 3 - len(rows) / max(len(points), 1)  # few on top
         look["rasterized"] = len(rows) > 5000
@@ -343,8 +343,8 @@ def _draw_runs(
                 table = rows.groupby(cut, observed=True)[[x, "v_c"]].median()
                 table = table.rename(columns={x: "at"}).reset_index(drop=True)
                 axes.plot(table["at"], table["v_c"], **medians)
-                tables.append(table.assign(run=n, scene=one.scene.name, axis=x))
-        name = rf"{one.scene.name}: $\mu_\mathrm{{s}}$, $\mu_\mathrm{{k}}$ = "
+                tables.append(table.assign(run=n, scene=record.scene.name, axis=x))
+        name = rf"{record.scene.name}: $\mu_\mathrm{{s}}$, $\mu_\mathrm{{k}}$ = "
         label = name + f"{friction.mu_s:g}, {friction.mu_k:g}"
         handles.append(Line2D([], [], ls="", marker=shape, color=colour, ms=3.5, label=label))
     return handles, pd.concat(tables[1:] or tables)

@@ -55,8 +55,8 @@ def fig2a(records: Sequence[Record]) -> DataFigure:
         SceneError: there is no record.
     """
     records = listed(records)
-    scenes = [one.scene for one in records]
-    predicted = {(one.slider.L, one.driver.h, one.driver.h_top): one for one in scenes}
+    scenes = [record.scene for record in records]
+    predicted = {(scene.slider.L, scene.driver.h, scene.driver.h_top): scene for scene in scenes}
     points, curves = lengths_of(records), _predictions(list(predicted.values()))
     colour = dict(zip(sorted(curves["h_mm"].unique()), cycle(COLOURS), strict=False))
     shape = dict(zip(sorted(curves["L_mm"].unique()), cycle(MARKERS), strict=False))
@@ -68,10 +68,10 @@ def fig2a(records: Sequence[Record]) -> DataFigure:
         axes[0].plot(curve["F_T_over_F_N"], curve["L_p_over_L"], color="0.75", lw=0.6, zorder=1)
     for (L, h), rows in points.groupby(["L_mm", "h_mm"]):
         _draw(axes[0], rows, colour[h], shape[L])
-    handles = [_dot(one, f"{h:g} mm") for h, one in colour.items()]
+    handles = [_dot(shade, f"{h:g} mm") for h, shade in colour.items()]
     legend(axes[0], handles=handles, title=r"height $h$", loc="upper left")
     axes[0].add_artist(axes[0].get_legend())
-    handles = [_dot("0.3", f"$L$ = {L:g} mm", one) for L, one in shape.items()]
+    handles = [_dot("0.3", f"$L$ = {L:g} mm", marker) for L, marker in shape.items()]
     handles += [Line2D([], [], color="0.75", lw=1, label=PREDICTED)]
     legend(axes[0], handles=handles, loc="upper left", bbox_to_anchor=(0.25, 1.0))
     _frame(axes[0], records)
@@ -95,11 +95,11 @@ def _draw_loads(
     handles = []
     for n, (F_N, rows) in enumerate(points.groupby("F_N")):
         colour = (BLUE, VERMILION, GREEN)[n % 3]
-        for (L, h), some in rows.groupby(["L_mm", "h_mm"]):
+        for (L, h), group in rows.groupby(["L_mm", "h_mm"]):
             curve = curves[(curves["L_mm"] == L) & (curves["h_mm"] == h)]
             axes.plot(curve["F_T_over_F_N"] + n * SHIFT, curve["L_p_over_L"], color="0.75", lw=0.6)
-            some = some.assign(F_T_over_F_N=some["F_T_over_F_N"] + n * SHIFT)
-            _draw(axes, some, colour, shape[L])
+            group = group.assign(F_T_over_F_N=group["F_T_over_F_N"] + n * SHIFT)
+            _draw(axes, group, colour, shape[L])
         shift = f" (+{n * SHIFT:g})" if n else ""
         handles.append(_dot(colour, rf"$F_\mathrm{{N}}$ = {F_N:g} N{shift}"))
     heights = joined(f"{h:g}" for h in sorted(points["h_mm"].unique()))
@@ -118,13 +118,13 @@ def fig2b(records: Sequence[Record]) -> DataFigure:
         SceneError: there is no record, or one that is not of setup 2.
     """
     records = listed(records)
-    for one in records:
-        if (kind := one.scene.top.kind) != "distributed":
+    for record in records:
+        if (kind := record.scene.top.kind) != "distributed":
             raise SceneError("scene.top.kind", kind, "", "'distributed', as in setup 2")
-    points, curves = lengths_of(records), _predictions([one.scene for one in records])
+    points, curves = lengths_of(records), _predictions([record.scene for record in records])
     fig, (axes,) = panels(2.7)
     handles = []
-    for n, theta in enumerate(sorted({one.scene.top.theta for one in records})):
+    for n, theta in enumerate(sorted({record.scene.top.theta for record in records})):
         colour, shape = (BLUE, BLACK, VERMILION, GREEN)[n % 4], MARKERS[n % 4]
         curve = curves[curves["theta"] == theta]
         axes.plot(curve["F_T_over_F_N"], curve["L_p_over_L"], color=colour, lw=0.8, zorder=1)
@@ -188,7 +188,7 @@ def _named(scene: Scene, table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _predictions(scenes: Sequence[Scene]) -> pd.DataFrame:
-    tables = [_named(one, _prediction(prediction_curve(one))) for one in scenes]
+    tables = [_named(scene, _prediction(prediction_curve(scene))) for scene in scenes]
     return pd.concat(tables, ignore_index=True)
 
 
@@ -202,8 +202,8 @@ def _draw(axes: Axes, rows: pd.DataFrame, colour: str, shape: str) -> None:
     ahead = {"marker": shape, "ms": 3.2, "mec": "white", "mfc": colour, "mew": 0.3, "zorder": 3}
     behind = {"marker": ".", "ms": 2, "mec": colour, "zorder": 2}
     for advances, look in ((True, ahead), (False, behind)):
-        some = rows[rows["advances"] == advances]
-        axes.plot(some["F_T_over_F_N"], some["L_p_over_L"], ls="", **look)
+        shown = rows[rows["advances"] == advances]
+        axes.plot(shown["F_T_over_F_N"], shown["L_p_over_L"], ls="", **look)
 
 
 def _dot(colour: str, label: str, shape: str = "o") -> Line2D:
@@ -212,9 +212,9 @@ def _dot(colour: str, label: str, shape: str = "o") -> Line2D:
 
 
 def _frame(axes: Axes, records: Sequence[Record]) -> None:
-    for mu_k in sorted({one.scene.law.mean.mu_k for one in records}):
+    for mu_k in sorted({record.scene.law.mean.mu_k for record in records}):
         mark(axes, mu_k, r"$\mu_\mathrm{k}$", vertical=True, at=0.02, away=(3, 2))
-    axes.set_xlim(0, 1.1 * max(one.scene.law.mean.mu_k for one in records))
+    axes.set_xlim(0, 1.1 * max(record.scene.law.mean.mu_k for record in records))
     axes.set_ylim(0, 1.02)
     axes.set_xlabel(r"force after arrest $F_\mathrm{T}/F_\mathrm{N}$")
     axes.set_ylabel(r"precursor length $L_\mathrm{p}/L$")

@@ -68,7 +68,7 @@ def phase_map(diagram: PhaseDiagram, label: str | None = None) -> DataFigure:
     if theory:
         alpha = np.geomspace(table[x].min(), highest, 60)
         for v, look, text in THEORY:
-            line = [chain_prestress(v, one) for one in alpha]
+            line = [chain_prestress(v, viscosity) for viscosity in alpha]
             axes.plot(alpha, line, look, color=VERMILION, lw=0.8, label=text)
     for name, set_scale in ((x, axes.set_xscale), (y, axes.set_yscale)):
         set_scale(even_scale(np.unique(table[name])))

@@ -129,7 +129,7 @@ def _lattice(axes: Axes, x: np.ndarray, z: np.ndarray, chain: bool) -> None:
             (X[:-1, :-1], Z[:-1, :-1], X[1:, 1:], Z[1:, 1:]),
             (X[:-1, 1:], Z[:-1, 1:], X[1:, :-1], Z[1:, :-1]),
         ]
-        lines = np.concatenate([np.stack(one, axis=-1).reshape(-1, 2, 2) for one in ends])
+        lines = np.concatenate([np.stack(pair, axis=-1).reshape(-1, 2, 2) for pair in ends])
         axes.add_collection(LineCollection(list(lines), colors=BLUE, linewidths=0.25, alpha=0.8))
     X, Z = np.meshgrid(x, z)
     size = 2.2 if chain else 0.9
@@ -205,9 +205,9 @@ def _load(axes: Axes, l: float, H: float, scene: Scene) -> None:
     """Forces on the blocks, normal and shear, and for a chain springs to a rigid top."""
     at = np.linspace(0, scene.N_x - 1, min(scene.N_x, 21)).round().astype(int)
     load, shear, row = _forces(scene), scene.shear[at], scene.j_shear * l
-    most, gap = np.max(load), 0.8
+    largest, gap = np.max(load), 0.8
     for where, force in zip(at * l, load[at], strict=True):
-        _arrow(axes, (where, row + gap + 10 * force / most), (where, row + gap), VERMILION, 0.7)
+        _arrow(axes, (where, row + gap + 10 * force / largest), (where, row + gap), VERMILION, 0.7)
     if np.any(shear):
         for where, force in zip(at * l, shear, strict=True):
             tip = where + 4 * force / np.max(np.abs(shear))
@@ -215,7 +215,7 @@ def _load(axes: Axes, l: float, H: float, scene: Scene) -> None:
     if scene.top.kind == "distributed":
         text = rf"$F_\mathrm{{N}}$ = {_shown(scene.F_N, 'N')}, $\theta = {scene.top.theta:g}$"
     else:
-        span = _shown(np.unique([np.min(load), most]), "N", digits=3, joint=" to ")
+        span = _shown(np.unique([np.min(load), largest]), "N", digits=3, joint=" to ")
         text = f"$p_i$ = {span} on each block"
         more = []
         if np.any(shear):
@@ -232,10 +232,10 @@ def _driver(axes: Axes, z: np.ndarray, l: float, scene: Scene) -> None:
     d, driver, ends = scene.d, scene.driver, np.array([scene.j_h, scene.j_h_top])
     rows = z[(z >= ends[0] * l) & (z <= ends[1] * l)]
     rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_SPRINGS)).round().astype(int)]
-    here = 0.0 if d > 0 else 100.0
-    far = here - d * 13
+    wall = 0.0 if d > 0 else 100.0
+    far = wall - d * 13
     for at in rows:
-        axes.plot(*_zigzag((far, at), (here, at), 1.6, 6), color=BLACK, lw=LINE, zorder=5)
+        axes.plot(*_zigzag((far, at), (wall, at), 1.6, 6), color=BLACK, lw=LINE, zorder=5)
     high = rows[-1] - rows[0] + 6
     axes.add_patch(Rectangle((far - 0.6, rows[0] - 3), 1.2, high, fc=BLACK, zorder=5))
     middle = (rows[0] + rows[-1]) / 2

@@ -229,8 +229,8 @@ def _drawn(
     style(axes)
     half = 0.5 / (N_x - 1)
     below, above = (t[0] - t_0) * scale, (t[-1] - t_0) * scale
-    most = float(np.quantile(np.abs(v[np.abs(v) > 0]), 0.99)) if v.any() else 1e-12
-    look = {"cmap": "RdBu_r", "vmin": -most, "vmax": most}
+    largest = float(np.quantile(np.abs(v[np.abs(v) > 0]), 0.99)) if v.any() else 1e-12
+    look = {"cmap": "RdBu_r", "vmin": -largest, "vmax": largest}
     if record.motion:
         look = {"cmap": "viridis", "vmin": 0, "vmax": 1}
     image = axes.imshow(

@@ -88,7 +88,7 @@ def frame_times(record: Record, event: int, moments: Sequence[float] = MOMENTS) 
     row, times = record.events.loc[event], record.rupture_times[record.row(event)]
     last = np.nanmax(times) if np.isfinite(times).any() else math.nan
     spans = (last - row["t_start"], row["duration"], LEAD * record.method.dt)
-    span = next(one for one in spans if one > 0)
+    span = next(span for span in spans if span > 0)
     return row["t_start"] + span * np.asarray(moments, dtype=float)
 
 
@@ -145,13 +145,13 @@ def event_strip(
         SceneError: see `event_frames`.
     """
     frames = event_frames(record, event, frame_times(record, event, moments), initial)
-    t_start, most = record.events["t_start"].loc[event], _largest(frames)
-    fig, drawn = _panels(record.scene, len(frames), most)
+    t_start, fastest = record.events["t_start"].loc[event], _largest(frames)
+    fig, drawn = _panels(record.scene, len(frames), fastest)
     unit = time_unit(frames[-1].t - t_start)
-    for one, frame in zip(drawn, frames, strict=True):
-        one.show(frame, t_start, unit)
+    for panel, frame in zip(drawn, frames, strict=True):
+        panel.show(frame, t_start, unit)
     fig.tables = _tables(frames, t_start)
-    fig.caption = _caption(record, event, most)
+    fig.caption = _caption(record, event, fastest)
     return fig
 
 
@@ -241,7 +241,7 @@ def has_ffmpeg() -> bool:
 # --- parts ---------------------------------------------------------------------------------------
 
 
-def _panels(scene: Scene, count: int, most: float) -> tuple[DataFigure, list[_Panels]]:
+def _panels(scene: Scene, count: int, fastest: float) -> tuple[DataFigure, list[_Panels]]:
     """Return a figure with the panels of `count` frames, and one scale of colours."""
     columns = min(3, count)
     rows, width = -(-count // columns), COLUMN_WIDTH * min(2, count)
@@ -258,7 +258,7 @@ def _panels(scene: Scene, count: int, most: float) -> tuple[DataFigure, list[_Pa
         axes.set_axis_off()
     lowest = columns * (rows - 1)
     drawn = [
-        _Panels(*pair, scene, most, labelled=n % columns == 0, lowest=n >= lowest)
+        _Panels(*pair, scene, fastest, labelled=n % columns == 0, lowest=n >= lowest)
         for n, pair in enumerate(zip(above[:count], under[:count], strict=True))
     ]
     text = r"velocity along the drive $v_x$ (m/s)"
@@ -270,7 +270,7 @@ class _Panels:
     """Velocity field and interface of one frame."""
 
     def __init__(
-        self, top: Axes, bottom: Axes, scene: Scene, most: float, *, labelled: bool, lowest: bool
+        self, top: Axes, bottom: Axes, scene: Scene, fastest: float, *, labelled: bool, lowest: bool
     ) -> None:
         slider, friction = scene.slider, scene.law.mean
         self.top, self.bottom = top, bottom
@@ -281,8 +281,8 @@ class _Panels:
             extent=(-half, 1 + half, -half, z + half) if scene.N_z > 1 else (-half, 1 + half, 0, l),
             origin="lower",
             cmap="RdBu_r",
-            vmin=-most,
-            vmax=most,
+            vmin=-fastest,
+            vmax=fastest,
             aspect="auto",  # in line with the interface below; heights are chosen to scale
             interpolation="nearest",
         )
@@ -362,13 +362,13 @@ def _tables(frames: Sequence[Frame], t_start: float) -> dict[str, pd.DataFrame]:
     }
 
 
-def _caption(record: Record, event: int, most: float) -> str:
+def _caption(record: Record, event: int, fastest: float) -> str:
     row = record.events.loc[event]
     what = (
         f"Event {event} (first slip at t = {row['t_start']:.6g} s, "
         f"L_p/L = {row['L_p_over_L']:.3g}, {row['n_blocks']} blocks), run again with full dynamics "
         "from a state just before it. Above: velocity of the blocks along the drive, colours up to "
-        f"{most:.3g} m/s. Below: tau/p at the same instants; dots are blocks that slip, crosses "
+        f"{fastest:.3g} m/s. Below: tau/p at the same instants; dots are blocks that slip, crosses "
         "open ones. Times are from the first slip; x is from the trailing edge."
     )
     return caption(record, what)

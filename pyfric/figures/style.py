@@ -96,8 +96,8 @@ def panels(
     fig = DataFigure(figsize=(COLUMN_WIDTH, height))
     fig.get_layout_engine().set(h_pad=0.02, w_pad=0.02, hspace=0.02)
     axes = list(fig.subplots(len(ratios), 1, squeeze=False, height_ratios=ratios, **rest)[:, 0])
-    for number, one in enumerate(axes):
-        style(one, "abcdef"[number] if len(axes) > 1 else "")
+    for number, panel in enumerate(axes):
+        style(panel, "abcdef"[number] if len(axes) > 1 else "")
     return fig, axes
 
 
@@ -228,15 +228,19 @@ def caption(records: Record | Sequence[Record], *texts: str) -> str:
     That of the methods also says what the records left open, and their version.
     """
     several = [*records] if isinstance(records, Sequence) else [records]
-    hows = "; ".join(dict.fromkeys(str(one.method) for one in several))
-    gaps = joined(f"{gap * 1e3:g} ms" for gap in sorted({one.method.t_gap for one in several}))
+    hows = "; ".join(dict.fromkeys(str(record.method) for record in several))
+    gaps = joined(
+        f"{gap * 1e3:g} ms" for gap in sorted({record.method.t_gap for record in several})
+    )
     made = [f"Method: {hows}; events joined over pauses up to {gaps}."]
-    for status in dict.fromkeys(one.status for one in several if one.status != "complete"):
+    for status in dict.fromkeys(record.status for record in several if record.status != "complete"):
         made.append(f"Run {status}.")
-    known = {one.versions["pyfric"] for one in several if "pyfric" in one.versions}
+    known = {record.versions["pyfric"] for record in several if "pyfric" in record.versions}
     if known:
         made.append(f"pyfric {joined(sorted(known))}.")
-    return "\n".join([" ".join(texts), scene_text([one.scene for one in several]), " ".join(made)])
+    return "\n".join(
+        [" ".join(texts), scene_text([record.scene for record in several]), " ".join(made)]
+    )
 
 
 def scene_text(scenes: Sequence[Scene]) -> str:
@@ -244,7 +248,7 @@ def scene_text(scenes: Sequence[Scene]) -> str:
     first = scenes[0]
 
     def of(get: Any, unit: str = "", power: int = 0) -> str:
-        return in_unit(sorted({get(one) for one in scenes}), unit, power)
+        return in_unit(sorted({get(scene) for scene in scenes}), unit, power)
 
     if first.rigid:
         load = "rigid rod on top"
@@ -254,25 +258,25 @@ def scene_text(scenes: Sequence[Scene]) -> str:
         load = f"chain under prescribed loads, k_top = {of(lambda s: s.k_top, 'N/m', 2)}"
     else:
         load = f"distributed load, theta = {of(lambda s: s.top.theta)}"
-    blocks = sorted({(one.N_x, one.N_z) for one in scenes})
+    blocks = sorted({(scene.N_x, scene.N_z) for scene in scenes})
     head = "Scenes" if len(scenes) > 1 else f"Scene {first.name}".strip()
-    pairs = sorted({(one.law.mean.mu_s, one.law.mean.mu_k) for one in scenes})
+    pairs = sorted({(scene.law.mean.mu_s, scene.law.mean.mu_k) for scene in scenes})
     if len(pairs) == 1:
         friction = "mu_s = {:g}, mu_k = {:g}".format(*pairs[0])
     else:
         friction = "mu_s/mu_k = " + ", ".join(f"{s:g}/{k:g}" for s, k in pairs)
-    if any(one.interface.d_c for one in scenes):
+    if any(scene.interface.d_c for scene in scenes):
         friction += f", d_c = {of(lambda s: s.law.mean.d_c, 'm', -2)}"
-    if any(one.law.mean.alpha for one in scenes):
+    if any(scene.law.mean.alpha for scene in scenes):
         friction += f", alpha = {of(lambda s: s.law.mean.alpha, 'N s/m')}"
-    used = [one.interface.law for one in scenes]
+    used = [scene.interface.law for scene in scenes]
     kinds = {law.kind if law.ends() is None else str(law) for law in used}
     kinds = sorted(kinds - {laws.LinearWeakening.kind})
     friction += f", friction law {' and '.join(kinds)}" if kinds else ""
-    varied = sorted({name for one in scenes for name in one.varied})
+    varied = sorted({name for scene in scenes for name in scene.varied})
     friction += f" (means; {', '.join(varied)} vary along the interface)" if varied else ""
     plates = ""
-    if any(one.n_driven > 1 for one in scenes):
+    if any(scene.n_driven > 1 for scene in scenes):
         plates = f"h_top = {of(lambda s: s.j_h_top * s.slider.l, 'm', -1)}, "
     return (
         f"{head}: {load}, L = {of(lambda s: s.slider.L, 'm', -1)}, "
@@ -293,14 +297,14 @@ def in_unit(
     The unit has the prefix of this power of 1000, or another one if the largest number then needs
     an exponent.
     """
-    most = max(values, key=abs)
-    if unit and "e" in f"{most / 1000.0**power:.4g}":
-        power = prefix_power(most)
+    largest = max(values, key=abs)
+    if unit and "e" in f"{largest / 1000.0**power:.4g}":
+        power = prefix_power(largest)
     texts = joint.join(f"{value / 1000.0**power:.{digits}g}" for value in values)
     return f"{texts} {PREFIXES[power]}{unit}".strip()
 
 
 def joined(texts: Iterable[str]) -> str:
     """Texts as a list in a sentence."""
-    *most, last = texts
-    return f"{', '.join(most)} and {last}" if most else last
+    *others, last = texts
+    return f"{', '.join(others)} and {last}" if others else last

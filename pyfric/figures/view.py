@@ -73,7 +73,7 @@ def record_page(record: Record) -> str:
         "micro_blocks": MAIN_EVENT_BLOCKS,
         "left_out": len(record.events) - len(kept),
         "columns": [held_in("events")[name] for name in record.events],
-        "holds": [one for group in GROUPS for one in held_in(group).values()],
+        "holds": [what for group in GROUPS for what in held_in(group).values()],
     }
     data = {"events": rows, "details": {}} | _overview(record, kept)
     render = template(__file__, "view.html").render
@@ -97,8 +97,8 @@ def _overview(record: Record, kept: np.ndarray) -> dict[str, Any]:
     pieces = pieces[pieces["event"].isin(kept)]
     columns = ("t_s", "x_from", "x_to", "slipped")
     slip = {
-        kind: [_rounded(one[name].astype(float), 7) for name in columns]
-        for kind, one in pieces.groupby("kind")
+        kind: [_rounded(group[name].astype(float), 7) for name in columns]
+        for kind, group in pieces.groupby("kind")
     }
     friction = record.scene.law.mean
     return {
@@ -121,17 +121,17 @@ def _event_rows(record: Record, kept: np.ndarray) -> list[dict[str, Any]]:
             "event": int(event),
             "kind": str(kind),
             "kind_name": KINDS[kind][0].partition(",")[0],
-            "precursor": bool(one["is_precursor"]),
-            "t": _number(one["t_start"], 9),
-            "duration": _number(one["duration"]),
-            "start": _number(one["F_T_start"] / F_N),
-            "arrest": _number(one["F_T_arrest"] / F_N),
-            "L_p": _number(one["L_p_over_L"], 4),
-            "blocks": int(one["n_blocks"]),
-            "x_0": _number(one["x_nucleation"] / record.scene.slider.L, 4),
-            "share": _number(one["share_X_c0"], 3),
+            "precursor": bool(row["is_precursor"]),
+            "t": _number(row["t_start"], 9),
+            "duration": _number(row["duration"]),
+            "start": _number(row["F_T_start"] / F_N),
+            "arrest": _number(row["F_T_arrest"] / F_N),
+            "L_p": _number(row["L_p_over_L"], 4),
+            "blocks": int(row["n_blocks"]),
+            "x_0": _number(row["x_nucleation"] / record.scene.slider.L, 4),
+            "share": _number(row["share_X_c0"], 3),
         }
-        for kind, (event, one) in zip(kinds, events.iterrows(), strict=True)
+        for kind, (event, row) in zip(kinds, events.iterrows(), strict=True)
     ]
 
 
@@ -144,16 +144,16 @@ def _details(record: Record, kept: np.ndarray, room: int) -> dict[str, Any]:
     episodes = {event: rows for event, rows in record.episodes.groupby("event") if event}
     details = {}
     for event in map(int, kept):
-        one: dict[str, Any] = {
+        detail: dict[str, Any] = {
             name: _rounded(record.arrays[name][event - 1][order] / unit, 4)
             for name in ("tau_before", "p_before", "tau_after", "p_after")
         }
-        one["slips"] = _slips(record, event, episodes.get(event))
-        one["columns"] = _rounded(record.events.loc[event].astype(float))
-        room -= len(_json(one)) + len(str(event)) + 4
+        detail["slips"] = _slips(record, event, episodes.get(event))
+        detail["columns"] = _rounded(record.events.loc[event].astype(float))
+        room -= len(_json(detail)) + len(str(event)) + 4
         if room < 0:
             break
-        details[str(event)] = one
+        details[str(event)] = detail
     return details
 
 

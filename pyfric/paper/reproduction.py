@@ -80,17 +80,17 @@ def reproduce(
             made.append(pool.submit(_film, records[jobs[FILMED][0]], out))
         for name in names:
             mine = [records[job] for job in jobs[name]]
-            one = isinstance(RUNS[FIGURES[name].runs], Job)
-            made.append(pool.submit(_drawn, name, jobs[name], mine, one, out))
+            single = isinstance(RUNS[FIGURES[name].runs], Job)
+            made.append(pool.submit(_drawn, name, jobs[name], mine, single, out))
         paths = [path for paths in made for path in paths.result()]
     return [*paths, write_index(out)]
 
 
 def _drawn(
-    name: str, jobs: Sequence[Job], records: Sequence[Record], one: bool, out: Path
+    name: str, jobs: Sequence[Job], records: Sequence[Record], single: bool, out: Path
 ) -> list[Path]:
     """Draw a figure of one record, or of all, and write its files."""
-    fig = FIGURES[name].draw(records[0] if one else records, **_event(name, records[0]))
+    fig = FIGURES[name].draw(records[0] if single else records, **_event(name, records[0]))
     fig.tables["runs"] = runs_table(jobs, records)
     return save_figure(fig, out / name)
 
@@ -169,7 +169,7 @@ def write_index(folder: str | os.PathLike[str]) -> Path:
         figures=[_figure(folder, name) for name in names],
         has_claims=claims.is_file(),
         claims=found,
-        missed=[one["number"] for one in found or () if one["verdict"] == "misses"],
+        missed=[claim["number"] for claim in found or () if claim["verdict"] == "misses"],
         runs=_runs(folder, names),
     )
     return write(folder / "index.html", text.encode())

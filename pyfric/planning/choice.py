@@ -159,14 +159,14 @@ class Plan:
             step = f", dt = {self.dt * 1e6:.3g} us, {self.switching} switching"
         engine = ENGINES[self.fidelity]
         left_out = [*engine.leaves_out]
-        if any(one.name == LINEAR for one in self.assumptions):
+        if any(assumption.name == LINEAR for assumption in self.assumptions):
             left_out.append("rotation of bonds")
         lines = [
             f"for {self.want} within {self.tolerance:g}: {self.fidelity}, {self.geometry} geometry"
             + step,
             f"modelled: {engine.models}",
             f"left out: {'; '.join(left_out) or 'nothing'}",
-            *(f"because {one}" for one in self.assumptions),
+            *(f"because {assumption}" for assumption in self.assumptions),
             *(f"rejected: {reason}" for reason in self.reasons),
             f"expected error: {self.error:.2g}",
             f"expected time: about {self.seconds:.2g} s",
@@ -184,7 +184,7 @@ class Plan:
         """Return the assumptions that the record of a run contradicts."""
         if self.fidelity != "quasistatic":
             return []
-        return [one for one in _needs(record.scene, record) if not one.holds]
+        return [need for need in _needs(record.scene, record) if not need.holds]
 
 
 @at_once()
@@ -343,7 +343,7 @@ class _Choice:
             reason = pilot.failed
         elif error > self.tolerance:
             reason = f"expected error {error:.2g}"
-        elif failed := [one for one in needs if not one.holds]:
+        elif failed := [need for need in needs if not need.holds]:
             reason = str(failed[0])
         elif options.given().keys() & STEPS or options.geometry == "finite":
             reason = "no steps and no finite geometry"
@@ -459,11 +459,11 @@ def _needs(scene: Scene, record: Record) -> tuple[Assumption, ...]:
     lasts = f"{relaxes * 1e3:.3g} ms" if math.isfinite(relaxes) else "for ever"
     within = f"{between * 1e3:.3g} ms" if math.isfinite(between) else "all of the run"
     name = "relaxation time over time between main events"
-    most = int((record.quiet["mode"] == OPEN).sum(axis=1).max(initial=0))
+    n_open = int((record.quiet["mode"] == OPEN).sum(axis=1).max(initial=0))
     ratio = scene.eta / math.sqrt(scene.slider.k * scene.m)
     return (
         Assumption(name, share, RING_SHARE, f"{lasts} in {within}"),
-        Assumption("open blocks", most, OPEN_BLOCKS, "no gap beyond the corner"),
+        Assumption("open blocks", n_open, OPEN_BLOCKS, "no gap beyond the corner"),
         Assumption("eta/sqrt(k m)", ratio, OVERDAMPED, "blocks are underdamped"),
     )
 

@@ -122,13 +122,13 @@ def pilot_run(scene: Scene, t_end: float, stop_when: tuple[str, ...] = ()) -> Pi
         stopping.look(stopping.t_rest, run.mode)
         t_stop, _ = stopping.due()
     far = min(run.history.last[0] / max(t_end, 1e-30), 1.0)
-    events, many = record.events, run.events / max(far, 1e-12) > MOST_EVENTS
+    events, too_many = record.events, run.events / max(far, 1e-12) > MOST_EVENTS
     blocks = events["n_blocks"] * (scene.N_x / small.N_x)
     return Pilot(
         record=record,
         times=np.column_stack([events["t_start"], blocks]),
         far=far,
-        failed=f"about {run.events / far:.0e} events up to t_end" if many else "",
+        failed=f"about {run.events / far:.0e} events up to t_end" if too_many else "",
         t_stop=t_stop,
     )
 

@@ -68,7 +68,7 @@ class Runs(NamedTuple):
         opposite = STEPPERS[stepper].opposite if self.switching == "located" else ""
         if opposite:
             longest = USABLE * stability_limit(scene, opposite)[0]
-            ways = [(opposite, one) for _, one in ways if one <= longest] + ways
+            ways = [(opposite, step) for _, step in ways if step <= longest] + ways
         resolve = [way for way in ways if way[1] <= scene.resolving_step]
         return [
             Reference(engine, *way, RUN + work(scene, self.geometry, counts))
@@ -102,7 +102,7 @@ def budget(made: float) -> float:
 
 def affordable(possible: Sequence[Reference], left: float) -> Reference | None:
     """Return the best reference run whose work is at most `left` (s), or None."""
-    return next((one for one in possible if one.work <= left), None)
+    return next((run for run in possible if run.work <= left), None)
 
 
 def verification_work(made: float, runs: Runs) -> tuple[float, float]:

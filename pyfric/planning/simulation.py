@@ -208,7 +208,7 @@ def _both(before: Record, scene: Scene) -> tuple[Scene, tuple[str, ...]]:
             instead = "this engine continues records only, and its records hold no motion"
         raise StateError(f"initial: the record belongs to another scene ({what}); {instead}")
     whole, said = found
-    return whole, tuple(f"goes on from t = {t:.9g} s with {one}" for one in said)
+    return whole, tuple(f"goes on from t = {t:.9g} s with {change}" for change in said)
 
 
 def _run(

@@ -110,12 +110,12 @@ class Specification:
     refinement: float = 0.0
     geometry: Geometry | None = None
 
-    def again(self, record: Record, most: float | None = None, **changes: Any) -> Record:
+    def again(self, record: Record, largest: float | None = None, **changes: Any) -> Record:
         """Return a run made like a record, with some options changed; it ends at a work (s)."""
         same = kept(record.method) | {"fidelity": record.method.engine}
         plain = {"sample": self.options.sample, "checkpoint": None, "verify": None}
         options = dataclasses.replace(self.options, **(same | plain | changes))
-        enough = None if most is None else lambda run: work_so_far(run) > most
+        enough = None if largest is None else lambda run: work_so_far(run) > largest
         return self.run(self.scene, self.t_end, options, enough=enough)
 
 
@@ -174,8 +174,8 @@ def _apart(record: Record, other: Record) -> float:
     """
     names = ["n_blocks", "first_block", "last_block"]
     same = min(len(record.events), len(other.events))
-    ours, theirs = (one.events[:same] for one in (record, other))
-    ended, theirs_ended = (one["finished"].to_numpy() for one in (ours, theirs))
+    ours, theirs = (run.events[:same] for run in (record, other))
+    ended, theirs_ended = (run["finished"].to_numpy() for run in (ours, theirs))
     off = (ours[names].to_numpy() != theirs[names].to_numpy()).any(axis=1) & ended & theirs_ended
     episodes = ours["n_episodes"].to_numpy() != theirs["n_episodes"].to_numpy()
     off |= episodes & (ended == theirs_ended)
@@ -192,10 +192,10 @@ def _quasistatic(record: Record, made: Specification) -> Record | None:
     """Compare a quasi-static run with dynamics, as far as the budget allows."""
     scene, geometry = made.scene, made.geometry or default_geometry(made.scene)
     spent = min(work(scene, "linear", record.counts), made.work)
-    most = math.inf if made.options.verify == "full" else budget(spent)
+    largest = math.inf if made.options.verify == "full" else budget(spent)
     how = {"fidelity": "hybrid", "dt": "auto", "switching": "located", "geometry": geometry}
     how |= {"accuracy": min(LADDER * made.options.tolerance, LOOSEST), "budget": False}
-    by = made.again(record, most, **how)
+    by = made.again(record, largest, **how)
     found = differences(record, by)
     factor = TURNED if found.turned else DYNAMICS
     errors = _errors(found, made, factor, f"dynamics ({_words(by)})")
@@ -251,7 +251,7 @@ class _Verification:
                 self.notes = notes
             else:
                 errors = before
-        dt = min(one.method.dt for one in (self.record, self.other))
+        dt = min(run.method.dt for run in (self.record, self.other))
         if dt > (resolves := made.scene.resolving_step):
             errors = Errors(**_promise(made))
             self.notes.append(
@@ -347,8 +347,8 @@ class _Verification:
         """
         kept, notes = (self.found, self.other, self.factor), [*self.notes]
         method = self.record.method
-        possible = [one for one in self._references() if one.engine == method.engine]
-        level = min(possible, key=lambda one: (one.stepper == method.stepper, one.work))
+        possible = [run for run in self._references() if run.engine == method.engine]
+        level = min(possible, key=lambda run: (run.stepper == method.stepper, run.work))
         errors = self._compared(self.made.again(self.record, self.left, **self._how(level)))
         t = self._parted()
         if np.isnan(t) and not errors.partly:

@@ -91,7 +91,7 @@ def budget_error(curve: pd.DataFrame) -> float:
     Raises:
         SceneError: it has no budget.
     """
-    moved = max(one.abs().max() for one in _moved(curve))
+    moved = max(term.abs().max() for term in _moved(curve))
     moved = max(moved, ROUNDED * curve[_energies(curve)].abs().sum(axis=1).max())
     return float(budget_left(curve).abs().max() / moved) if moved > 0 else 0.0
 
@@ -318,8 +318,8 @@ def compare_curve(
     t, F_T = _numbers("t", t), _numbers("F_T", F_T)
     _check_measured(t, F_T)
     known, forces = (record.curve[name].to_numpy() for name in ("t", "F_T"))
-    most = 0.5 * (t[-1] - t[0]) if largest_shift is None else largest_shift
-    most = check_number("largest_shift", most, "s", ge=0.0)
+    widest = 0.5 * (t[-1] - t[0]) if largest_shift is None else largest_shift
+    widest = check_number("largest_shift", widest, "s", ge=0.0)
 
     def apart(shift: float) -> np.ndarray:
         found = np.interp(t + shift, known, forces, np.nan, np.nan) - F_T
@@ -327,10 +327,10 @@ def compare_curve(
 
     def rms(shift: float, least: float = 0.5) -> float:
         off = apart(shift)
-        few = not len(off) or len(off) < least * len(t)
-        return np.inf if few else float(np.sqrt(np.mean(off**2)))
+        too_few = not len(off) or len(off) < least * len(t)
+        return np.inf if too_few else float(np.sqrt(np.mean(off**2)))
 
-    shifts = np.linspace(-most, most, SHIFTS)
+    shifts = np.linspace(-widest, widest, SHIFTS)
     tried = [rms(shift) for shift in shifts]
     n = int(np.argmin(tried))
     if not np.isfinite(tried[n]):
@@ -338,7 +338,7 @@ def compare_curve(
         raise SceneError("t", float(t[0]), "s", allowed, "outside the run")
     ends = shifts[max(n - 1, 0)], shifts[min(n + 1, SHIFTS - 1)]
     found = scipy.optimize.minimize_scalar(  # slow to import: first use does
-        rms, bounds=ends, method="bounded", options={"xatol": 1e-9 * most}
+        rms, bounds=ends, method="bounded", options={"xatol": 1e-9 * widest}
     )
     shift, least = (found.x, found.fun) if found.fun < tried[n] else (shifts[n], tried[n])
     now = rms(0.0, 0.0)

@@ -88,7 +88,9 @@ class Catalogue:
     _found: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        names = [name for name, one in held_in("events").items() if one.find and one.required]
+        names = [
+            name for name, column in held_in("events").items() if column.find and column.required
+        ]
         self.events = table("events", {name: self[name] for name in names})
         self.arrays = {name: self[name] for name in found_arrays()}
 

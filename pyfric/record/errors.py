@@ -182,7 +182,7 @@ class Errors:
         if self.until is not None:
             lines.append(f"single events cannot be trusted from {self.until:.6g} s on")
             lines += [f"  {k}: {v:.4g} +- {e:.2g}" for k, (v, e) in self.statistics.items()]
-        return "\n".join([*lines, *(f"by {one}" for one in self.by)])
+        return "\n".join([*lines, *(f"by {run}" for run in self.by)])
 
 
 class Differences(NamedTuple):
@@ -210,7 +210,7 @@ class Differences(NamedTuple):
 
     def before(self, t: float) -> Differences:
         """Return the differences of events that start before a time, in s."""
-        kept = (one[one["t_start"] < t] for one in (self.events, self.speeds))
+        kept = (table[table["t_start"] < t] for table in (self.events, self.speeds))
         return Differences(*kept, min(self.covered, t))
 
     def without(self, off: pd.DataFrame) -> Differences:
@@ -238,12 +238,12 @@ class Differences(NamedTuple):
         """Return the differences as fields of `Errors`, times a factor."""
         values = {name: self.events[name].dropna().to_numpy() for name in BY_EVENT}
         speeds, found = self.speeds["error"].to_numpy(), {}
-        for name, some in values.items():
-            found[name] = float(factor * some.max()) if some.size else None
+        for name, known in values.items():
+            found[name] = float(factor * known.max()) if known.size else None
         for name, share in (("speed_median", 0.5), ("speed_95", 0.95), ("speed_worst", 1.0)):
             found[name] = float(factor * np.quantile(speeds, share)) if speeds.size else None
             values[name] = speeds
-        compared = {name: len(some) for name, some in values.items() if len(some)}
+        compared = {name: len(known) for name, known in values.items() if len(known)}
         events = int((self.events["own"] & (self.events["event"] > 0)).sum())
         return found | {"compared": compared, "events": events, "covered": self.covered}
 
@@ -258,7 +258,7 @@ def differences(record: Record, other: Record, until: float = math.inf) -> Diffe
     """
     if other.scene.N_x != (N_x := record.scene.N_x):
         raise SceneError("other", other.scene.N_x, "", f"a run with {N_x} blocks", "other blocks")
-    covered = min(until, *(float(one.curve["t"].iloc[-1]) for one in (record, other)))
+    covered = min(until, *(float(run.curve["t"].iloc[-1]) for run in (record, other)))
     own, speeds = _Pairs(record, other, covered).rows()
     others, _ = _Pairs(other, record, covered).rows()
     others = others.rename(columns={"event": "other", "other": "event"})
@@ -310,54 +310,59 @@ class _Pairs:
 
     def _pair(self, e: int, k: int) -> tuple[dict[str, float], np.ndarray]:
         """Return the differences of event e of a from event k of b, and those of front speeds."""
-        one, two = self.events.loc[e], self.partners.loc[k]
-        ended = bool(one["finished"] and two["finished"])
-        F_N, start = self.a.scene.F_N, one["F_T_start"] - two["F_T_start"]
-        arrest = one["F_T_arrest"] - two["F_T_arrest"] if ended else self._going_on(one, two)
+        event, partner = self.events.loc[e], self.partners.loc[k]
+        ended = bool(event["finished"] and partner["finished"])
+        F_N, start = self.a.scene.F_N, event["F_T_start"] - partner["F_T_start"]
+        arrest = event["F_T_arrest"] - partner["F_T_arrest"]
+        arrest = arrest if ended else self._going_on(event, partner)
         row = {
             "start": abs(start) / F_N,
             "arrest": abs(arrest) / F_N if np.isfinite(start) else np.nan,
-            "length": abs(one["L_p_over_L"] - two["L_p_over_L"]) if ended else np.nan,
+            "length": abs(event["L_p_over_L"] - partner["L_p_over_L"]) if ended else np.nan,
             "stress": self._stress(e, k, ended),
             "rupture": self._rupture(e, k, forces=bool(np.isfinite(start)), ended=ended),
-            "outlasts": self._outlasts(one, two) or self._outlasts(two, one),
+            "outlasts": self._outlasts(event, partner) or self._outlasts(partner, event),
         }
         return row, self._speeds(e, k, ended)
 
-    def _outlasts(self, one: pd.Series, two: pd.Series) -> bool:
+    def _outlasts(self, event: pd.Series, partner: pd.Series) -> bool:
         """Return whether an event goes on, after another one has ended within both runs."""
-        ended = two["finished"] and parts(self.covered - two["t_stop"], self.a.method.t_gap)
-        return bool(ended and not one["finished"])
+        ended = partner["finished"] and parts(self.covered - partner["t_stop"], self.a.method.t_gap)
+        return bool(ended and not event["finished"])
 
     def _alone(self, e: int) -> dict[str, float]:
         """Return what is known of an event that b has not had yet, or has in another one."""
-        a, b, one, F_N = self.a, self.b, self.events.loc[e], self.a.scene.F_N
-        if (~self.partners["finished"] & (self.partners["t_start"] < one["t_start"])).any():
-            end = one["t_stop"] if one["finished"] else a.curve["t"].iloc[-1]
-            known = np.isfinite(one["F_T_start"])
-            return {"arrest": _apart(a, b, one["t_start"], end) / F_N if known else np.nan}
-        if np.isfinite(one["F_T_start"]):
-            return {"start": abs(one["F_T_start"] - self.force) / F_N}
+        a, b, event, F_N = self.a, self.b, self.events.loc[e], self.a.scene.F_N
+        if (~self.partners["finished"] & (self.partners["t_start"] < event["t_start"])).any():
+            end = event["t_stop"] if event["finished"] else a.curve["t"].iloc[-1]
+            known = np.isfinite(event["F_T_start"])
+            return {"arrest": _apart(a, b, event["t_start"], end) / F_N if known else np.nan}
+        if np.isfinite(event["F_T_start"]):
+            return {"start": abs(event["F_T_start"] - self.force) / F_N}
         times = a.rupture_times[e - 1]
         span = np.ptp(times[np.isfinite(times)]) if np.isfinite(times).any() else 0.0
-        late = self.covered - one["t_start"]
+        late = self.covered - event["t_start"]
         return {"rupture": late / span if span > 0 else np.nan}
 
-    def _going_on(self, one: pd.Series, two: pd.Series) -> float:
+    def _going_on(self, event: pd.Series, partner: pd.Series) -> float:
         """Return how far forces are apart in an event that goes on in one of two runs, in N.
 
         Where both have come to rest, they differ as their arrests do; NaN if that is too late in
         both to know whether they go on.
         """
-        if not (one["finished"] or two["finished"] or np.isnan(one["t_stop"] + two["t_stop"])):
+        if not (
+            event["finished"]
+            or partner["finished"]
+            or np.isnan(event["t_stop"] + partner["t_stop"])
+        ):
             return np.nan
-        if np.maximum(one["t_stop"], two["t_stop"]) <= self.covered:
-            return float(one["F_T_arrest"] - two["F_T_arrest"])
+        if np.maximum(event["t_stop"], partner["t_stop"]) <= self.covered:
+            return float(event["F_T_arrest"] - partner["F_T_arrest"])
         ends = (
             event["t_stop"] if event["finished"] else run.curve["t"].iloc[-1]
-            for run, event in ((self.a, one), (self.b, two))
+            for run, event in ((self.a, event), (self.b, partner))
         )
-        begin, other = one["t_start"], two["t_start"]
+        begin, other = event["t_start"], partner["t_start"]
         lasts = min(end - start for end, start in zip(ends, (begin, other), strict=True))
         return _apart(self.a, self.b, begin, begin + lasts, other - begin)
 
@@ -416,8 +421,8 @@ def _apart(a: Record, b: Record, begin: float, end: float, later: float = 0.0) -
     """
     t = a.curve["t"].to_numpy()
     t = t[(t >= begin) & (t <= end)]
-    (low, high), (least, most) = _range(a, t), _range(b, t + later)
-    return float(np.maximum(low - most, least - high).max(initial=0.0))
+    (low, high), (lowest, highest) = _range(a, t), _range(b, t + later)
+    return float(np.maximum(low - highest, lowest - high).max(initial=0.0))
 
 
 def _curves_apart(a: Record, b: Record, end: float) -> float:
@@ -426,10 +431,12 @@ def _curves_apart(a: Record, b: Record, end: float) -> float:
     These are the points of the run that has fewer: the other one is linear between its own. Jumps
     of static states, with two points at a time, are left out.
     """
-    few, many = sorted((a.curve, b.curve), key=len)
-    t = few["t"][(few["t"] <= end) & ~few["t"].duplicated(keep=False)]
+    coarse, fine = sorted((a.curve, b.curve), key=len)
+    t = coarse["t"][(coarse["t"] <= end) & ~coarse["t"].duplicated(keep=False)]
     t = np.append(t, end)
-    return float(np.abs(np.subtract(*(np.interp(t, c["t"], c["F_T"]) for c in (few, many)))).max())
+    return float(
+        np.abs(np.subtract(*(np.interp(t, c["t"], c["F_T"]) for c in (coarse, fine)))).max()
+    )
 
 
 def _range(record: Record, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -442,8 +449,8 @@ def _range(record: Record, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def statistics(record: Record, other: Record, t: float) -> dict[str, tuple[float, float]]:
     """Return numbers of the events after a time (s) together, each with its difference."""
-    covered = min(float(one.curve["t"].iloc[-1]) for one in (record, other))
-    a, b = (_together(one, t, covered) for one in (record, other))
+    covered = min(float(run.curve["t"].iloc[-1]) for run in (record, other))
+    a, b = (_together(run, t, covered) for run in (record, other))
     return {name: (a[name], abs(a[name] - b[name])) for name in a if name in b}
 
 

@@ -122,7 +122,7 @@ def _nucleation(
     none = dict.fromkeys(("t", "F_T", "first_block", "last_block"), np.nan)
     none |= {"n_blocks": 0, "length": np.nan}
     legs = scene.legs(float(record.curve["t"].iloc[-1]))
-    leg = next(one for one in reversed(legs) if one.t <= t)
+    leg = next(leg for leg in reversed(legs) if leg.t <= t)
     if leg.way < 1 or scene.load_at(t) != scene.load_at(0.0):
         return none
     near = max(scene.drive(t) - ROUNDING * abs(scene.drive(t)), leg.first)

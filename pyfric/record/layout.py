@@ -168,13 +168,13 @@ def csv_tables(record: Record) -> dict[str, pd.DataFrame]:
     held = [("events", known["event"], events)]
     held += [("stresses", known["event"], np.repeat(events, len(n)))]
     held += [("stresses", known["n"], np.tile(n, len(events)))]
-    for one, values in held_by(record):
-        if name := CSV.get((one.group, one.dims)):
-            held.append((name, one, values.ravel()))
+    for what, values in held_by(record):
+        if name := CSV.get((what.group, what.dims)):
+            held.append((name, what, values.ravel()))
     tables: dict[str, dict[str, Any]] = {name: {} for name in CSV.values()}
-    for name, one, values in held:
-        tables[name][one.name] = values
-    meanings = [(name, one.name, one.unit, one.meaning) for name, one, _ in held]
+    for name, what, values in held:
+        tables[name][what.name] = values
+    meanings = [(name, what.name, what.unit, what.meaning) for name, what, _ in held]
     tables["columns"] = dict(
         zip(("table", "column", "unit", "meaning"), zip(*meanings, strict=True), strict=True)
     )

@@ -41,7 +41,7 @@ def event_distances(
     `span` is the time that is compared, s; None is that of the last event.
     """
     if span is None:
-        span = max((one["t_start"].max() for one in (a, b) if len(one)), default=0.0)
+        span = max((events["t_start"].max() for events in (a, b) if len(events)), default=0.0)
     first, last = (_pairs(name, a, b) for name in ("first_block", "last_block"))
     both = np.minimum(*last) - np.maximum(*first) + 1
     either = np.maximum(*last) - np.minimum(*first) + 1

@@ -173,8 +173,10 @@ class Record:
     def with_late_columns(self) -> Self:
         """Return the record with the columns of events that are found from a whole record."""
         events = self.events
-        missing = [one for name, one in held_in("events").items() if name not in events]
-        found = {one.name: values for one in missing if (values := one.find(self)) is not None}
+        missing = [column for name, column in held_in("events").items() if name not in events]
+        found = {
+            column.name: values for column in missing if (values := column.find(self)) is not None
+        }
         return self.replace(events=events.assign(**found)) if found else self
 
     def replace(self, **changes: Any) -> Self:
@@ -201,7 +203,7 @@ class Record:
             return NotImplemented
         if layout.attributes(self) != layout.attributes(other):
             return False
-        ours, theirs = (list(layout.held_by(one)) for one in (self, other))
+        ours, theirs = (list(layout.held_by(record)) for record in (self, other))
         return len(ours) == len(theirs) and all(
             a == b and left.shape == right.shape and left.tobytes() == right.tobytes()
             for (a, left), (b, right) in zip(ours, theirs, strict=True)
@@ -211,7 +213,7 @@ class Record:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Records are pickled and copied as what they are made from, and stay read-only."""
-        values = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
+        values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         plain = {k: dict(v) if isinstance(v, MappingProxyType) else v for k, v in values.items()}
         return functools.partial(type(self), **plain), ()
 

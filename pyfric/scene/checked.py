@@ -97,7 +97,7 @@ class Quantity(Annotation):
             if len(value) > MAX_LISTED:
                 raise SceneError("", value, "", f"at most {MAX_LISTED} numbers", "too many")
             number = Quantity(self.unit, **self._limits)
-            return numbered(self.each, lambda one: number.check(one, written), value)
+            return numbered(self.each, lambda entry: number.check(entry, written), value)
         if written and self.unit:
             value = parse_quantity("", value, self.unit, allowed=self.allowed)
         return check_number("", value, self.unit, **self._limits, note=self.note)
@@ -227,11 +227,11 @@ def annotations(cls: type) -> dict[str, Annotation]:
     found = {}
     for name, hint in typing.get_type_hints(cls, include_extras=True).items():
         inside = typing.get_args(hint)
-        for one in (hint, *inside):
-            if isinstance(one, Annotation):
-                found[name] = one
-            elif typing.get_origin(one) is typing.Literal:
-                found[name] = Words(typing.get_args(one), type(None) in inside)
+        for mark in (hint, *inside):
+            if isinstance(mark, Annotation):
+                found[name] = mark
+            elif typing.get_origin(mark) is typing.Literal:
+                found[name] = Words(typing.get_args(mark), type(None) in inside)
     return found
 
 
@@ -284,7 +284,7 @@ def _checked(cls: type, args: tuple[Any, ...], given: Mapping[str, Any]) -> dict
     """Return the checked values of the fields of a part; the error lists all that is wrong."""
     prefix, marks = f"{cls._section}." if cls._section else "", annotations(cls)
     fields = {field.name: field.default for field in dataclasses.fields(cls)}
-    wrong = [SceneError(cls.__name__, one, "", "keyword arguments") for one in args]
+    wrong = [SceneError(cls.__name__, value, "", "keyword arguments") for value in args]
     wrong += [unknown(prefix + n, v, n, fields) for n, v in given.items() if n not in fields]
     found = {}
     for name, default in fields.items():

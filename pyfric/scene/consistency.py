@@ -90,8 +90,8 @@ def _check_prescribed(scene: Scene) -> None:
         mark = annotations(PrescribedLoad)[name]
         _check_length(scene, f"top.{name}", getattr(scene.top, name), mark)
     if scene.law.rests:
-        for one in scene.top.push:
-            check_push(scene, one, -scene.shear, scene.law.hold(scene.p_prescribed))
+        for push in scene.top.push:
+            check_push(scene, push, -scene.shear, scene.law.hold(scene.p_prescribed))
     if scene.prescribed:  # blocks that carry more than mu_s p slip from t = 0 on
         return
     p, tau = np.atleast_1d(scene.top.p), np.atleast_1d(scene.top.tau)
@@ -114,12 +114,12 @@ def _check_T(scene: Scene) -> None:
 
 def _check_pushed(scene: Scene) -> None:
     """Check that pushes act on existing blocks with a force."""
-    for one in scene.top.push:
-        if not 1 <= one.block <= scene.N_x:
+    for push in scene.top.push:
+        if not 1 <= push.block <= scene.N_x:
             allowed = f"blocks 1 to {scene.N_x}"
-            raise SceneError("top.push", one.block, "", allowed, "outside the interface")
-        if not (one.force or one.rate):
-            raise SceneError("top.push", one.force, "N", "a force that is not 0", "pushes nothing")
+            raise SceneError("top.push", push.block, "", allowed, "outside the interface")
+        if not (push.force or push.rate):
+            raise SceneError("top.push", push.force, "N", "a force that is not 0", "pushes nothing")
 
 
 def check_push(scene: Scene, push: Push, f: np.ndarray, strength: np.ndarray) -> None:
@@ -137,8 +137,8 @@ def check_push(scene: Scene, push: Push, f: np.ndarray, strength: np.ndarray) ->
     i = int(np.argmax(scene.n_of_i == push.block))
     others = scene.push_at(push.begin)[0, i] - scene.d * push.force
     ends = (push.begin, push.end) if push.rate else (push.begin,)
-    most = max(abs(f[i] - others - scene.d * push.at(t)) for t in ends)
-    if not most > strength[i]:
+    pull = max(abs(f[i] - others - scene.d * push.at(t)) for t in ends)
+    if not pull > strength[i]:
         more = float(strength[i] + scene.d * (f[i] - others))
         allowed = f"more than {more!r} N along the driving on block {push.block}"
         raise SceneError("top.push", push.force, "N", allowed, "does not let it slip")

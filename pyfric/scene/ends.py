@@ -29,7 +29,7 @@ TAKES: dict[str, tuple[Quantity, ...]] = {
 def _names() -> str:
     shown = []
     for name, takes in TAKES.items():
-        values = ", ".join(f"1 {one.unit}".strip() for one in takes)
+        values = ", ".join(f"1 {number.unit}".strip() for number in takes)
         shown.append(f"'{name} = {values}'" if values else repr(name))
     return ", ".join(shown)
 
@@ -45,7 +45,7 @@ def condition(text: str) -> tuple[str, tuple[float, ...]]:
         refused = unknown("stop_when", text, name, TAKES)
         raise SceneError("stop_when", text, "", _names(), refused.reason)
     takes = TAKES[name]
-    given = [one.strip() for one in values.split(",")] if values else []
+    given = [text.strip() for text in values.split(",")] if values else []
     given = given or ["1"] * takes.count(COUNT)
     if len(given) != len(takes):
         reason = f"{name} takes {len(takes)} numbers"
@@ -63,7 +63,7 @@ class Conditions(Annotation):
 
     def check(self, value: Any, written: Written | None = None) -> tuple[str, ...]:
         texts = (value,) if isinstance(value, str) else value
-        if not (isinstance(texts, list | tuple) and all(isinstance(one, str) for one in texts)):
+        if not (isinstance(texts, list | tuple) and all(isinstance(text, str) for text in texts)):
             raise SceneError("stop_when", value, "", f"text, or a list of texts: {_names()}")
         for text in texts:
             condition(text)

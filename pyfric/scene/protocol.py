@@ -68,9 +68,9 @@ def followed(first: float, corners: Corners, then_first: float, then: Corners, t
     old, new = pieces(first, corners), pieces(then_first, then)
     if _from(old, t) == _from(new, t):
         return corners
-    kept = tuple(one for one in corners if one[0] < t)
+    kept = tuple(corner for corner in corners if corner[0] < t)
     reached = next((value for t_at, value in corners if t_at == t), piece_at(old, t).at(t))
-    rest = tuple(one for one in then if one[0] > t)
+    rest = tuple(corner for corner in then if corner[0] > t)
     return (*kept, (t, reached), (t, piece_at(new, t).at(t)), *rest)
 
 
@@ -206,7 +206,7 @@ class Pushes(Annotation):
     )
 
     def check(self, value: Any, written: Written | None = None) -> tuple[Push, ...]:
-        return _rows(self, ("push", "pushes"), value, lambda one: self._push(one, written))
+        return _rows(self, ("push", "pushes"), value, lambda entry: self._push(entry, written))
 
     def _push(self, given: Any, written: Written | None) -> Push:
         given = as_list(given)
@@ -228,8 +228,8 @@ class Pushes(Annotation):
 
     def written(self, value: tuple[Push, ...]) -> Any:
         return [
-            [one.block, f"{one.force!r} N", f"{one.begin!r} s"]
-            + ([f"{one.end!r} s"] if math.isfinite(one.end) or one.rate else [])
-            + ([f"{one.rate!r} N/s"] if one.rate else [])
-            for one in value
+            [push.block, f"{push.force!r} N", f"{push.begin!r} s"]
+            + ([f"{push.end!r} s"] if math.isfinite(push.end) or push.rate else [])
+            + ([f"{push.rate!r} N/s"] if push.rate else [])
+            for push in value
         ]

@@ -188,7 +188,7 @@ class Scene:
     def drawn(self) -> dict[str, tuple[float, ...]]:
         """Values drawn for fields that are a `Spread`, from the trailing edge on."""
         given = {name: self._given(name) for name in self.fields}
-        spreads = {name: one for name, one in given.items() if isinstance(one, Spread)}
+        spreads = {name: spread for name, spread in given.items() if isinstance(spread, Spread)}
         return {n: tuple(s.draw(self.N_x, self.slider.l).tolist()) for n, s in spreads.items()}
 
     @property
@@ -347,9 +347,9 @@ class Scene:
             Forces (N) and their rates (N/s), shape (2, N_x).
         """
         found = np.zeros((2, self.N_x))
-        for one in self.top.push:
-            if one.begin <= t < one.end:
-                found[:, one.block - 1] += one.at(t if now is None else now), one.rate
+        for push in self.top.push:
+            if push.begin <= t < push.end:
+                found[:, push.block - 1] += push.at(t if now is None else now), push.rate
         return self.d * found[:, self.n_of_i - 1] + 0.0  # no -0.0
 
     @property

@@ -103,22 +103,22 @@ def check_number(
 
 
 def check_whole(
-    field: str, value: Any, least: int, most: int | None = None, *, note: str = ""
+    field: str, value: Any, least: int, largest: int | None = None, *, note: str = ""
 ) -> int:
     """Return `value` as a Python integer if it is a whole number inside the limits.
 
     Args:
         field: dotted name used in the error.
         value: an integer of Python or NumPy. Booleans, and floats such as 2.0, are refused.
-        least, most: limits, both included.
+        least, largest: limits, both included.
         note: other allowed values, appended to the range in the error.
 
     Raises:
         SceneError: another type, or outside the limits.
     """
     whole = isinstance(value, Integral) and not isinstance(value, bool)
-    if not whole or value < least or (most is not None and value > most):
-        allowed = f">= {least}" if most is None else f"from {least} to {most}"
+    if not whole or value < least or (largest is not None and value > largest):
+        allowed = f">= {least}" if largest is None else f"from {least} to {largest}"
         reason = "" if whole else "not a whole number"
         raise SceneError(field, value, "", f"a whole number {allowed}{note}", reason)
     return int(value)

@@ -286,7 +286,7 @@ def _jobs(
             raise SceneError(side, axis, "", "the name of a field and its values")
         if not np.iterable(axis[1]) or isinstance(axis[1], str):
             raise SceneError(side, axis[1], "", "at least two values, rising", "not a list")
-        values = [check_number(f"{side} {axis[0]}", one, "") for one in axis[1]]
+        values = [check_number(f"{side} {axis[0]}", value, "") for value in axis[1]]
         if len(values) < 2 or not (np.diff(values) > 0).all():
             raise SceneError(side, axis[1], "", "at least two values, rising")
         checked.append((axis[0], values))

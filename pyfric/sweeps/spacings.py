@@ -51,7 +51,7 @@ class Resolution:
 
     def __str__(self) -> str:
         def shown(values: pd.Series, form: str) -> list[str]:
-            return [format(one, form) if math.isfinite(one) else "-" for one in values]
+            return [format(value, form) if math.isfinite(value) else "-" for value in values]
 
         table = self.table
         texts = {f"{1e3 * l:g}": shown(table[l], ".4g") for l in table.columns[:-2]}
@@ -75,9 +75,9 @@ class Resolution:
             notes.append("Where l resolves the cohesive zone of fronts (X_c/l), counts converge.")
         else:
             notes.append(WHY)
-        for one in self.records:
-            if analysis.system_size_events(one).empty:
-                t, l = one.curve["t"].iloc[-1], one.scene.slider.l
+        for record in self.records:
+            if analysis.system_size_events(record).empty:
+                t, l = record.curve["t"].iloc[-1], record.scene.slider.l
                 notes.append(f"l = {l * 1e3:g} mm: no system-size event before t = {t:g} s")
         return tuple(notes)
 
@@ -140,7 +140,7 @@ def resolve(
         if isinstance(error.error, SceneError):
             raise error.error from None
         raise
-    columns = {one.scene.slider.l: _measured(one) for one in records}
+    columns = {record.scene.slider.l: _measured(record) for record in records}
     table = pd.DataFrame(columns, index=list(QUANTITIES))
     before, last = (table.iloc[:, n] for n in (-2, -1))
     limits = [known or bool(scene.law.weakens) for known in QUANTITIES.values()]

@@ -210,12 +210,12 @@ class Store:
         return sorted(found, key=lambda entry: -entry.used)
 
     def prune(
-        self, most: int | None = None, older_than: float | None = None, damaged: bool = False
+        self, max_bytes: int | None = None, older_than: float | None = None, damaged: bool = False
     ) -> tuple[list[Entry], int]:
         """Delete what killed processes left behind, and runs that are not wanted any more.
 
         Args:
-            most: delete those used least recently until the others fit into so many bytes.
+            max_bytes: delete those used least recently until the others fit into so many bytes.
             older_than: delete those not used for so many days.
             damaged: delete files that are damaged, or records of another version.
 
@@ -229,7 +229,7 @@ class Store:
             unwanted = older_than is not None and entry.age > older_than
             unwanted = unwanted or (damaged and isinstance(entry.read(), str))
             size += 0 if unwanted else entry.size
-            if (unwanted or (most is not None and size > most)) and entry.delete():
+            if (unwanted or (max_bytes is not None and size > max_bytes)) and entry.delete():
                 gone.append(entry)
         for entry in self.entries(FAILED):
             if entry.age > (FORGET if older_than is None else older_than):

@@ -73,7 +73,7 @@ def chain_prestress(v: ArrayLike, alpha: float = 0.0, eta: float = 0.0) -> np.nd
     alpha, eta = _viscosities(alpha, eta)
     limits = {"ge": SLOWEST} if alpha else {"gt": 1.0}
     v = checked_array("v", v, "c", **limits, le=FASTEST)
-    return np.reshape([_prestress(one, alpha, eta) for one in v.flat], v.shape)[()]
+    return np.reshape([_prestress(speed, alpha, eta) for speed in v.flat], v.shape)[()]
 
 
 def chain_speed(tau_bar: ArrayLike, alpha: float = 0.0, eta: float = 0.0) -> np.ndarray:
@@ -96,9 +96,9 @@ def chain_speed(tau_bar: ArrayLike, alpha: float = 0.0, eta: float = 0.0) -> np.
         return _prestress(v, alpha, eta) if alpha or v > 1 else 0.0
 
     limits = least, FASTEST, f"a front of {least:g} c to {FASTEST:g} c"
-    return np.reshape([_inverse(prestress, one, *limits) for one in tau_bar.flat], tau_bar.shape)[
-        ()
-    ]
+    return np.reshape(
+        [_inverse(prestress, value, *limits) for value in tau_bar.flat], tau_bar.shape
+    )[()]
 
 
 def chain_prestress_overdamped(w: ArrayLike) -> np.ndarray:
@@ -109,7 +109,7 @@ def chain_prestress_overdamped(w: ArrayLike) -> np.ndarray:
     """
     limits = {"ge": SLOWEST_OVERDAMPED, "le": FASTEST_OVERDAMPED}
     w = checked_array("w", w, "c sqrt(k m)", **limits)
-    return np.reshape([_overdamped(one) for one in w.flat], w.shape)[()]
+    return np.reshape([_overdamped(value) for value in w.flat], w.shape)[()]
 
 
 def chain_speed_overdamped(tau_bar: ArrayLike, alpha: float) -> np.ndarray:
@@ -124,7 +124,7 @@ def chain_speed_overdamped(tau_bar: ArrayLike, alpha: float) -> np.ndarray:
     alpha = checked("alpha", alpha, "sqrt(k m)", gt=0)
     limits = (SLOWEST_OVERDAMPED, FASTEST_OVERDAMPED, f"w = alpha v of {SLOWEST_OVERDAMPED:g} to "
               f"{FASTEST_OVERDAMPED:g}")  # fmt: skip
-    w = [_inverse(_overdamped, one, *limits) for one in tau_bar.flat]
+    w = [_inverse(_overdamped, value, *limits) for value in tau_bar.flat]
     return np.reshape(w, tau_bar.shape)[()] / alpha
 
 
@@ -188,7 +188,9 @@ def _prestress(v: float, alpha: float, eta: float) -> float:
 def _panels(ends: Sequence[float], *kernel: float, of: Callable[..., Any] = _arg_over_q) -> float:
     """Return the integral of arg kappa / q over panels of q between these ends."""
     how = {"epsabs": 1e-11, "limit": 1000, "full_output": 1}
-    return sum(scipy.integrate.quad(of, *one, kernel, **how)[0] for one in itertools.pairwise(ends))
+    return sum(
+        scipy.integrate.quad(of, *span, kernel, **how)[0] for span in itertools.pairwise(ends)
+    )
 
 
 def _damped(v: float, alpha: float, eta: float) -> float:
@@ -227,7 +229,7 @@ def _beyond(W: Callable[[float], complex], dW: Callable[[float], complex], v: fl
     corner = np.log(2.0)
     ends = sorted({np.log(begin), end, *([corner] if np.log(begin) < corner else [])})
     how = {"epsabs": 1e-12, "limit": 1000}
-    total = sum(scipy.integrate.quad(mean, *one, **how)[0] for one in itertools.pairwise(ends))
+    total = sum(scipy.integrate.quad(mean, *span, **how)[0] for span in itertools.pairwise(ends))
     z = np.sqrt(1 - 4 * W(begin))
     r, k = (z - 1) / (z + 1), _HARMONICS
     slope = -4 * dW(begin) / z / (z + 1) ** 2  # dr/du

@@ -151,7 +151,7 @@ def stress_intensity(
     if len(breaks):
         breaks = checked_array("breaks", breaks, "m", gt=0)
     breaks = np.sort(np.ravel(breaks))
-    K = [_intensity(one, stress_drop, breaks[breaks < one]) for one in a.flat]
+    K = [_intensity(length, stress_drop, breaks[breaks < length]) for length in a.flat]
     return np.reshape(K, a.shape)[()]
 
 

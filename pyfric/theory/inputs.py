@@ -33,7 +33,7 @@ def checked_array(field: str, value: Any, unit: str = "", **limits: float) -> np
             and quantities of a library of units are refused: an array would drop the unit.
     """
     given = value if isinstance(value, list | tuple) else [value]
-    if any(isinstance(one, str) or hasattr(one, "magnitude") for one in given):
+    if any(isinstance(value, str) or hasattr(value, "magnitude") for value in given):
         raise refusal(field, value, unit, f"plain numbers{unit and f', in {unit}'}")
     try:
         array = np.asarray(value)

@@ -70,8 +70,8 @@ def prune(older_than: float | None, most: float | None, damaged: bool, tell: Tel
     for name, value in (("older-than", older_than), ("most", most)):
         if value is not None:
             check_number(f"--{name}", value, "", ge=0.0)
-    most = None if most is None else int(most * MB)
-    gone, drafts = _store().prune(most, older_than, damaged)
+    max_bytes = None if most is None else int(most * MB)
+    gone, drafts = _store().prune(max_bytes, older_than, damaged)
     size = sum(entry.size for entry in gone)
     text = f"deleted: {len(gone)} runs, {size / MB:.1f} MB; {drafts} unfinished files"
     tell.result({"runs": len(gone), "bytes": size, "drafts": drafts}, lambda: text)

@@ -85,7 +85,7 @@ def plan(
 
     how = {"t_end": t_end, "stop_when": stop_when or None}
     found = pyfric.plan(scene_of(scene, changes), want, tolerance, **how)
-    listed = [one._asdict() | {"holds": one.holds} for one in found.assumptions]
+    listed = [need._asdict() | {"holds": need.holds} for need in found.assumptions]
     tell.result(dataclasses.asdict(found) | {"assumptions": listed}, lambda: str(found))
 
 

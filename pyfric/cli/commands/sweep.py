@@ -97,8 +97,8 @@ def _too_large(found: Estimate, cache: bool) -> list[str]:
 
     if not Store.at(cache).own or found.GB <= MAX_BYTES / 1e9:
         return []
-    most = f"{MAX_BYTES / 1e9:.2g} GB"
-    return [f"Only {most} of finished runs are kept: name a folder in PYFRIC_CACHE."]
+    kept = f"{MAX_BYTES / 1e9:.2g} GB"
+    return [f"Only {kept} of finished runs are kept: name a folder in PYFRIC_CACHE."]
 
 
 def _short(value: object) -> str:

@@ -119,7 +119,7 @@ class Measured(NamedTuple):
     def __call__(self, runs: Runs, **given: Any) -> list[Claim]:
         """Return the parts of the claim as measured."""
         found = self.measure(runs, **given)
-        return [replace(one, value=float(one.value)) for one in found]
+        return [replace(claim, value=float(claim.value)) for claim in found]
 
     def tried(self, runs: Runs) -> list[Claim]:
         """Return them with their values when damaged.
@@ -128,14 +128,14 @@ class Measured(NamedTuple):
             ValueError: a part has no damage.
         """
         claims = self(runs)
-        damages = {one.what: one for claim in claims for one in claim.damages}
+        damages = {damage.what: damage for claim in claims for damage in claim.damages}
         values = {
-            what: {claim.number: claim.value for claim in self(one.change(runs), **one.given)}
-            for what, one in damages.items()
+            what: {claim.number: claim.value for claim in self(damage.change(runs), **damage.given)}
+            for what, damage in damages.items()
         }
         tried = []
         for claim in claims:
-            found = {one.what: values[one.what][claim.number] for one in claim.damages}
+            found = {damage.what: values[damage.what][claim.number] for damage in claim.damages}
             what = min(found, key=lambda what: claim.band.outside(found[what]))
             tried.append(replace(claim, damages=(), damage=what, damaged=found[what]))
         return tried
@@ -161,7 +161,7 @@ def report(claims: Iterable[Claim]) -> str:
     lines = []
     for claim in claims:
         unit = claim.band.unit
-        value, band = (f"{one} {unit}".strip() for one in (f"{claim.value:.4g}", claim.band))
+        value, band = (f"{text} {unit}".strip() for text in (f"{claim.value:.4g}", claim.band))
         lines.append(f"{claim.number:>4}  {claim.verdict:<6}  {claim.text} ({claim.seconds:.1f} s)")
         lines.append(f"      {value} (band {band}): {claim.how}")
         if claim.damage:

@@ -24,7 +24,7 @@ def each(what: str, change: Change, names: Iterable[str] = ()) -> Damage:
 
     def changed(runs: Runs) -> Runs:
         return {
-            name: change(one) if not chosen or name in chosen else one for name, one in runs.items()
+            name: change(run) if not chosen or name in chosen else run for name, run in runs.items()
         }
 
     return Damage(what, changed)
@@ -139,11 +139,11 @@ def fronts_slower(factor: float) -> Change:
 
 def _with_intervals(record: Record, change: Callable[[np.ndarray], np.ndarray]) -> Record:
     times = record.rupture_times.copy()
-    for one in times:
-        known = np.flatnonzero(np.isfinite(one))
+    for row in times:
+        known = np.flatnonzero(np.isfinite(row))
         if len(known) > 1:
-            intervals = change(np.diff(one[known]))
-            one[known[1:]] = one[known[0]] + np.cumsum(intervals)
+            intervals = change(np.diff(row[known]))
+            row[known[1:]] = row[known[0]] + np.cumsum(intervals)
     return record.replace(rupture_times=times)
 
 

@@ -318,11 +318,11 @@ def _chain_front(taubar: float) -> float:
 @claim("E10")
 def _homogeneity(runs: Runs, V: float = 1.0) -> Iterator[Claim]:
     how = {"fidelity": "dynamic", "geometry": "linear", "progress": False}
-    one = simulate(_small(), 3e-3, **how)
-    two = simulate(_small(F_N=7000.0, V=V), 3e-3, **how)
-    differ = int((2 * one.final_state.y != two.final_state.y).sum())
-    differ += int((2 * one.curve["F_T"] != two.curve["F_T"]).sum())
-    how = f"numbers whose bits differ in state and force after 3 ms, {len(one.events)} events"
+    single = simulate(_small(), 3e-3, **how)
+    double = simulate(_small(F_N=7000.0, V=V), 3e-3, **how)
+    differ = int((2 * single.final_state.y != double.final_state.y).sum())
+    differ += int((2 * single.curve["F_T"] != double.curve["F_T"]).sum())
+    how = f"numbers whose bits differ in state and force after 3 ms, {len(single.events)} events"
     yield Claim(
         "E10",
         "in linear geometry, twice the load and speed is twice the motion",

@@ -103,7 +103,9 @@ def _up_to_sliding(record: Record) -> pd.DataFrame:
 def _shuffled(points: pd.DataFrame) -> pd.DataFrame:
     """The points with v_c shuffled along each front."""
     rng = np.random.default_rng(0)
-    v_c = points.groupby("front")["v_c"].transform(lambda one: rng.permutation(one.to_numpy()))
+    v_c = points.groupby("front")["v_c"].transform(
+        lambda speeds: rng.permutation(speeds.to_numpy())
+    )
     return points.assign(v_c=v_c)
 
 
@@ -112,8 +114,8 @@ def _without_prestress(by: str = "", scatter: Sequence[str] = SCATTER) -> list[D
     what = "v_c that depends on the position along the front alone, the rest "
     words = {"signs": "with a random sign for each front", "shuffled": "shuffled"}
     alone = [
-        to.given(what + words[one], speeds=partial(position_alone, by=by, scatter=one))
-        for one in scatter
+        to.given(what + words[kind], speeds=partial(position_alone, by=by, scatter=kind))
+        for kind in scatter
     ]
     return [*alone, to.given("v_c shuffled along each front", speeds=_shuffled)]
 
@@ -157,18 +159,18 @@ def _collapse(
         ),
         _without_prestress("pair"),
     )
-    one, several = (found.loc["value", "prestress"] for found in (shares(points, axis), pairs))
+    common, several = (found.loc["value", "prestress"] for found in (shares(points, axis), pairs))
     yield Claim(
         "13b",
         "against tau/p, the pairs have different curves",
-        math.sqrt((1 - one) / (1 - several)),
+        math.sqrt((1 - common) / (1 - several)),
         Band(
             1.1,
             None,
             "1 if pairs had the same curve; a tenth more is allowed: the paper has no number",
         ),
-        f"RMS of ln v_c about one curve for all (explains {one:.2f}) over that about one for each "
-        f"pair ({several:.2f})",
+        f"RMS of ln v_c about one curve for all (explains {common:.2f}) over that about one for "
+        f"each pair ({several:.2f})",
         [to.given("the scaled prestress for tau/p", axis="scaled")],
     )
     yield Claim(
@@ -255,7 +257,7 @@ def _viscosity_and_foundation(runs: Runs) -> Iterator[Claim]:
             Band(None, 0.5, "half a step: the paper says similar, without a number", "steps"),
             "largest distance in force, at equal length, from the default, over the mean step "
             f"between precursors; with their number, {count[BASE]} at the default: "
-            + ", ".join(f"{name}: {one:.4f} F_N ({count[name]})" for name, one in each)
+            + ", ".join(f"{name}: {error:.4f} F_N ({count[name]})" for name, error in each)
             + more,
             [to.each("a tenth more force", more_force, [*BY_ETA, *BY_K_F])],
         )

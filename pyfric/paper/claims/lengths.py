@@ -137,7 +137,9 @@ UNITS = {"L_p": "mm", "F_T": "F_N"}
 ONE_H = {name: names[1] for names in SMALL.values() for name in names}
 FIRST_AND_SECOND = {a: b for names in SMALL.values() for a, b in (names[:2], names[1::-1])}
 LENGTHS_EXCHANGED = dict(zip(AT_2700[140] + AT_2700[200], AT_2700[200] + AT_2700[140], strict=True))
-HEIGHTS_BACKWARDS = {a: b for one in AT_2700.values() for a, b in zip(one, one[::-1], strict=True)}
+HEIGHTS_BACKWARDS = {
+    a: b for names in AT_2700.values() for a, b in zip(names, names[::-1], strict=True)
+}
 
 
 @claim("3", *AT_2700[140], *AT_2700[200])
@@ -147,14 +149,14 @@ def _steps_over_h(runs: Runs) -> Iterator[Claim]:
     power = {key: float(slope) for key, (slope, _) in logs.items()}
     powers = {name: float(np.mean([power[name, L] for L in SMALL])) for name in UNITS}
     texts = [
-        f"{name}, L = {L} mm: {', '.join(f'{one:.3g}' for one in step)} {UNITS[name]}, exponent "
+        f"{name}, L = {L} mm: {', '.join(f'{x:.3g}' for x in step)} {UNITS[name]}, exponent "
         f"{power[name, L]:.2f}"
         for (name, L), (step, _) in steps.items()
     ]
     yield Claim(
         "3a",
         "steps of L_p and F_T between precursors are almost proportional to h, for small h",
-        max(powers.values(), key=lambda one: abs(one - 1)),
+        max(powers.values(), key=lambda power: abs(power - 1)),
         Band(0.75, 1.25, "1 means proportional; almost: nearer to 1 than to 1/2 or 3/2"),
         "exponent of the mean step below L/2 over h = 2.5, 5, 7.5 mm, mean of both L, the one "
         f"further from 1 ({listed(powers, '.2f')}); {'; '.join(texts)}",
@@ -207,7 +209,7 @@ def _steps(runs: Runs, name: str, L: int) -> tuple[np.ndarray, np.ndarray]:
     A mean of n steps is known to the n-th part of a block; that of the force to what it takes to
     advance by that.
     """
-    tables = [short(growing(runs[one])) for one in SMALL[L]]
+    tables = [short(growing(runs[name])) for name in SMALL[L]]
     ends = [table.iloc[-1] - table.iloc[0] for table in tables]
     numbers = np.array([len(table) - 1 for table in tables])
     L_p, force = (np.array([end[key] for end in ends]) for key in ("L_p_over_L", "force"))
@@ -252,7 +254,9 @@ def _prediction(runs: Runs) -> Iterator[Claim]:
     for number, what, names in (("5a", "setup 1", tuple(FIG2A)), ("5b", "setup 2", SETUP2)):
         errors = {name: prediction_error(runs[name]) for name in names}
         every = np.concatenate(list(errors.values()))
-        shares = {name: rms(one) / force_step(growing(runs[name])) for name, one in errors.items()}
+        shares = {
+            name: rms(error) / force_step(growing(runs[name])) for name, error in errors.items()
+        }
         worst = max(shares, key=shares.__getitem__)
         engines = sorted({runs[name].method.engine for name in names})
         yield Claim(
@@ -279,13 +283,15 @@ def _prediction(runs: Runs) -> Iterator[Claim]:
 
 @claim("6", "chain", "fig1")
 def _one_dimension(runs: Runs) -> Iterator[Claim]:
-    one, two = (straight(growing(runs[name]), runs[name].scene.N_x) for name in ("chain", "fig1"))
+    chain, slider = (
+        straight(growing(runs[name]), runs[name].scene.N_x) for name in ("chain", "fig1")
+    )
     scene = runs["chain"].scene
     curve = prediction_curve(scene).curve.rename(columns={"F_T": "force"})
     yield Claim(
         "6a",
         "one dimension, homogeneous load: length is linear in force",
-        one,
+        chain,
         Band(None, 1, BLOCKS, "blocks"),
         f"RMS distance of the lengths from a straight line over the force, {scene.N_x} blocks; the "
         f"prediction curve: {straight(curve.iloc[1:], scene.N_x):.1e}",
@@ -294,8 +300,8 @@ def _one_dimension(runs: Runs) -> Iterator[Claim]:
     yield Claim(
         "6b",
         "two dimensions: it is not",
-        two,
+        slider,
         Band(1, None, "resolution, as in 6a", "blocks"),
-        f"the same distance in the Fig. 1 scene, {two / one:.2g} times that of the chain",
+        f"the same distance in the Fig. 1 scene, {slider / chain:.2g} times that of the chain",
         [to.exchanged("the chain's lengths for those of the Fig. 1 scene", {"fig1": "chain"})],
     )

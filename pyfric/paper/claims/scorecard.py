@@ -43,8 +43,8 @@ def measure(
         JobError: a run failed.
         KeyboardInterrupt: after Ctrl-C.
     """
-    wanted = [_known(one) for one in (NUMBERS if numbers is None else numbers)]
-    chosen = [number for number in NUMBERS if number in {one for one, _ in wanted}]
+    wanted = [_known(entry) for entry in (NUMBERS if numbers is None else numbers)]
+    chosen = [number for number in NUMBERS if number in {known for known, _ in wanted}]
     names = list(dict.fromkeys(name for number in chosen for name in CLAIMS[number].runs))
     every, total = [jobs()[name] for name in names], len(names) + len(chosen)
     claims: list[Claim] = []
@@ -56,7 +56,7 @@ def measure(
         measured = pool.map(_measured, chosen, needed)
         for done, number in enumerate(chosen, len(names)):
             show(done, total)
-            parts = {part for one, part in wanted if one == number}
+            parts = {part for known, part in wanted if known == number}
             claims += _parts(number, parts, next(measured))
         show(total, total)
     return claims
@@ -75,7 +75,7 @@ def _parts(number: str, letters: set[str], measured: list[Claim]) -> list[Claim]
     """Return the parts of a claim with these letters, in order; "" means all."""
     parts = {claim.number.removeprefix(number): claim for claim in measured}
     for letter in letters - {"", *parts}:
-        part, known = f"{number}{letter}", [number, *(f"{number}{one}" for one in parts)]
+        part, known = f"{number}{letter}", [number, *(f"{number}{part}" for part in parts)]
         raise unknown("number", part, part, known)
     return [parts[letter] for letter in sorted(parts) if letters & {"", letter}]
 

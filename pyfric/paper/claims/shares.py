@@ -134,7 +134,7 @@ def _explained(y: np.ndarray, groups: Groups, weight: np.ndarray) -> pd.DataFram
         w, part = weight[:, rows], y[:, rows]
         off_x = _off(part, x, w)
         fits = _off(part, s, w), off_x, _off(part, np.hstack([s, x]), w), _off(off_x, s, w)
-        left = left + np.array([(w * one**2).sum(axis=1) for one in fits])
+        left = left + np.array([(w * fit**2).sum(axis=1) for fit in fits])
     whole = (weight * (y - mean) ** 2).sum(axis=1)
     (s, x, both), after = 1 - left[:3] / whole, 1 - left[3] / left[1]
     beyond = (both - x) / (1 - x)

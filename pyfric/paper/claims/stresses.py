@@ -113,10 +113,11 @@ def _state_at_arrest(runs: Runs) -> Iterator[Claim]:
     yield Claim(
         "9a",
         "the state at arrest depends only weakly on mu_s: tau/p",
-        _slope({mu_s: float(np.mean(one)) for mu_s, one in ratio.items()}),
+        _slope({mu_s: float(np.mean(values)) for mu_s, values in ratio.items()}),
         Band(None, 0.1, "0 is no dependence, 1 is tau = mu_s p; a tenth: the paper has no number"),
         "slope over mu_s = 0.5 ... 0.9 of the mean tau/p that precursors leave; its RMS distance "
-        "from mu_k is " + ", ".join(f"{rms(one):.3f} at {mu_s:g}" for mu_s, one in ratio.items()),
+        "from mu_k is "
+        + ", ".join(f"{rms(values):.3f} at {mu_s:g}" for mu_s, values in ratio.items()),
         [both],
     )
     apart = {mu_s: float(np.mean(prediction_error(record))) for mu_s, record in by_mu_s.items()}
@@ -126,11 +127,11 @@ def _state_at_arrest(runs: Runs) -> Iterator[Claim]:
         _slope(apart),
         Band(None, 0.1, "0 is no dependence, 1 is F_T = mu_s F_N; the paper gives no number"),
         "slope over mu_s of the mean F_arrest - F_pred(n), over F_N: "
-        + ", ".join(f"{one:.4f} at {mu_s:g}" for mu_s, one in apart.items()),
+        + ", ".join(f"{value:.4f} at {mu_s:g}" for mu_s, value in apart.items()),
         [both],
     )
     left = {name: left_behind(runs[name]) for name in BY_D_C}
-    far = {name: size(one) for name, one in left.items()}
+    far = {name: size(values) for name, values in left.items()}
     worst = max(far[name] for name, d_c in BY_D_C.items() if 0 < d_c <= 2e-6)
     middle = to.each(
         "tau halfway from mu_k p to mu_s p, with weakening",
@@ -203,7 +204,7 @@ def _force_at_sliding(runs: Runs) -> Iterator[Claim]:
         f"{last['force']:.4f} F_N",
         [to.each("mu_k = 0.4", to.in_scene(mu_k=0.4))],
     )
-    R = {mu_s: _largest(one) for mu_s, one in _by_mu_s(runs).items()}
+    R = {mu_s: _largest(group) for mu_s, group in _by_mu_s(runs).items()}
     source = "as in 10b: 0 where mu_k sets the force, 1 where mu_s does"
     yield Claim(
         "10c",
@@ -212,7 +213,7 @@ def _force_at_sliding(runs: Runs) -> Iterator[Claim]:
         Band(-0.1, 0.1, source, "mu_s - mu_k"),
         "R of the largest static force up to the first system-size event, largest |R| over all "
         "mu_s: "
-        + ", ".join(f"{one:.3f} at {mu_s:g}" for mu_s, one in R.items())
+        + ", ".join(f"{value:.3f} at {mu_s:g}" for mu_s, value in R.items())
         + f"; Fig. 1 scene up to 2 s: {analysis.friction_coefficients(record).R:.3f}",
         [to.each("forces in proportion to mu_s", FORCE_AS_MU_S)],
         "an event has to nucleate at the trailing edge, where tau reaches mu_s p: the force at "
@@ -241,7 +242,7 @@ def _normal_force(runs: Runs) -> Iterator[Claim]:
         max(falls),
         Band(0.25, 0.35, "30 % to the nearest ten per cent"),
         "largest 1 - p/p_initial after arrest over h + l < x < L_p, of all precursors; in order: "
-        + ", ".join(f"{one:.3f}" for one in falls)
+        + ", ".join(f"{value:.3f}" for value in falls)
         + "; in linear geometry, by the stiffness of the mattress: "
         + listed({what: max(_falls(runs[name])[0]) for name, what in readings.items()}),
         [to.each("p as at F_T = 0", to.p_unchanged)],
@@ -254,13 +255,15 @@ def _normal_force(runs: Runs) -> Iterator[Claim]:
         rms(np.concatenate(ahead)),
         Band(None, 0.1, "a third of the 30 % behind: the paper has no number"),
         "RMS of p/p_initial - 1 over x > L_p + h, all precursors; in order: "
-        + ", ".join(f"{rms(one):.3f}" for one in ahead),
+        + ", ".join(f"{rms(values):.3f}" for values in ahead),
         [to.each("seen from the leading edge", to.mirrored)],
         "p rises towards the leading edge, which takes up the moment F_T h: most after the last "
         "precursors",
     )
     events = analysis.system_size_events(record)["event"]
-    after = [analysis.stress_profile(record, one, "after")["p_over_p_initial"] for one in events]
+    after = [
+        analysis.stress_profile(record, event, "after")["p_over_p_initial"] for event in events
+    ]
     enough = len(after) >= 4
     yield Claim(
         "11c",

@@ -233,7 +233,7 @@ def _unit_in(head: str, si: str) -> str:
     if si or last == head or last in WORDS:
         return ""
     force = "/" not in head and (_fits(last, "N") or _fits(last, "Pa"))
-    if force or (len(last) > 1 and any(_fits(last, one) for one in ("m", "s", "m/s"))):
+    if force or (len(last) > 1 and any(_fits(last, unit) for unit in ("m", "s", "m/s"))):
         raise ValueError(f"{last!r} is a unit, and a friction coefficient has none")
     return ""
 

@@ -275,6 +275,18 @@ def test_refusals_of_functions_name_the_field(table, function, text):
         laws.TabulatedLaw.of(**{table: (function, 1.0)})
 
 
+@pytest.mark.parametrize("periods", [1, 2, 4, 8])
+def test_tables_follow_functions_with_equal_values_at_quarters(periods):
+    end = 3e-6
+
+    def wave(s):
+        return 0.45 + 0.125 * (1 + math.cos(2 * math.pi * periods * s / end))
+
+    law = laws.TabulatedLaw.of(slide=(wave, end))
+    s = np.linspace(0, end, 997)
+    np.testing.assert_allclose(np.interp(s, law.slip, law.mu), [*map(wave, s)], atol=4e-4)
+
+
 def test_a_law_of_ones_own_takes_ten_lines():
     """The page's own code."""
     page = (Path(__file__).parents[1] / "docs" / "laws.md").read_text(encoding="utf-8")

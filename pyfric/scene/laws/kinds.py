@@ -96,8 +96,9 @@ class Table:
 def sampled(function: Callable[[float], float], end: float, unit: str = "") -> Table:
     """Return a table that follows a function on [0, end].
 
-    Intervals are halved until the chord is close to the function at their quarters. The allowed
-    error is `CLOSE` times the range of the function on 17 points.
+    Intervals are halved until the chord is close to the function at their quarters, and at those of
+    17 points of the whole range that lie inside. The allowed error is `CLOSE` times the range of
+    the function on these points.
 
     Args:
         function: a function of one number.
@@ -114,16 +115,16 @@ def sampled(function: Callable[[float], float], end: float, unit: str = "") -> T
         with naming(where=f"the function at {x:.6g} {unit}".rstrip()):
             return check_number("", function(x), "")
 
-    coarse = [value(end * n / 16) for n in range(17)]
-    allowed = CLOSE * (max(coarse) - min(coarse))
-    x, y, todo = [0.0], [coarse[0]], [(0.0, end)]
+    coarse = {end * n / 16: value(end * n / 16) for n in range(17)}
+    allowed = CLOSE * (max(coarse.values()) - min(coarse.values()))
+    x, y, todo = [0.0], [coarse[0.0]], [(0.0, end)]
     while todo:
         a, b = todo.pop()
         y_a, y_b = value(a), value(b)
-        off = max(
-            abs(value(a + share * (b - a)) - (y_a + share * (y_b - y_a)))
-            for share in (0.25, 0.5, 0.75)
-        )
+        inside = [a + share * (b - a) for share in (0.25, 0.5, 0.75)]
+        inside += [known for known in coarse if a < known < b]
+        chord = [y_a + (between - a) / (b - a) * (y_b - y_a) for between in inside]
+        off = max(abs(value(at) - on) for at, on in zip(inside, chord, strict=True))
         if off > allowed and len(x) + len(todo) > MAX_KNOTS:
             reason = f"below {b:.6g} {unit}".rstrip() + ": it jumps, or is too rough"
             raise SceneError("", function, "", f"what {MAX_KNOTS} knots can follow", reason)

@@ -500,7 +500,7 @@ def test_the_record_says_how_it_was_made():
 
 def test_a_slider_that_never_rests_is_noted():
     record = jump(free(V=5.0), 0.004, geometry="linear")
-    assert "slipped, or its ring-down was too large for jumps with an accuracy" in record.notes[0]
+    assert "slipped, its ring-down was too large for jumps with an accuracy" in record.notes[0]
 
 
 def test_landings_are_predicted_again_in_finite_geometry_only(monkeypatch):

@@ -25,8 +25,9 @@ from pyfric import core
 from pyfric.checks import regression
 from pyfric.checks.regression import DYNAMIC, HYBRID, STEP_END, Check, Tolerances
 from pyfric.paper.claims import CLAIMS, shaken
+from pyfric.planning import simulate
 from pyfric.record import Record
-from pyfric.scene import laws, setup1
+from pyfric.scene import chain, laws, setup1
 from pyfric.signals import at_once
 
 STEPS, SWITCHES = 300, 50
@@ -218,12 +219,25 @@ def digest(
 
 
 def _exact() -> Made:
-    """The claims E1, E3, E4, E7, E8 and E9, which need no stored run."""
+    """The claims E1, E3, E4, E7, E8 and E9, which need no stored run, and heat of weakening."""
     numbers = ("E1", "E3", "E4", "E7", "E8", "E9")
     found = [(claim, claim.band) for number in numbers for claim in CLAIMS[number]({})]
-    return [
+    checks = [
         Check(claim.text, claim.value, band.high, band.unit, band.source) for claim, band in found
-    ], ""
+    ]
+    text = "heat above mu_k p, of a chain whose friction weakens over d_c"
+    source = "(mu_s - mu_k) p d_c (1 - (1 - slip/d_c)^2)/2 of a block"
+    return [*checks, Check(text, _weakening(), 1e-4, "relative", source)], ""
+
+
+def _weakening() -> float:
+    """Return the relative error of the heat by which friction weakens, over three events."""
+    scene = chain(L=0.02, d_c=1e-6, V=0.05)
+    run = simulate(scene, 12e-3, fidelity="dynamic", switching="located", progress=False)
+    mean, episodes = scene.law.mean, run.episodes
+    left = 1 - np.minimum(np.abs(episodes["slip"]) / mean.d_c, 1.0)
+    heat = (mean.mu_s - mean.mu_k) * episodes["p_start"] * mean.d_c * (1 - left**2) / 2
+    return abs(run.curve["weakening_heat"].iloc[-1] / heat.sum() - 1)
 
 
 def _stored(

@@ -230,8 +230,8 @@ class HybridRun(Run):
         return (
             *notes,
             f"hybrid: {100 * share:.0f} % of the time was integrated like in full dynamics (more "
-            f"than {100 * MOSTLY:.0f} %): the slider slipped, its ring-down was too large for jumps "
-            f"with an accuracy of {self.method.accuracy:g} F_N, or jumps would spare too little",
+            f"than {100 * MOSTLY:.0f} %): the slider slipped, its ring-down was too large for "
+            f"jumps with an accuracy of {self.method.accuracy:g} F_N, or they would spare too little",
         )
 
     def _piece_ends(self, last: int) -> int:

@@ -231,7 +231,7 @@ class HybridRun(Run):
             *notes,
             f"hybrid: {100 * share:.0f} % of the time was integrated like in full dynamics (more "
             f"than {100 * MOSTLY:.0f} %): the slider slipped, its ring-down was too large for "
-            f"jumps with an accuracy of {self.method.accuracy:g} F_N, or they would spare too little",
+            f"jumps with an accuracy of {self.method.accuracy:g} F_N, or events came too soon",
         )
 
     def _piece_ends(self, last: int) -> int:

@@ -115,16 +115,15 @@ def sampled(function: Callable[[float], float], end: float, unit: str = "") -> T
         with naming(where=f"the function at {x:.6g} {unit}".rstrip()):
             return check_number("", function(x), "")
 
-    coarse = {end * n / 16: value(end * n / 16) for n in range(17)}
-    allowed = CLOSE * (max(coarse.values()) - min(coarse.values()))
-    x, y, todo = [0.0], [coarse[0.0]], [(0.0, end)]
+    coarse = [end * n / 16 for n in range(17)]
+    found = [value(known) for known in coarse]
+    allowed = CLOSE * (max(found) - min(found))
+    x, y, todo = [0.0], [found[0]], [(0.0, end)]
     while todo:
         a, b = todo.pop()
         y_a, y_b = value(a), value(b)
-        inside = [a + share * (b - a) for share in (0.25, 0.5, 0.75)]
-        inside += [known for known in coarse if a < known < b]
-        chord = [y_a + (between - a) / (b - a) * (y_b - y_a) for between in inside]
-        off = max(abs(value(at) - on) for at, on in zip(inside, chord, strict=True))
+        shares = [0.25, 0.5, 0.75, *((known - a) / (b - a) for known in coarse if a < known < b)]
+        off = max(abs(value(a + share * (b - a)) - (y_a + share * (y_b - y_a))) for share in shares)
         if off > allowed and len(x) + len(todo) > MAX_KNOTS:
             reason = f"below {b:.6g} {unit}".rstrip() + ": it jumps, or is too rough"
             raise SceneError("", function, "", f"what {MAX_KNOTS} knots can follow", reason)

@@ -48,7 +48,8 @@ LATE = 1 / 8
 this share."""
 SPENT = 1 / 4
 """Largest work of all attempts to jump, over that of full dynamics up to the same time. The next
-attempt waits for it, so that no run takes much longer than full dynamics."""
+attempt waits for it, so that no run takes much longer than full dynamics. It also waits until as
+many steps as the last attempt takes were made or spared."""
 
 
 class RestStates:
@@ -208,11 +209,17 @@ class HybridRun(Run):
         if integrated:
             return
         if state.step >= self.try_at:
+            begin, before = state.step, self._spent()
             wait = self.slide(last) if slips else self.jump(last)
             self.try_at = state.step + max(wait, int(LATE * (state.step - self.landed)))
-            spent = {name: self.made[name] for name in ("landings", "slides", "modal_bases")}
-            self.due = self.begun + math.ceil(self._as_steps(spent) / SPENT)
+            spent = self._spent()
+            self.due = math.ceil(max(self.begun + spent / SPENT, begin + spent - before))
         self.try_at = max(self.try_at, self.due)
+
+    def _spent(self) -> float:
+        """Return the number of steps that take as long as all attempts to jump so far."""
+        names = "landings", "slides", "modal_bases"
+        return self._as_steps({name: self.made[name] for name in names})
 
     def _as_steps(self, counts: dict[str, int]) -> float:
         """Return the number of steps that take as long as counted operations."""

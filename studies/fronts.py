@@ -75,7 +75,7 @@ def planned(scene: Scene, t_end: float, coarser: Record | None) -> tuple[float, 
     """Return the block evaluations and the seconds that a run is expected to take.
 
     Half the lattice constant takes 8 times what the coarser run took, where it rests as often; the
-    first one at most what full dynamics takes; at `PACE` each.
+    first one what full dynamics takes without located transitions; at `PACE` each.
     """
     if coarser is None:
         evaluations = STEPPERS["rk4"].evaluations * t_end / step_size(scene)

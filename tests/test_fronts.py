@@ -62,5 +62,6 @@ def test_runs_are_kept_and_shown(tmp_path):
     assert mean == pytest.approx(-0.03)
     rows = first["fronts"]["begun"] > 0
     assert set(first["fronts"].loc[rows, "l"]) == {2.5e-3}
-    assert 0 < first["cost"]["evaluations"].iloc[-1] < first["cost"]["planned_evaluations"].iloc[-1]
+    cost = first["cost"].iloc[-1]  # that of full dynamics, without located transitions
+    assert 0 < cost["evaluations"] < 1.05 * cost["planned_evaluations"]
     assert numbers.notna().all()

@@ -35,6 +35,7 @@ def test_half_the_lattice_constant_is_planned_at_eight_times():
     assert fronts.planned(Made.scene, 0.2, None)[0] > 1e6
 
 
+@pytest.mark.usefixtures("free_attempts")
 @pytest.mark.slow
 def test_runs_are_kept_and_shown(tmp_path):
     table, said = cracks.Crack(blocks=2.0), []
@@ -62,6 +63,5 @@ def test_runs_are_kept_and_shown(tmp_path):
     assert mean == pytest.approx(-0.03)
     rows = first["fronts"]["begun"] > 0
     assert set(first["fronts"].loc[rows, "l"]) == {2.5e-3}
-    cost = first["cost"].iloc[-1]  # that of full dynamics, without located transitions
-    assert 0 < cost["evaluations"] < 1.05 * cost["planned_evaluations"]
+    assert 0 < first["cost"]["evaluations"].iloc[-1] < first["cost"]["planned_evaluations"].iloc[-1]
     assert numbers.notna().all()

@@ -17,6 +17,7 @@ import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.ticker import EngFormatter
 
@@ -192,13 +193,13 @@ def event_movie(
     fig.suptitle(named, fontsize=SMALL)
     panels.scale(record.scene)
     unit = time_unit(frames[-1].t - t_start)
-    panels.show(frames[0], t_start, unit)
-    fig.canvas.draw()
-    fig.set_layout_engine("none")  # nothing moves from frame to frame
+    fig.set_dpi(FILM_DPI)
     with written(path) as draft:
         film = draft.with_name(draft.name + Path(path).suffix)  # writers go by the name
         try:
             with writer.saving(fig, film, dpi=FILM_DPI):
+                panels.show(frames[0], t_start, unit)
+                _stand_still(fig, panels.moving)
                 for frame in frames:
                     panels.show(frame, t_start, unit)
                     writer.grab_frame()
@@ -206,6 +207,19 @@ def event_movie(
         finally:
             film.unlink(missing_ok=True)
     return Film(path)
+
+
+def _stand_still(fig: DataFigure, moving: Sequence[Artist]) -> None:
+    """Lay a picture of all that does not move over what moves, so that a frame is drawn fast."""
+    fig.canvas.draw()
+    fig.set_layout_engine("none")
+    for artist in (*moving, fig.patch, *(axes.patch for axes in fig.axes)):
+        artist.set_visible(False)
+    fig.canvas.draw()
+    picture = np.array(fig.canvas.buffer_rgba())
+    for artist in fig.findobj(include_self=False):
+        artist.set_visible(isinstance(artist, Axes) or artist in moving or artist is fig.patch)
+    fig.figimage(picture, zorder=100)
 
 
 def _writer(path: Path, fps: int) -> AbstractMovieWriter:
@@ -303,7 +317,8 @@ class _Panels:
             self.top.set_ylabel(r"$z/L$" if scene.N_z > 1 else "")
         if lowest:
             self.bottom.set_xlabel(r"$x/L$")
-        self.title = self.top.set_title(" ", fontsize=SMALL, pad=2)
+        self.title = self.top.set_title(" ", fontsize=SMALL, pad=2, y=1)
+        self.moving = (self.image, self.line, self.slip, self.open, self.title)
 
     def scale(self, scene: Scene) -> None:
         """Draw a bar of a round length, about a fifth of L."""

@@ -127,15 +127,26 @@ def _alone(
 
 
 def _explained(y: np.ndarray, groups: Groups, weight: np.ndarray) -> pd.DataFrame:
-    """Shares for each row of y or of the weights, shape (draws or 1, points)."""
-    mean = (weight * y).sum(axis=1, keepdims=True) / weight.sum(axis=1, keepdims=True)
+    """Shares for each row of y or of the weights, shape (draws or 1, points).
+
+    With weights W, a fit of y by columns A has the coefficients c of A'WA c = A'Wy, and explains
+    c.A'Wy of y'Wy. For other columns B, what it leaves of y has B'W(y - A c).
+    """
+    weighted = weight * y
+    whole = (weighted * y).sum(axis=1) - weighted.sum(axis=1) ** 2 / weight.sum(axis=1)
     left: Any = 0.0
     for rows, s, x in groups:
-        w, part = weight[:, rows], y[:, rows]
-        off_x = _off(part, x, w)
-        fits = _off(part, s, w), off_x, _off(part, np.hstack([s, x]), w), _off(off_x, s, w)
-        left = left + np.array([(w * fit**2).sum(axis=1) for fit in fits])
-    whole = (weight * (y - mean) ** 2).sum(axis=1)
+        columns, n = np.hstack([s, x]), s.shape[1]
+        every = np.einsum("dn,na,nb->dab", weight[:, rows], columns, columns, optimize=True)
+        right = weighted[:, rows] @ columns
+        fit_x, by_x = _fit(every[:, n:, n:], right[:, n:])
+        _, by_s = _fit(every[:, :n, :n], right[:, :n])
+        _, by_both = _fit(every, right)
+        after = right[:, :n] - np.einsum("dab,db->da", every[:, :n, n:], fit_x)
+        _, by_s_after = _fit(every[:, :n, :n], after)
+        square = (weighted[:, rows] * y[:, rows]).sum(axis=1)
+        explained = np.array([by_s, by_x, by_both, by_x + by_s_after])
+        left = left + square - explained
     (s, x, both), after = 1 - left[:3] / whole, 1 - left[3] / left[1]
     beyond = (both - x) / (1 - x)
     return pd.DataFrame(
@@ -143,9 +154,8 @@ def _explained(y: np.ndarray, groups: Groups, weight: np.ndarray) -> pd.DataFram
     )
 
 
-def _off(y: np.ndarray, columns: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """What a weighted fit by columns leaves of each row of y."""
-    normal = np.einsum("dn,na,nb->dab", weight, columns, columns, optimize=True)
-    right = (weight * y) @ columns
-    fit = np.linalg.pinv(normal, rcond=ZERO, hermitian=True) @ right[:, :, None]
-    return y - fit[:, :, 0] @ columns.T
+def _fit(normal: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients of a fit, shape (draws, columns), and what it explains, shape (draws,)."""
+    inverse = np.linalg.pinv(normal, rcond=ZERO, hermitian=True)
+    found = (inverse @ right[:, :, None])[:, :, 0]
+    return found, (found * right).sum(axis=1)

@@ -446,7 +446,7 @@ def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
     driver = dataclasses.replace(scene.driver, V=V)
     with naming(where="mu_s = mu_k here"):
         scene = dataclasses.replace(scene, interface=interface, driver=driver)
-    run = QuasistaticRun(scene)
+    run = QuasistaticRun(scene, t_gap=math.inf)  # no pause divides one growth
     _warn_if_ambiguous(run.contact)
     start = time.perf_counter()
     contact, order = run.contact, np.argsort(scene.n_of_i)

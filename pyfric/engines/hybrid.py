@@ -43,9 +43,6 @@ KEPT, PATHS = 8, 1e8
 memory; and memory of the paths on which static states are found, in bytes."""
 EXTRA = 4
 """Shapes that a released block adds to a space. More than the undamped modes are not added."""
-LATE = 1 / 8
-"""Shortest wait after a refused jump, over the steps since the last jump. A jump can come late by
-this share."""
 SPENT = 1 / 4
 """Largest work of all attempts to jump, over that of full dynamics up to the same time. The next
 attempt waits for it, so that no run takes much longer than full dynamics. It also waits until as
@@ -178,8 +175,8 @@ class HybridRun(Run):
         self.solver = RememberedStates(self.rests)
         # Neither a jump nor a wait takes less work in full dynamics than a landing.
         self.least = TRY + math.ceil(self._as_steps({"landings": 1}))
-        self.slid, self.try_at, self.landed = True, self.state.step, self.state.step
-        self.begun = self.due = self.state.step
+        self.slid = True
+        self.try_at = self.begun = self.due = self.state.step
         force = self.method.accuracy * self.scene.F_N
         self.creeping = Creeping(self.scene, self.known, force)
         self.creeps = Creeping.possible(self.scene, self.method.geometry)
@@ -211,7 +208,7 @@ class HybridRun(Run):
         if state.step >= self.try_at:
             begin, before = state.step, self._spent()
             wait = self.slide(last) if slips else self.jump(last)
-            self.try_at = state.step + max(wait, int(LATE * (state.step - self.landed)))
+            self.try_at = state.step + wait
             spent = self._spent()
             self.due = math.ceil(max(self.begun + spent / SPENT, begin + spent - before))
         self.try_at = max(self.try_at, self.due)
@@ -374,6 +371,6 @@ class HybridRun(Run):
         state.y[:, 2:], state.rod[3:] = known.displacements(v)
         state.y[0, 0, held], state.y[0, 2, held] = u_x[held], 0.0
         state.step += n
-        self.good, self.landed = None, state.step
+        self.good = None
         self.made["jumps"] += 1
         self.made["steps_spared"] += n

@@ -332,6 +332,7 @@ class Jump:
             if left > self.accuracy:
                 return self._wait(left / self.accuracy, self.motion.decay, n)
             alive = self.ringing.alive(s, CORRECTED * self.accuracy)
+            self.system.correct(alive)
             if not round_:
                 end = self.system.stiffer(at(self.path.q, s))
                 follows = self.ringing.alive(s, len(self.motion.a) * self.accuracy)
@@ -349,13 +350,11 @@ class Jump:
                 self.system.strengthened(self.age + later, gaps)[0] for later in (s, 0.0)
             )
             if error <= CORRECTED * self.accuracy and (least > 0).all():
-                if not alive.size:
-                    defect = 0.0
-                else:
-                    defect = self._defect(s) if finite else self._late(s, alive)
+                defect, decay = 0.0, 0.0
+                if alive.size:
+                    defect, decay = self._defect(s) if finite else self._late(s, alive)
                 if defect > self.accuracy:
-                    slowest = float(-self.ringing.growth[alive].real.max())
-                    wait = self._wait(defect / self.accuracy, slowest, n)
+                    wait = self._wait(defect / self.accuracy, decay, n)
                     return Stale(wait.steps) if finite else wait
                 V = self.outside.V + s * self.outside.a
                 if finite and V and not any(self.outside.gain):
@@ -401,14 +400,22 @@ class Jump:
         steps = math.log(times) / (decay * self.dt) if decay > 0 and times < math.inf else 0.0
         return Wait(math.ceil(max(min(steps, longest), self.least)))
 
-    def _late(self, s: float, alive: np.ndarray) -> float:
-        """Return the change of the gap functions at s (s) by errors of rates, in N."""
-        a = self.ringing.a[alive] * np.exp(self.ringing.growth[alive] * s)
-        wrong = np.abs(a) * self.system.off[alive] * s
-        return float((np.abs(self.system.gaps[:, alive]) @ wrong).max(initial=0.0))
+    def _late(self, s: float, alive: np.ndarray) -> tuple[float, float]:
+        """Return the change of the gap functions at s (s) by errors of rates, in N.
 
-    def _defect(self, s: float) -> float:
+        Also return its decay rate if the jump begins later, in 1/s.
+        """
+        system, growth = self.system, self.ringing.growth[alive]
+        a = np.abs(self.ringing.a[alive] * np.exp(growth * s))
+        wrong = np.abs(system.gaps[:, alive]) * (a * system.off[alive] * s)
+        parts = wrong[wrong.sum(axis=1).argmax()]
+        change = float(parts.sum())
+        return change, float(-growth.real @ parts) / change if change else 0.0
+
+    def _defect(self, s: float) -> tuple[float, float]:
         """Return the change of the gap functions by the residual of the modes until s (s), in N.
+
+        Also return the decay rate of the slowest mode, in 1/s.
 
         In finite geometry the tangent changes along the path, and large motions are not linear. The
         residual at the times `SAMPLED` excites modes, which decay until s. Its part that is odd in
@@ -432,7 +439,7 @@ class Jump:
                 change = self._excited(left - even, s - then) @ resonance
                 change += self._excited(even, s - then).sum(axis=1)
             found = max(found, float(change.max()))
-        return found
+        return found, float(-self.ringing.growth.real.max())
 
     def _excited(self, force: np.ndarray, s: float) -> np.ndarray:
         """Return changes of gap functions (N), (n_c, n), by modes s (s) after a force (N) began."""

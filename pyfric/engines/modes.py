@@ -13,7 +13,7 @@ viscous corrections K^-1 C phi of all these shapes. With B'M B = 1 and w = B y (
 
 Of each conjugate pair of eigenvectors, one is kept, multiplied by two. At the end of a jump, the
 static response to its residual is subtracted: with phi = B x,
-phi - K^-1 (K + lambda C + lambda^2 M) phi.
+phi - K^-1 (K + lambda C + lambda^2 M) phi. Rayleigh's functional of this shape corrects lambda.
 
 The truncated part w - B y has the rest of the energy, E, which cannot grow. By the Cauchy-Schwarz
 inequality, E bounds the change of contact forces by the truncated part at any later time. The
@@ -449,8 +449,12 @@ class Linearised:
     def deviation(
         self, a: np.ndarray, rates: np.ndarray, which: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return w (m), w' (m/s) and w'' (m/s^2), shape (n_q,), of some modes with rates (1/s)."""
-        self._correct([k for k in which.tolist() if k not in self._shapes])
+        """Return w (m), w' (m/s) and w'' (m/s^2), shape (n_q,), of corrected modes.
+
+        Args:
+            a, rates: amplitudes and rates (1/s) of all modes, shape (n,).
+            which: indices of the modes that count, shape (m,), see `correct`.
+        """
         shapes = np.zeros((len(which), self.n_q), dtype=complex)
         for i, k in enumerate(which.tolist()):
             shapes[i] = self._shapes[k]
@@ -460,19 +464,33 @@ class Linearised:
         """Return w (m), w' (m/s) and w'' (m/s^2), shape (3, n_q), of all modes, not corrected."""
         return (np.array([a, a * rates, a * rates**2]) @ self.x.T).real @ self.B.T
 
-    def _correct(self, modes: list[int]) -> None:
-        """Correct shapes of modes by the static responses to their residuals.
+    def correct(self, which: np.ndarray) -> None:
+        """Correct shapes of modes by the static responses to their residuals, and their rates.
 
         With Q(lambda) = K + lambda C + lambda^2 M and a shape phi, Rayleigh's functional gives the
-        error of a rate, delta lambda = -phi.Q phi/(phi.C phi + 2 lambda phi.M phi).
+        error of a rate, delta lambda = phi.Q phi/(phi.C phi + 2 lambda phi.M phi). A further
+        correction would divide it by the square of the factor by which this one reduces the
+        residual; and the functional is of first order in delta lambda/lambda. The sum of both is
+        the share of the error that is left, at most 1, and `off` what is left.
+
+        Args:
+            which: indices of the modes, shape (m,).
         """
+        modes = [k for k in which.tolist() if k not in self._shapes]
         if modes:
             phi, rates = applied(self.B.dot, self.x[:, modes]), self.rates[modes]
             left = self._residual(phi, rates)
             shift = -applied(self.answer, left)
-            work = np.sum(shift * (2 * left + self._residual(shift, rates)), axis=0)
+            change = self._residual(shift, rates)
             twice = np.where(rates.imag > 0, 2.0, 1.0)  # the real part of one mode of a pair
-            self.off[modes] = np.abs(work / (self._norm[modes] * twice**2))
+            wrong = np.sum(shift * (2 * left + change), axis=0) / (self._norm[modes] * twice**2)
+            before, after = (np.linalg.norm(f[self.free], axis=0) for f in (left, left + change))
+            ratio = np.divide(after, before, out=np.ones_like(after), where=before > 0)
+            kept = np.minimum(ratio**2 + np.abs(wrong / rates), 1.0)
+            rates = rates - (1 - kept) * wrong
+            self.rates[modes] = np.minimum(rates.real, 0.0) + 1j * rates.imag
+            self.growth[modes] = self.stepped(self.rates[modes])
+            self.off[modes] = kept * np.abs(wrong)
             self._shapes.update(zip(modes, (phi + shift).T, strict=True))
 
     def _residual(self, phi: np.ndarray, rates: np.ndarray) -> np.ndarray:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 PRICES = (
     *("EVALUATION", "BOTTOM", "BLOCK", "CLOSED", "JUNCTION", "CALL", "LANDING", "SLIDE", "RUN"),
-    *("RELEASE", "STATIC_EVENT", "UNKNOWN", "FLOPS"),
+    *("RELEASE", "STATIC_EVENT", "UNKNOWN", "MODES", "FLOPS"),
 )
 RATE = "FLOPS"
 """Operations per time; all others are times."""

@@ -117,6 +117,7 @@ PRICES = (
     "STATIC_EVENT",
     "FLOPS",
     "UNKNOWN",
+    "MODES",
 )
 
 

@@ -244,7 +244,7 @@ def counted(scene: Scene, t_end: float, options: Options, pilot: Pilot) -> dict[
     """
     geometry, dt = options.geometry, options.dt
     full = full_work(scene, geometry, dt, t_end)
-    first = set_up(scene, "hybrid", geometry).work  # of the first modes, which says nothing of t
+    first = work(scene, geometry, {"modal_bases": 1})  # of the first modes, which says nothing of t
     plain = dataclasses.replace(options, fidelity="hybrid", checkpoint=None, verify=None)
 
     def share(t: float) -> float:

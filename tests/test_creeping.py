@@ -9,7 +9,7 @@ import pyfric
 from pyfric.engines.cost import work, work_of_step
 from pyfric.engines.creeping import Creeping
 from pyfric.engines.hybrid import SPENT
-from pyfric.scene import setup1
+from pyfric.scene import setup1, setup2
 from pyfric.scene.laws import Ageing
 from pyfric.statics import StaticSolver
 
@@ -59,12 +59,21 @@ def test_attempts_take_a_part_of_the_work_of_full_dynamics(speed, slip):
     """Over stable slip, and where the next event comes before a jump is possible."""
     b = run(rod(V=speed, d_c=5e-6 if speed < 0.1 else 0.0), slip / speed, "hybrid")
     counts = b.counts
-    assert counts["slides" if speed < 0.1 else "attempts"] >= 2
+    assert counts["attempts"] >= 2
+    assert (counts["slides"] > 0) == (speed < 0.1)
     attempts = {name: counts[name] for name in ("landings", "slides", "modal_bases")}
     full = b.final_state.step * work_of_step(b.scene, "linear", "rk4")
     last = max(work(b.scene, "linear", {name: 1}) for name in attempts)
     assert work(b.scene, "linear", attempts) <= SPENT * full + 2 * last
     assert counts["steps"] + counts["steps_spared"] == b.final_state.step
+
+
+def test_few_jumps_are_tried_where_none_is_possible():
+    """An overdamped slider on a fast driver: every jump is refused."""
+    scene = setup2(L=0.01, H=0.006, eta=300.0, theta=-0.833, V=0.2, h=1e-3, side="right")
+    record = run(scene, 3e-4, "hybrid", geometry="finite")
+    assert record.counts["jumps"] == 0
+    assert record.counts["attempts"] < 0.01 * record.counts["steps"]
 
 
 @pytest.mark.usefixtures("free_attempts")

@@ -513,14 +513,6 @@ def test_landings_are_predicted_again_in_finite_geometry_only(monkeypatch):
         assert (counts["landings"] == len(jumps)) == (geometry == "linear")
 
 
-def test_few_jumps_are_tried_where_none_is_possible():
-    """An overdamped slider on a fast driver: every jump is refused."""
-    scene = setup2(L=0.01, H=0.006, eta=300.0, theta=-0.833, V=0.2, h=1e-3, side="right")
-    record = run(scene, 3e-4, fidelity="hybrid", geometry="finite")
-    assert record.counts["jumps"] == 0
-    assert record.counts["attempts"] < 0.01 * record.counts["steps"]
-
-
 def test_a_budget_is_refused():
     with pytest.raises(SceneError, match="dynamic"):
         jump(rod(), 0.01, budget=True)

@@ -260,7 +260,7 @@ class HybridRun(Run):
         where, q = (state.y[0, 0], stuck, outside.drive, outside.load), self._coordinates()[0]
         start = self.rests.at(*where, self.accuracy, q)
         if start is None:
-            return TRY
+            return self.least
         system = self.rests.system(stuck)
         landing = self._landing(system, outside, start, n_max)
         if isinstance(landing, Stale):

@@ -135,6 +135,9 @@ def simulate(
         raise SceneError("options", options, "", "Options or None")
     given = {**(options or Options()).given(), **keywords}
     if isinstance(initial, Record):
+        engine = initial.method.engine
+        if engine not in ENGINES:
+            raise StateError(f"initial: a record of the {engine} engine cannot be continued")
         keywords = {**keywords, **kept(initial.method)}
     options = dataclasses.replace(options or Options(), **keywords).on(scene)
     notes: tuple[str, ...] = ()
@@ -182,8 +185,6 @@ def check_run(scene: Scene, options: Options, given: Mapping[str, Any] | None = 
 def _going_on(before: Record, options: Options) -> Options:
     """Return the options with the engine of a record that is continued."""
     engine = before.method.engine
-    if engine not in ENGINES:
-        raise StateError(f"initial: a record of the {engine} engine cannot be continued")
     if options.fidelity == "auto":
         options = dataclasses.replace(options, fidelity=engine)
     if engine != options.fidelity:

@@ -352,7 +352,7 @@ class Jump:
             if error <= CORRECTED * self.accuracy and (least > 0).all():
                 defect, decay = 0.0, 0.0
                 if alive.size:
-                    defect, decay = self._defect(s) if finite else self._late(s, alive)
+                    defect, decay = self._defect(s, alive) if finite else self._late(s, alive)
                 if defect > self.accuracy:
                     wait = self._wait(defect / self.accuracy, decay, n)
                     return Stale(wait.steps) if finite else wait
@@ -412,10 +412,11 @@ class Jump:
         change = float(parts.sum())
         return change, float(-growth.real @ parts) / change if change else 0.0
 
-    def _defect(self, s: float) -> tuple[float, float]:
+    def _defect(self, s: float, alive: np.ndarray) -> tuple[float, float]:
         """Return the change of the gap functions by the residual of the modes until s (s), in N.
 
-        Also return the decay rate of the slowest mode, in 1/s.
+        Also return its decay rate if the jump begins later, in 1/s: twice that of the slowest mode
+        that counts, because a residual of large motions is quadratic in them.
 
         In finite geometry the tangent changes along the path, and large motions are not linear. The
         residual at the times `SAMPLED` excites modes, which decay until s. Its part that is odd in
@@ -439,7 +440,7 @@ class Jump:
                 change = self._excited(left - even, s - then) @ resonance
                 change += self._excited(even, s - then).sum(axis=1)
             found = max(found, float(change.max()))
-        return found, float(-self.ringing.growth.real.max())
+        return found, -2.0 * float(self.ringing.growth[alive].real.max())
 
     def _excited(self, force: np.ndarray, s: float) -> np.ndarray:
         """Return changes of gap functions (N), (n_c, n), by modes s (s) after a force (N) began."""

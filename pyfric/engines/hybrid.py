@@ -193,7 +193,7 @@ class HybridRun(Run):
         slips = self._slips()
         if slips.any() and not self._speed():
             # the core returns when the last block stops, apart from corner slip
-            return TRY if self.state.corner[slips].all() else 2**30
+            return self.least if self.state.corner[slips].all() else 2**30
         return max(1, self.try_at - self.state.step)
 
     def before_call(self, last: int) -> None:

@@ -42,7 +42,9 @@ def scaled(number, factor):
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
-@pytest.mark.parametrize(("name", "constant"), [*FITTED, *SLOW])
+@pytest.mark.parametrize(
+    ("name", "constant"), [*FITTED, ("protocol_linear", "hybrid.SPENT"), *SLOW]
+)
 def test_events_do_not_depend_on_it(constant, factor, name, monkeypatch):
     module, _, attribute = constant.partition(".")
     module = importlib.import_module(f"pyfric.engines.{module}")

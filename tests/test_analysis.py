@@ -337,7 +337,7 @@ def test_bins_end_between_points():
 
 @pytest.mark.parametrize(
     ("y", "bins", "field"),
-    [(1.0, 0, "bins"), (1.0, 11, "bins"), (-1.0, 2, "y"), (0.0, 2, "y")],
+    [(1.0, 0, "bins"), (1.0, 2.5, "bins"), (1.0, 11, "bins"), (-1.0, 2, "y"), (0.0, 2, "y")],
 )
 def test_too_few_points_or_no_logarithm_are_refused(y, bins, field):
     with pytest.raises(SceneError) as refused:

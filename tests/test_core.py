@@ -12,7 +12,7 @@ from tolerances import ROUNDING
 
 from pyfric import core
 from pyfric.core import OPEN, STUCK, State, StateError
-from pyfric.scene import setup1, setup2
+from pyfric.scene import SceneError, setup1, setup2
 from pyfric.statics import loaded_state, stability_limit
 
 CLOCKS = small().law.memory
@@ -238,6 +238,12 @@ def test_split_runs_do_not_change_a_bit(kind, geometry, d_c, cuts, tmp_path):
         state.save(tmp_path / "state.npz")
         state = State.load(tmp_path / "state.npz")
     assert bits(state) == bits(whole)
+
+
+def test_a_state_is_not_saved_under_the_suffix_of_another_format(tmp_path):
+    with pytest.raises(SceneError, match="netCDF"):
+        random_state(small(), "linear").save(tmp_path / "state.nc")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_full_log_stops_early_and_goes_on():

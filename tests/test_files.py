@@ -70,17 +70,17 @@ from pyfric.statics import loaded_state
 folder = Path(sys.argv[1])
 record = pyfric.simulate(small(), 1e-5, fidelity="dynamic", progress=False)
 state = loaded_state(small()).state(small(), 1e-7)
-record.save(folder / "old.nc")
+record.save(folder / "old")
 resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000))
 for save in (record.save, state.save):
-    for path in (folder / "new.nc", folder / "old.nc"):
+    for path in (folder / "new", folder / "old"):
         try:
             save(path)
         except OSError as error:
             assert str(path) in str(error), error
             assert error.strerror == "File too large", error
             print("noticed")
-assert pyfric.Record.load(folder / "old.nc") == record
+assert pyfric.Record.load(folder / "old") == record
 print("goes on")
 """
 
@@ -95,16 +95,16 @@ def test_a_full_disk_is_an_ordinary_error(tmp_path):
     )
     assert made.returncode == 0, made.stderr
     assert made.stdout.split("\n") == [*["noticed"] * 4, "goes on", ""]
-    assert names(tmp_path) == ["old.nc"]
+    assert names(tmp_path) == ["old"]
 
 
 def test_errors_name_path_and_reason(tmp_path):
     (tmp_path / "folder").mkdir()
     (tmp_path / "file").touch()
     for name, kind in (
-        ("missing/a.nc", FileNotFoundError),
+        ("missing/a", FileNotFoundError),
         ("folder", IsADirectoryError),
-        ("file/a.nc", NotADirectoryError),
+        ("file/a", NotADirectoryError),
     ):
         for attempt in (lambda path: write(path, b"a"), check_writable, state().save):
             with pytest.raises(kind) as error:

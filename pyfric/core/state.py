@@ -313,10 +313,11 @@ class State:
 
         Raises:
             OSError: the file cannot be written; it names path and reason.
+            SceneError: the name ends in the suffix of another format.
         """
         content = io.BytesIO()
         np.savez(content, **self.values())
-        return write(path, sealed(content.getbuffer()))
+        return write(path, sealed(content.getbuffer()), ".npz")
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from pyfric.record.growth import energy_release, griffith_length, nucleations
 from pyfric.record.rupture import front_speed
-from pyfric.scene import Scene, SceneError, check_number
+from pyfric.scene import Scene, SceneError, check_number, check_whole
 
 if TYPE_CHECKING:
     from pyfric.record.record import Record
@@ -431,12 +431,14 @@ def collapse_spread(
         log: take ln y, so that the spread is relative; y has to be positive.
 
     Raises:
-        SceneError: fewer than 5 points per bin, or y not positive with log.
+        SceneError: bins is not a whole number >= 1, fewer than 5 points per bin, or y not positive
+            with log.
     """
     x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
     kept = np.isfinite(x) & np.isfinite(y)
     x, y = x[kept], y[kept]
-    if bins < 1 or x.size < PER_BIN * bins:
+    bins = check_whole("bins", bins, 1)
+    if x.size < PER_BIN * bins:
         reason = f"{x.size} points are too few"
         raise SceneError("bins", bins, "", f"1 to n/{PER_BIN} for n points", reason)
     if log and not (y > 0).all():

@@ -212,7 +212,7 @@ def event_movie(
 def _stand_still(fig: DataFigure, moving: Sequence[Artist]) -> None:
     """Lay a picture of all that does not move over what moves, so that a frame is drawn fast."""
     fig.canvas.draw()
-    fig.set_layout_engine("none")
+    fig.set_layout_engine(None)  # "none" would draw each frame twice
     for artist in (*moving, fig.patch, *(axes.patch for axes in fig.axes)):
         artist.set_visible(False)
     fig.canvas.draw()

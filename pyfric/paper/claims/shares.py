@@ -129,33 +129,40 @@ def _alone(
 def _explained(y: np.ndarray, groups: Groups, weight: np.ndarray) -> pd.DataFrame:
     """Shares for each row of y or of the weights, shape (draws or 1, points).
 
-    With weights W, a fit of y by columns A has the coefficients c of A'WA c = A'Wy, and explains
-    c.A'Wy of y'Wy. For other columns B, what it leaves of y has B'W(y - A c).
+    With weights W, bins A and c = A'W1, a curve has the values A'Wy/c and explains (A'Wy)^2/c of
+    y'Wy. What the curve of x leaves is explained by a curve of s, or by what x leaves of the bins
+    of s (the theorem of Frisch and Waugh).
     """
     weighted = weight * y
-    whole = (weighted * y).sum(axis=1) - weighted.sum(axis=1) ** 2 / weight.sum(axis=1)
-    left: Any = 0.0
+    squares = (weighted * y).sum(axis=1)
+    explained: Any = 0.0
     for rows, s, x in groups:
-        columns, n = np.hstack([s, x]), s.shape[1]
-        every = np.einsum("dn,na,nb->dab", weight[:, rows], columns, columns, optimize=True)
-        right = weighted[:, rows] @ columns
-        fit_x, by_x = _fit(every[:, n:, n:], right[:, n:])
-        _, by_s = _fit(every[:, :n, :n], right[:, :n])
-        _, by_both = _fit(every, right)
-        after = right[:, :n] - np.einsum("dab,db->da", every[:, :n, n:], fit_x)
-        _, by_s_after = _fit(every[:, :n, :n], after)
-        square = (weighted[:, rows] * y[:, rows]).sum(axis=1)
-        explained = np.array([by_s, by_x, by_both, by_x + by_s_after])
-        left = left + square - explained
-    (s, x, both), after = 1 - left[:3] / whole, 1 - left[3] / left[1]
-    beyond = (both - x) / (1 - x)
+        w, wy = weight[:, rows], weighted[:, rows]
+        (c_s, c_x), (r_s, r_x) = ((v @ s, v @ x) for v in (w, wy))
+        shared = np.einsum("dn,na,nb->dab", w, s, x, optimize=True)
+        of_x = _over(shared, c_x[:, None])
+        after = r_s - (of_x @ r_x[:, :, None])[:, :, 0]
+        normal = c_s[:, :, None] * np.eye(s.shape[1]) - of_x @ shared.transpose(0, 2, 1)
+        fit = (np.linalg.pinv(normal, rcond=ZERO, hermitian=True) @ after[:, :, None])[:, :, 0]
+        parts = _over(r_s**2, c_s), _over(r_x**2, c_x), fit * after, _over(after**2, c_s)
+        explained = explained + np.array([part.sum(axis=1) for part in parts])
+    by_s, by_x, beyond, by_s_after = explained
+    whole = squares - weighted.sum(axis=1) ** 2 / weight.sum(axis=1)
+    prestress, position = (1 - (squares - part) / whole for part in (by_s, by_x))
+    left = squares - by_x
     return pd.DataFrame(
-        {"prestress": s, "position": x, "beyond": beyond, "after": after, "more": s - x}
+        {
+            "prestress": prestress,
+            "position": position,
+            "beyond": beyond / left,
+            "after": by_s_after / left,
+            "more": prestress - position,
+        }
     )
 
 
-def _fit(normal: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients of a fit, shape (draws, columns), and what it explains, shape (draws,)."""
-    inverse = np.linalg.pinv(normal, rcond=ZERO, hermitian=True)
-    found = (inverse @ right[:, :, None])[:, :, 0]
-    return found, (found * right).sum(axis=1)
+def _over(x: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """x over the weight in bins, 0 in empty ones."""
+    return np.divide(
+        x, count, out=np.zeros(np.broadcast_shapes(x.shape, count.shape)), where=count > 0
+    )

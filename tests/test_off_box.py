@@ -118,7 +118,7 @@ def test_where_a_loose_accuracy_is_not_kept_the_page_says_it():
 def test_what_jumps_spare_is_what_the_page_says():
     page = (off_box.HERE.parent / "docs" / "explanation" / "hybrid.md").read_text(encoding="utf-8")
     for name, accuracy, said in (
-        ("viscosity_20_finite", FORCE, "spares none of its"),
+        ("viscosity_20_finite", FORCE, "spares {:.0f} % of its"),
         ("viscosity_20_finite", LOOSER, "{:.0f} % at $10^{{-5}}$"),
         ("viscosity_20_finite", 1e-3, "{:.0f} % at $10^{{-3}}$"),
         ("viscosity_20_linear", FORCE, "In linear geometry it spares {:.0f} % at $10^{{-6}}$"),
@@ -126,7 +126,6 @@ def test_what_jumps_spare_is_what_the_page_says():
         counts = reference(name).hybrid(accuracy).counts
         share = 100 * counts["steps_spared"] / (counts["steps"] + counts["steps_spared"])
         assert said.format(share) in page
-        assert (share == 0) == ("none" in said)
 
 
 ESTIMATED = ("digest_fig1_finite", "digest_fig1_linear", "slender_finite")

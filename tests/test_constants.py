@@ -191,10 +191,8 @@ def advised(**changes):
     return record, (record.notes, pyfric.plan(scene, **how, t_end=0.06).lattice)
 
 
-@pytest.mark.parametrize(
-    "constant",
-    [*list(ADVISE)[:2], *(pytest.param(one, marks=pytest.mark.slow) for one in list(ADVISE)[2:])],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("constant", ADVISE)
 def test_advice_changes_and_leaves_results_alone(constant, monkeypatch):
     before, said = advised(**ADVISE[constant])
     assert len(before.events) > 3

@@ -451,7 +451,7 @@ ODD = {
     "theta = -1": (free(theta=-1.0), 0.03),
     "hard foundation": (free(k_f=9.4e8), 0.01),
     "soft foundation": (free(k_f=9.4e4), 0.02),
-    "much viscosity": (rod(eta=1e3), 3e-4),
+    "much viscosity": (rod(eta=1e3), 1e-4),
     "stiff driver": (rod(K=4e9), 0.01),
     "soft driver": (rod(K=4e3, V=0.5), 0.1),
     "heavy rod": (rod(mass=100.0), 0.03),

@@ -138,6 +138,7 @@ def priced(monkeypatch):
     cost.prices.cache_clear()
 
 
+@pytest.mark.slow
 def test_plans_keep_their_promise_whatever_work_costs(priced):
     """Hybrid engine and full dynamics cost about the same here, so that prices choose."""
     scene, t_end, options = preset("fig1", l=5e-3, V=0.01), 0.05, pyfric.Options(tolerance=1e-3)

@@ -121,7 +121,7 @@ def test_corrected_shapes_are_the_exact_ones_as_far_as_modes_are_slow(name):
 
 @pytest.mark.parametrize("name", ["rod", "free"])
 def test_corrected_rates_are_as_close_to_the_exact_ones_as_they_say(name):
-    """Measured 0.3 to 0.7 of what they say."""
+    """Measured 0.3 to 0.8 of what they say."""
     system, _, _ = systems(name)
     system = copy.copy(system)
     system._find_modes()  # as if nothing had been corrected

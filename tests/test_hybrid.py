@@ -1,6 +1,7 @@
 """Hybrid engine against full dynamics, on small scenes of every kind."""
 
 import dataclasses
+from types import SimpleNamespace
 import functools
 import itertools
 import os
@@ -511,6 +512,22 @@ def test_landings_are_predicted_again_in_finite_geometry_only(monkeypatch):
         counts = run(scene, 0.01, fidelity="hybrid", geometry=geometry).counts
         assert counts["landings"] >= len(jumps) >= counts["attempts"] > 0
         assert (counts["landings"] == len(jumps)) == (geometry == "linear")
+
+
+def test_errors_of_rates_fall_as_a_wait_assumes():
+    """From a jump that begins a little later."""
+    rng, s, later = np.random.default_rng(0), 1e-3, 1e-8
+    off, gaps = rng.random(5), rng.normal(size=(4, 5)) + 1j * rng.normal(size=(4, 5))
+    a, growth = rng.normal(size=5) + 0j, -rng.uniform(1e2, 1e4, 5) + 1e4j
+    system, which = SimpleNamespace(gaps=gaps, off=off), np.arange(5)
+
+    def late(a):
+        ringing = SimpleNamespace(a=a, growth=growth)
+        return hybrid.Jump._late(SimpleNamespace(system=system, ringing=ringing), s, which)
+
+    (before, decay), (after, _) = late(a), late(a * np.exp(growth * later))
+    assert decay == pytest.approx(np.log(before / after) / later, rel=1e-3)
+    assert -growth.real.max() < decay < -growth.real.min()
 
 
 def test_a_budget_is_refused():

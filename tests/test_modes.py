@@ -133,6 +133,7 @@ def test_corrected_rates_are_as_close_to_the_exact_ones_as_they_say(name):
 
     before = error()
     system.correct(found)
-    assert (error() < system.off[found]).all()
+    rounding = 1e-10 * np.abs(system.rates[found])  # of the dense eigenvalues
+    assert (error() < system.off[found] + rounding).all()
     assert (system.off[found] < before / 3).all()
     np.testing.assert_allclose(system.growth, system.stepped(system.rates), rtol=1e-12)

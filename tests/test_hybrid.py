@@ -1,13 +1,13 @@
 """Hybrid engine against full dynamics, on small scenes of every kind."""
 
 import dataclasses
-from types import SimpleNamespace
 import functools
 import itertools
 import os
 import signal
 import time
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pyfric.core import State, StateError
     from pyfric.engines import Options, Progress, RunError, prediction_curve, step_size
     from pyfric.paper import claims
-    from pyfric.planning import Assumption, Plan, plan, released, simulate
+    from pyfric.planning import Level, Plan, plan, released, simulate
     from pyfric.record import (
         Method,
         Record,
@@ -80,7 +80,7 @@ if TYPE_CHECKING:
 __all__ = [
     "MATERIALS",
     "PRESETS",
-    "Assumption",
+    "Level",
     "DistributedLoad",
     "Driver",
     "Equilibrium",

@@ -22,6 +22,7 @@ from pyfric.engines.options import (
     ACCURACY,
     FINEST,
     MAX_STEPS,
+    RTOL,
     Fidelity,
     Keywords,
     Options,

@@ -105,7 +105,7 @@ class QuasistaticRun:
         self.history = History(["t", "F_T"])
         self.mode = np.where(self.contact.closed, STUCK, OPEN).astype(np.int32)  # as logged
         self.corner, self.p_corner = np.zeros(scene.N_x, bool), CORNER_SHARE * scene.F_N / scene.N_x
-        self.slips, self.changes, self.starts, self.events = False, 0, 0, 0
+        self.slips, self.changes, self.starts, self.events, self.releases = False, 0, 0, 0, 0
         _, self.nothing = self.history.logs(scene.N_x)  # columns of an empty log
         self.switches: list[tuple[Any, ...]] = []  # rows of both logs that the history lacks
         self.quiet: list[tuple[Any, ...]] = []
@@ -116,6 +116,11 @@ class QuasistaticRun:
         self.notes: tuple[str, ...] = ()
         self.timings = {"set-up": time.perf_counter() - start}
         self.initial = self.contact.values()
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Counts of released blocks and of events."""
+        return {"releases": self.releases, "static_events": self.events, "block_evaluations": 0}
 
     @property
     def t(self) -> float:
@@ -132,6 +137,7 @@ class QuasistaticRun:
             return
         now = self.contact.values()
         before = now if before is None else before
+        self.releases += int((np.abs(new[changed]) == 1).sum())
         for i in changed:
             begins = abs(old[i]) != 1
             at = before if begins and abs(new[i]) == 1 else now
@@ -345,11 +351,7 @@ class QuasistaticRun:
             switches=switches,
             versions=versions(),
             timings=self.timings | {"catalogue": time.perf_counter() - start},
-            counts={
-                "releases": int((np.abs(switches["new"]) == 1).sum()),
-                "static_events": self.events,
-                "block_evaluations": 0,
-            },
+            counts=self.counts,
             notes=(*self.notes, *warned),
             status=status,
         )
@@ -382,11 +384,13 @@ def static_sequence(
     t_gap: float | None = None,
     stop_when: tuple[str, ...] | None = None,
     progress: bool | Callable[[Progress], None] | None = None,
+    enough: Callable[[QuasistaticRun], bool] | None = None,
 ) -> Record:
     """Follow a scene through static states to t_end (s); see `pyfric.simulate`.
 
     The other arguments are those of `pyfric.simulate`. A run that continues a record is computed
-    again from its start, which gives the same bits.
+    again from its start, which gives the same bits. It ends with status "interrupted" as soon as
+    `enough` returns true.
     """
     if not isinstance(initial, Record | None):
         raise StateError(f"initial: the {engine.name} engine continues records only")
@@ -400,7 +404,10 @@ def static_sequence(
         def show(t: float, F_T: float, events: int) -> None:
             bar(Progress(t, 0.0, t_end, F_T / scene.F_N, events, math.nan))
 
-        done = run.advance(t_end, stop, show)
+        def ends() -> bool:
+            return stop() or (enough is not None and enough(run))
+
+        done = run.advance(t_end, ends, show)
         record = run.record(run.ending or "complete" if done else "interrupted")
     return dataclasses.replace(record, notes=(*kept_notes(initial), *record.notes))
 

@@ -1,4 +1,4 @@
-"""Choose a model, run it, measure its errors."""
+"""Levels of a scene, runs at two of them, and the error that they measure."""
 
-from pyfric.planning.choice import Assumption, Plan, plan
-from pyfric.planning.simulation import check_run, expected_cost, released, simulate
+from pyfric.planning.levels import Level, Plan, expected_cost, plan
+from pyfric.planning.simulation import check_run, released, simulate

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
 import sys
+import time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,14 +14,13 @@ from pyfric.core import State, StateError
 from pyfric.engines import (
     ENGINES,
     POINTS,
-    RUN,
     SLOWEST,
     Options,
     Run,
     RunError,
     check_kept,
     check_memory,
-    ended_by_condition,
+    check_steps,
     full_work,
     integrate,
     kept,
@@ -31,10 +30,8 @@ from pyfric.engines import (
     step_size,
     work,
 )
-from pyfric.planning.choice import choose
-from pyfric.planning.pilot import counted, expected_end, pilot_run, quasistatic_work
-from pyfric.planning.price import CHEAP, price
-from pyfric.planning.verification import Specification, verified
+from pyfric.planning.levels import alone, expected_work, levels, of_named
+from pyfric.planning.pairs import Asked, Made, finest
 from pyfric.record import Record
 from pyfric.scene import (
     SceneError,
@@ -43,11 +40,10 @@ from pyfric.scene import (
     check_number,
     check_whole,
     check_writable,
-    default_geometry,
     followed_by,
     naming,
 )
-from pyfric.signals import at_once, forget, nothing_to_save, raise_if_asked
+from pyfric.signals import forget, raise_if_asked
 from pyfric.statics import (
     EquilibriumError,
     check_ladder,
@@ -62,7 +58,7 @@ if TYPE_CHECKING:
 
     from pyfric.display import Progress
     from pyfric.engines import Keywords
-    from pyfric.planning.choice import Plan
+    from pyfric.planning.levels import Level
     from pyfric.scene import Number, Scene, SceneLike
 
 LONG = 600.0
@@ -153,15 +149,21 @@ def simulate(
         with naming("checkpoint"):
             check_writable(options.checkpoint, 8 * numbers, ".nc")
     run = functools.partial(_run, initial=initial, progress=progress)
-    made = Specification(
-        scene=scene, t_begin=_begin(initial), t_end=t_end, options=options, run=run
-    )
+    asked = Asked(scene=scene, t_begin=_begin(initial), t_end=t_end, options=options, run=run)
     if options.fidelity == "auto":
-        return _planned(made, initial, progress)
-    record = _with_notes(run(scene, t_end, options), *notes)
-    if options.verify in (None, "none") or not record.done:
-        return record
-    return verified(record, _until(made, record))
+        of = levels(scene, options, begun=initial is not None)
+        _check_steps(of, asked)
+        return leveled(asked, of, progress)
+    if options.verify not in (None, "none"):
+        return leveled(asked, of_named(scene, options))
+    return _with_notes(run(scene, t_end, options), *notes)
+
+
+def _check_steps(of: tuple[Level, ...], asked: Asked) -> None:
+    """Raise SceneError if a run has too many steps, before any work."""
+    for level in of:
+        if level.dt is not None:
+            check_steps(asked.t_begin, asked.t_end, level.dt)
 
 
 def check_run(scene: Scene, options: Options, given: Mapping[str, Any] | None = None) -> None:
@@ -236,7 +238,7 @@ def _run(
         return _with_notes(record, *pause_notes(record), *said)
     check_memory(scene, engine.name, "linear")
     how |= {"t_gap": options.t_gap, "stop_when": options.stop_when}
-    record = static_sequence(engine, scene, t_end, **how)
+    record = static_sequence(engine, scene, t_end, **how, enough=enough)
     return _with_notes(record, *pause_notes(record))
 
 
@@ -265,109 +267,91 @@ def _begin(initial: State | Record | None) -> float:
     return 0.0 if initial is None else initial.t
 
 
-def _planned(made: Specification, initial: State | None, progress: object) -> Record:
-    """Run the chosen model and measure its errors; if a quasi-static run fails, run dynamics."""
-    options, scene, notes, failed = made.options, made.scene, [], ""
-    while True:
-        with at_once():
-            ladder = initial is None and not failed
-            plan = choose(scene, options, made.t_end, t_begin=made.t_begin, ladder=ladder)
-        notes.append((failed and f"quasistatic was not enough: {failed}; ") + _chosen(plan))
-        level = dataclasses.replace(
-            options,
-            budget=bool(options.budget),
-            fidelity=plan.fidelity,
-            geometry=plan.geometry,
-            dt=plan.dt or "auto",
-            accuracy=plan.accuracy,
-            switching=options.switching or plan.switching,
-        )
-        if plan.fidelity == "hybrid":
-            notes += _said(scene, "hybrid", plan.seconds + plan.price, progress)
-        try:
-            record = made.run(scene, made.t_end, level)
-        except RunError as error:
-            error.record = _with_notes(error.record, *notes)
-            raise
-        except EquilibriumError as error:
-            if plan.fidelity != "quasistatic":
-                raise
-            failed = str(error)
-        else:
-            failed = "; ".join(map(str, plan.check(record))) if record.done else ""
-            if record.done and not failed and options.verify != "none":
-                record = verified(record, _as_planned(_until(made, record), plan, level))
-                if record is None:
-                    failed = "errors measured by dynamics exceed the tolerance"
-            if not failed:
-                return _with_notes(record, *notes)
-        nothing_to_save()
+# --- levels --------------------------------------------------------------------------------------
 
 
-def _chosen(plan: Plan) -> str:
-    """Return a note on the chosen model and the rejected ones."""
-    rejected = f"; rejected: {'; '.join(plan.reasons)}" if plan.reasons else ""
-    return (
-        f"planned for {plan.want} within {plan.tolerance:g}: {plan.fidelity}, "
-        f"{plan.geometry} geometry{rejected}"
-    )
+class _Slower:
+    """Ends a quasi-static sequence that takes as long as full dynamics."""
+
+    def __init__(self, asked: Asked) -> None:
+        scene, lasts = asked.scene, asked.t_end - asked.t_begin
+        self.scene, self.most = scene, full_work(scene, "linear", step_size(scene), lasts)
+        self.ended = False
+
+    def __call__(self, run: Any) -> bool:
+        self.ended = work(self.scene, "linear", run.counts) > self.most
+        return self.ended
 
 
-def _until(made: Specification, record: Record) -> Specification:
-    """Return the specification of a run, up to the time at which a condition ended it."""
-    t = min(made.t_end, _begin(record)) if ended_by_condition(record) else made.t_end
-    return dataclasses.replace(made, t_end=t)
+def leveled(asked: Asked, of: tuple[Level, ...], progress: object = None) -> Record:
+    """Make levels until two that follow each other agree, and return the finest that may be.
 
+    With verify = "none" one level is made. With "full" a level more is made than otherwise, and a
+    run whose driver is faster by `PERTURBATION`.
 
-def _as_planned(made: Specification, plan: Plan, level: Options) -> Specification:
-    """Return the specification of a planned run; options given by the user stay fixed.
-
-    For cheap full dynamics `whole` is inf: `plan` announces what the run takes when it is made.
+    Raises:
+        RunError, EquilibriumError: no level could be made.
     """
-    asked = made.options
-    free = asked.dt == "auto" and asked.stepper == "rk4"
-    speed = plan.seconds / plan.work
-    whole = plan.work + plan.price / speed
-    if plan.fidelity == "dynamic" and plan.work <= CHEAP:
-        whole = math.inf
-    promise = {"expected": plan.error, "work": plan.work, "whole": whole, "refines": free}
-    promise["refinement"] = plan.refinement / speed
-    return dataclasses.replace(made, options=level, geometry=asked.geometry, **promise)
-
-
-def expected_cost(scene: Scene, t_end: float, how: Options) -> tuple[float, float]:
-    """Return the expected time of a run to t_end (s) in s, and the size of its record in bytes.
-
-    The time includes verification, but no refinement. A run that would be refused costs nothing.
-    """
-    how = how.on(scene)
-    if how.fidelity == "auto":
+    options, todo = asked.options, [level for level in of if not level.cannot]
+    notes = [f"left out: {level.engine} ({level.cannot})" for level in of if level.cannot]
+    if options.verify == "none":
+        todo = todo[todo.index(alone(of, options.tolerance)) :]
+    runs: list[Made] = []
+    agreed, failed = False, None
+    for level in todo:
+        before = runs[-1].record if runs else None
+        expected = expected_work(asked.scene, level, asked.t_end - asked.t_begin, before)
+        if level.engine == "hybrid":
+            notes += _said(asked.scene, "hybrid", expected * machine_speed(), progress)
+        start, how = time.perf_counter(), level.options(options)
+        slower = None if level.dt else _Slower(asked)
         try:
-            found = choose(scene, how, t_end)
-        except SceneError:
-            return 0.0, 0.0
-        return found.seconds + found.price, _size(scene, t_end)
-    geometry = how.geometry or default_geometry(scene)
-    t_end = expected_end(scene, t_end, how.stop_when)
-    dt, switching = how.steps_on(scene)
-    made, counts = full_work(scene, geometry, dt, t_end, how.stepper, how.calls_on(scene)), None
-    if how.fidelity in ("quasistatic", "equilibrium"):
-        made = quasistatic_work(scene, pilot_run(scene, t_end))
-    elif how.fidelity == "hybrid" and made > CHEAP:
-        made_of = {"geometry": geometry, "dt": dt, "switching": switching, "method": None}
-        resolved = dataclasses.replace(how, **made_of)
-        counts = counted(scene, t_end, resolved, pilot_run(scene, t_end))
-        made = RUN + work(scene, geometry, counts)
-    if how.verify is not None:
-        made += price(scene, how, how.fidelity, geometry, dt, t_end, made, counts)[0]
-    return made * machine_speed(), _size(scene, t_end)
+            record = asked.run(asked.scene, asked.t_end, how, enough=slower)
+        except (RunError, EquilibriumError) as error:
+            failed = error
+            notes.append(f"left out: {level} ({error})")
+            continue
+        if slower is not None and slower.ended:
+            notes.append(f"left out: {level} (it takes longer than full dynamics)")
+            continue
+        runs.append(Made(level, record, time.perf_counter() - start))
+        if not record.done or options.verify == "none" or agreed:
+            break
+        if len(runs) > 1:
+            errors = finest(asked, runs).errors()
+            agreed = bool(errors.holds)
+            enough = errors.measured() is None and not errors.partly  # finer ones tell no more
+            if enough or (agreed and options.verify != "full"):
+                break
+    if not runs:
+        if isinstance(failed, RunError):
+            failed.record = _with_notes(failed.record, *notes)
+        raise failed
+    return _answer(asked, runs, notes)
 
 
-def _size(scene: Scene, t_end: float) -> float:
-    """Return the size of a record, in bytes."""
-    if not (scene.has_rests and scene.law.rests):
-        return 1e5
-    return 1e5 + 8.0 * pilot_run(scene, t_end).events * (9 * scene.N_x + 40)
+def _answer(asked: Asked, runs: list[Made], notes: list[str]) -> Record:
+    """Return the finest run that may be returned, with its errors and notes."""
+    options = asked.options
+    if options.fidelity == "auto":
+        levels = ", then ".join(str(made.level) for made in runs)
+        notes = [f"for {options.want} within {options.tolerance:g}: {levels}", *notes]
+    record = runs[0].record
+    if len(runs) > 1:
+        pair = finest(asked, runs)
+        errors, more = pair.as_far_as_it_goes()
+        if options.verify == "full":
+            errors, also = pair.perturbed(errors)
+            more += also
+        if errors.verdict and (errors.holds is False or (not errors.holds and not errors.until)):
+            more.append(errors.verdict)
+        seconds = sum(made.seconds for made in runs) - pair.answer.seconds
+        record, notes = pair.answer.record, notes + more
+        timings = {**record.timings, "verification": seconds}
+        record = dataclasses.replace(record, errors=errors, timings=timings).with_late_columns()
+    elif options.verify != "none" and record.done:
+        notes.append("errors were not measured: no other level could be made")
+    return _with_notes(record.with_late_columns(), *notes)
 
 
 def released(scene: SceneLike, blocks: int) -> State:

@@ -1,12 +1,14 @@
 """Measured errors of a run: two records of one scene, compared event by event.
 
 Each main event of either record (each event, as long as there are no main ones) is paired with an
-event of the other one (`pairing`). An event that the other run would have had after its end is
-compared with the force that this one reached; one that begins while the last event of the other run
-goes on to the end is part of that: a pause near `t_gap` parts them. What goes on in one of the runs
-is compared as far as both know it: forces on the way in place of arrests, front speeds where both
-runs know the five rupture times of a block. A prescribed interface has no forces: its rupture times
-are compared. Where nothing slips in either run, their loading curves are.
+event of the other one (`pairing`), also with one that begins after the shorter run has ended. An
+event that the other run has not had at its end differs by at least the force that this one has
+reached meanwhile; by how much more is not known, so that the comparison ends where that event
+begins. One that begins while the last event of the other run goes on to the end is part of that: a
+pause near `t_gap` parts them. What goes on in one of the runs is compared as far as both know it:
+forces on the way in place of arrests, front speeds where both runs know the five rupture times of a
+block. A prescribed interface has no forces: its rupture times are compared. Where nothing slips in
+either run, their loading curves are.
 
 What was not measured is None, which is never taken for 0: where nothing was compared, nothing is
 promised.
@@ -39,7 +41,7 @@ NOT_VERIFIED = "errors not measured (a planned run, or verify = 'sample', measur
 """What a record says that was not verified."""
 SAME = 0.5
 """Events that share fewer than half of their blocks are not taken for one another, if one of them
-may be one that the other run has after its end: a definition."""
+may be one that the other run has after its end: a policy."""
 COVERED = 1e-6
 """Part of a run at its end that need not be compared: runs end at whole steps."""
 UNITS = {
@@ -53,6 +55,8 @@ UNITS = {
     "speed_worst": "of front speeds",
 }
 """Numbers of `Errors` and their units, as they are said."""
+BLOCKS = ("n_blocks", "first_block", "last_block", "L_p_over_L")
+"""Columns that tell which blocks slip in an event."""
 BY_EVENT = ("start", "arrest", "length", "stress", "rupture")
 """Those of which there is one for each pair of events."""
 FORCES = ("start", "arrest")
@@ -73,11 +77,11 @@ class Errors:
     so this number is not measured.
 
     Attributes:
-        want, tolerance, expected: of the plan; None where there was none.
+        want, tolerance: of the plan; None where there was none.
         start, arrest, length, stress, rupture, speed_median, speed_95, speed_worst: the errors.
         compared: name to how many events, or blocks of fronts, were compared for it.
         events: events that were compared: main events, or all where there are none.
-        undetermined: events that two runs do not agree on; the errors are those of all others.
+        factor: errors over the differences of the two runs.
         covered: time up to which they were compared, s.
         t_end: time up to which the run goes, s; None means `covered`.
         until: time from which on single events cannot be trusted, s; None if there is no such time.
@@ -89,7 +93,6 @@ class Errors:
 
     want: str | None = None
     tolerance: float | None = None
-    expected: float | None = None
     start: float | None = None
     arrest: float | None = None
     length: float | None = None
@@ -100,7 +103,7 @@ class Errors:
     speed_worst: float | None = None
     compared: Mapping[str, int] = field(default_factory=dict)
     events: int = 0
-    undetermined: tuple[int, ...] = ()
+    factor: float = 1.0
     covered: float = 0.0
     t_end: float | None = None
     until: float | None = None
@@ -124,7 +127,7 @@ class Errors:
 
     @property
     def holds(self) -> bool | None:
-        """Whether the measured error of all events, but `undetermined` ones, is in the tolerance.
+        """Whether the measured error of all events is within the tolerance.
 
         None where it was not measured, or not over the whole run, or where there is no tolerance.
         """
@@ -157,9 +160,6 @@ class Errors:
             text += f", up to {self.covered:.6g} s; NOT MEASURED from there to {self.t_end:.6g} s"
         elif self.holds is None:
             text += f", up to {self.until:.6g} s"
-        if self.undetermined:
-            text += f", but for {len(self.undetermined)} events that are not determined: "
-            text += ", ".join(map(str, self.undetermined))
         return text
 
     def __str__(self) -> str:
@@ -177,12 +177,12 @@ class Errors:
         if unknown:
             lines.append(f"{', '.join(unknown)} {NOTHING}")
         if self.verdict:
-            expected = "" if self.expected is None else f" (expected {self.expected:.2g})"
-            lines.append(self.verdict + expected)
+            lines.append(self.verdict)
         if self.until is not None:
             lines.append(f"single events cannot be trusted from {self.until:.6g} s on")
             lines += [f"  {k}: {v:.4g} +- {e:.2g}" for k, (v, e) in self.statistics.items()]
-        return "\n".join([*lines, *(f"by {run}" for run in self.by)])
+        times = f", differences times {self.factor:.2g}" * (self.factor != 1)
+        return "\n".join([*lines, *(f"by {run}{times}" for run in self.by)])
 
 
 class Differences(NamedTuple):
@@ -190,10 +190,11 @@ class Differences(NamedTuple):
 
     Attributes:
         events: event of one run and of the other (0 for none), t_start (s), and the differences
-            `BY_EVENT`; NaN where there is nothing to compare. `outlasts` is 1 for an event that has
-            ended in one run alone. `own` is False for main events of the other run alone.
+            `BY_EVENT`; NaN where there is nothing to compare. `turned` is 1 for an event that slips
+            other blocks, or one of them once more, or has ended in one run alone. `own` is False
+            for main events of the other run alone.
         speeds: event, t_start (s) and error.
-        covered: time up to which both runs go, s.
+        covered: time up to which both runs are known to agree or differ, s.
     """
 
     events: pd.DataFrame
@@ -202,22 +203,18 @@ class Differences(NamedTuple):
 
     @property
     def turned(self) -> bool:
-        """Whether an event ends at another block, or in one run alone.
+        """Whether an event took another turn: such differences have no order in the step."""
+        return bool((self.events["turned"] > 0).any())
 
-        Such differences have no order in the step.
-        """
-        return bool((self.events[["length", "outlasts"]] > 0).any(axis=None))
+    @property
+    def open(self) -> pd.Series:
+        """Whether each event is one that the other run has not had when it ends."""
+        return self.events["open"] > 0
 
     def before(self, t: float) -> Differences:
         """Return the differences of events that start before a time, in s."""
         kept = (table[table["t_start"] < t] for table in (self.events, self.speeds))
         return Differences(*kept, min(self.covered, t))
-
-    def without(self, off: pd.DataFrame) -> Differences:
-        """Return the differences without some events, given as rows of `events`."""
-        events = self.events[~self.events.index.isin(off.index)]
-        speeds = self.speeds[~self.speeds["event"].isin(off["event"])]
-        return Differences(events, speeds, self.covered)
 
     def beyond(self, tolerance: float, want: str | None = None) -> pd.DataFrame:
         """Return the rows of `events` that are further apart than this.
@@ -251,7 +248,8 @@ class Differences(NamedTuple):
 def differences(record: Record, other: Record, until: float = math.inf) -> Differences:
     """Return how far two runs of a scene are apart.
 
-    They are compared up to where the shorter one ends, or up to a time, in s.
+    They are compared up to where the shorter one ends, up to a time, in s, or up to an event that
+    one of them has not had when it ends.
 
     Raises:
         SceneError: the runs have different numbers of blocks.
@@ -268,8 +266,9 @@ def differences(record: Record, other: Record, until: float = math.inf) -> Diffe
         row = {"event": 0, "other": 0, "t_start": begin, "arrest": off}
         own = pd.DataFrame([dict.fromkeys(own, np.nan) | row])
     both = pd.concat([own.assign(own=True), others.assign(own=False)], ignore_index=True)
-    once = {"t_start": "first", **dict.fromkeys((*BY_EVENT, "outlasts", "own"), "max")}
+    once = {"t_start": "first", **dict.fromkeys((*BY_EVENT, "turned", "open", "own"), "max")}
     events = both.groupby(["event", "other"], sort=False).agg(once).reset_index()
+    covered = float(np.fmin(covered, events["t_start"][events["open"] > 0].min()))
     return Differences(events, speeds, covered)
 
 
@@ -280,8 +279,8 @@ class _Pairs:
         self.a, self.b, self.covered = a, b, covered
         self.events, self.partners = a.events, b.events
         ours = self.events[self.events["t_start"] <= covered]
-        self.theirs = self.partners[self.partners["t_start"] <= covered]
-        any_main = ours["is_main"].any() or self.theirs["is_main"].any()
+        theirs = self.partners["is_main"][self.partners["t_start"] <= covered]
+        any_main = ours["is_main"].any() or theirs.any()
         self.ours = ours[ours["is_main"] | (not any_main)]
         self.force = float(np.interp(covered, b.curve["t"], b.curve["F_T"]))
 
@@ -293,19 +292,19 @@ class _Pairs:
             about = {"event": e, "other": k, "t_start": float(self.events.loc[e, "t_start"])}
             rows.append(about | dict.fromkeys(BY_EVENT, np.nan) | row)
             speeds.append(pd.DataFrame({"event": e, "t_start": about["t_start"], "error": off}))
-        columns = ["event", "other", "t_start", *BY_EVENT, "outlasts"]
+        columns = ["event", "other", "t_start", *BY_EVENT, "turned", "open"]
         table = pd.DataFrame(rows, columns=columns, dtype=float)
         nothing = pd.DataFrame({name: np.zeros(0) for name in ("event", "t_start", "error")})
         return table, pd.concat(speeds, ignore_index=True) if speeds else nothing
 
     def _chosen(self) -> list[tuple[int, int]]:
         """Return events of a and their partners in b, 0 for one that b may have after its end."""
-        cost = event_distances(self.ours, self.theirs, self.a.scene, self.covered)
+        cost = event_distances(self.ours, self.partners, self.a.scene, self.covered)
         late = (self.covered - self.ours["t_start"].to_numpy()) * pace(self.a.scene, self.covered)
         off = np.abs(self.ours["F_T_start"].to_numpy() - self.force) / self.a.scene.F_N
         never = SAME + late + np.nan_to_num(off)
         i, j = in_order(np.hstack([cost, np.repeat(never[:, None], len(never), axis=1)]))
-        partners = [*self.theirs.index, *[0] * len(never)]
+        partners = [*self.partners.index, *[0] * len(never)]
         return [(int(e), int(partners[k])) for e, k in zip(self.ours.index[i], j, strict=True)]
 
     def _pair(self, e: int, k: int) -> tuple[dict[str, float], np.ndarray]:
@@ -321,9 +320,21 @@ class _Pairs:
             "length": abs(event["L_p_over_L"] - partner["L_p_over_L"]) if ended else np.nan,
             "stress": self._stress(e, k, ended),
             "rupture": self._rupture(e, k, forces=bool(np.isfinite(start)), ended=ended),
-            "outlasts": self._outlasts(event, partner) or self._outlasts(partner, event),
+            "turned": self._turned(event, partner, ended),
         }
         return row, self._speeds(e, k, ended)
+
+    def _turned(self, event: pd.Series, partner: pd.Series, ended: bool) -> bool:
+        """Return whether an event slips other blocks than another one, or outlasts it.
+
+        Of events that go on to the end, only those that go on in both runs can tell, by their
+        episodes.
+        """
+        off = event["n_episodes"] != partner["n_episodes"]
+        off &= event["finished"] == partner["finished"]
+        if ended:
+            off |= any(event[name] != partner[name] for name in BLOCKS)
+        return bool(off or self._outlasts(event, partner) or self._outlasts(partner, event))
 
     def _outlasts(self, event: pd.Series, partner: pd.Series) -> bool:
         """Return whether an event goes on, after another one has ended within both runs."""
@@ -338,24 +349,18 @@ class _Pairs:
             known = np.isfinite(event["F_T_start"])
             return {"arrest": _apart(a, b, event["t_start"], end) / F_N if known else np.nan}
         if np.isfinite(event["F_T_start"]):
-            return {"start": abs(event["F_T_start"] - self.force) / F_N}
+            return {"start": abs(event["F_T_start"] - self.force) / F_N, "open": True}
         times = a.rupture_times[e - 1]
         span = np.ptp(times[np.isfinite(times)]) if np.isfinite(times).any() else 0.0
         late = self.covered - event["t_start"]
-        return {"rupture": late / span if span > 0 else np.nan}
+        return {"rupture": late / span if span > 0 else np.nan, "open": True}
 
     def _going_on(self, event: pd.Series, partner: pd.Series) -> float:
         """Return how far forces are apart in an event that goes on in one of two runs, in N.
 
-        Where both have come to rest, they differ as their arrests do; NaN if that is too late in
-        both to know whether they go on.
+        Where both have come to rest, they differ as their arrests do, even if that is too late to
+        know whether they go on.
         """
-        if not (
-            event["finished"]
-            or partner["finished"]
-            or np.isnan(event["t_stop"] + partner["t_stop"])
-        ):
-            return np.nan
         if np.maximum(event["t_stop"], partner["t_stop"]) <= self.covered:
             return float(event["F_T_arrest"] - partner["F_T_arrest"])
         ends = (

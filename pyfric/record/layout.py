@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from pyfric.record.netcdf import Variable
     from pyfric.record.record import Record
 
-SCHEMA = 9
+SCHEMA = 10
 """Version of the file layout that this module writes and reads."""
 DRAWN = "drawn_"
 """Begins the names of fields of the interface as they were drawn, on x."""

@@ -17,7 +17,7 @@ from pyfric.engines.cost import (
 )
 from pyfric.engines.dynamic import Run, RunError
 from pyfric.engines.hybrid import HybridRun
-from pyfric.engines.integration import folded, integrate
+from pyfric.engines.integration import folded, integrate, largest_strain
 from pyfric.engines.options import (
     ACCURACY,
     FINEST,

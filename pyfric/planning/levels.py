@@ -6,10 +6,10 @@ step that the tolerance allows, and a the accuracy of jumps:
 engine        geometry   stepper        step   jumps
 -----------   --------   ------------   ----   ------
 quasistatic   linear
-hybrid        linear     rk4            h      a
-hybrid        finite     rk4_opposite   h      a/10
-hybrid        finite     rk4            h/2    a/100
-hybrid        finite     rk4_opposite   h/4    a/1000
+hybrid        linear     rk4_opposite   h      a
+hybrid        finite     rk4            h      a/10
+hybrid        finite     rk4_opposite   h/2    a/100
+hybrid        finite     rk4            h/4    a/1000
 
 The leading errors of rk4 and rk4_opposite have opposite signs, so that the limit of short steps
 lies between both. Where the opposite stepper is unstable, or contacts switch at step ends, the step
@@ -41,6 +41,7 @@ from pyfric.engines import (
     default_switching,
     finer_counts,
     full_counts,
+    largest_strain,
     located,
     machine_speed,
     set_up,
@@ -68,6 +69,9 @@ STRICTER = 0.1
 LONGEST = 0.9
 """Longest step over the stability limit, which is that of the lattice at rest. Forces and switches
 leave a tenth."""
+STATIC, ROTATION = 0.01, 0.2
+"""Errors of forces over F_N without inertia, and without rotation of bonds over the strain: orders of
+magnitude. A level whose error exceeds the tolerance is left out."""
 HALVED = 2
 """Levels with half the step of the one before: a policy."""
 PHASE = 1 / 120
@@ -164,57 +168,71 @@ def levels(scene: Scene, options: Options, *, begun: bool = False) -> tuple[Leve
         cannot = "it starts from the loaded slider" * begun or _no_statics(scene, options)
         alike = not _needs_steps(options)
         found = [Level(engine="quasistatic", geometry="linear", cannot=cannot, answers=alike)]
-    linear_first = not moves and own == "finite"
-    way = Way("linear" if linear_first else own, options.stepper, longest_step(scene, options))
-    ways = [way]
-    if options.dt == "auto":
-        for _ in range(linear_first + HALVED):
-            ways.append(further(scene, options, ways[-1], own))
-        answers = len(ways)
-    else:
-        if linear_first:
-            opposite = further(scene, options, way, own)
-            ways.append(opposite if opposite.dt == way.dt else way._replace(geometry=own))
-        answers = len(ways)
-        ways.append(further(scene, options, ways[-1], own))
+    linear_first = not moves and own == "finite" and rotation(scene) <= options.tolerance
+    geometries: list[Geometry] = [*["linear"] * linear_first, *[own] * (1 + HALVED)]
+    answers = len(geometries)
+    if options.dt != "auto":
+        geometries, answers = geometries[: 2 + linear_first], 1 + linear_first
     engine = "dynamic" if moves else "hybrid"
     accuracy = options.accuracy or min(max(SHARE * options.tolerance, FINEST), LOOSEST)
-    for n, way in enumerate(ways):
-        found.append(of_way(scene, options, engine, way, accuracy, answers=n < answers))
+    for n, way in enumerate(_ways(scene, options, geometries)):
+        found.append(_of_way(scene, options, engine, way, accuracy, answers=n < answers))
         if options.accuracy is None or n + 1 >= answers:
             accuracy = max(STRICTER * accuracy, FINEST)
     return tuple(found)
 
 
-def of_named(scene: Scene, options: Options, engine: str) -> tuple[Level, ...]:
+def of_named(scene: Scene, options: Options) -> tuple[Level, ...]:
     """Return the level of a run whose engine is named, and those that measure its errors.
 
     Args:
         scene: the scene.
         options: options of the run, on this scene.
-        engine: its engine.
     """
-    own = default_geometry(scene)
-    geometry = options.geometry or own
+    engine, own = options.fidelity, default_geometry(scene)
     if engine in ("quasistatic", "equilibrium"):
         more = dataclasses.replace(options, fidelity="auto", geometry=own)
-        _, _, *rest = levels(scene, more)
+        rest = [level for level in levels(scene, more) if level.dt is not None and not level.cannot]
         named = Level(engine=engine, geometry="linear")
-        return named, *(dataclasses.replace(level, answers=False) for level in rest[:HALVED])
+        return named, *(dataclasses.replace(level, answers=False) for level in rest[1:])
     dt, switching = options.steps_on(scene)
-    asked = dataclasses.replace(options, switching=switching, method=None)
-    ways, accuracy = [Way(geometry, options.stepper, dt)], options.accuracy or ACCURACY
-    for _ in range(HALVED):
-        way = ways[-1]._replace(geometry=own)  # half the step, in finite geometry
-        ways.append(further(scene, asked, way, own))
-    found = []
-    for n, way in enumerate(ways):
-        found.append(of_way(scene, asked, engine, way, accuracy, answers=not n))
+    asked = dataclasses.replace(options, dt=dt, switching=switching, method=None)
+    accuracy, found = options.accuracy or ACCURACY, []
+    for n, way in enumerate(_ways(scene, asked, [own] * (1 + HALVED))):
+        way = way if n else way._replace(geometry=options.geometry or own)
+        found.append(_of_way(scene, asked, engine, way, accuracy, answers=not n))
         accuracy = max(STRICTER * accuracy, FINEST)
     return tuple(found)
 
 
-def of_way(
+def _ways(scene: Scene, options: Options, geometries: Sequence[Geometry]) -> list[Way]:
+    """Return geometry, stepper and step of levels.
+
+    Steppers alternate with their opposites, if contacts switch within steps and an eighth of the
+    step is stable with the opposite one. A step that is given belongs to the stepper that is given;
+    otherwise the second level has that stepper, unless the opposite one needs a far shorter step.
+    The step is halved where neither geometry nor stepper change, and where the geometry is the same.
+    """
+    given, dt = options.dt != "auto", longest_step(scene, options)
+    opposite, own = STEPPERS[options.stepper].opposite, options.stepper
+    if (options.switching or default_switching(scene)) != "located":
+        opposite = ""
+    stable = LONGEST * stability_limit(scene, opposite)[0] if opposite else 0.0
+    turns = stable >= dt / 8
+    first = given and geometries[0] == geometries[-1] or stable < dt / 2
+    ways: list[Way] = []
+    for n, geometry in enumerate(geometries):
+        before, step = ways[-1] if ways else None, dt
+        if before and (geometry == before.geometry or not (turns or given)):
+            step = before.dt / 2
+        if turns and n % 2 == first:
+            ways.append(Way(geometry, opposite, min(step, stable)))
+        else:
+            ways.append(Way(geometry, own, step))
+    return ways
+
+
+def _of_way(
     scene: Scene, options: Options, engine: str, way: Way, accuracy: float, *, answers: bool
 ) -> Level:
     """Return the level of an engine with steps."""
@@ -233,19 +251,6 @@ def of_way(
     )
 
 
-def further(scene: Scene, options: Options, way: Way, own: Geometry) -> Way:
-    """Return the way of the next level: the opposite stepper if it is stable, or half the step.
-
-    With the same geometry it has both.
-    """
-    located = (options.switching or default_switching(scene)) == "located"
-    opposite = STEPPERS[way.stepper].opposite if located and options.stepper == "rk4" else ""
-    for dt in [way.dt] * (way.geometry != own) + [way.dt / 2]:
-        if opposite and dt <= LONGEST * stability_limit(scene, opposite)[0]:
-            return Way(own, opposite, dt)
-    return Way(own, way.stepper, way.dt / 2)
-
-
 def cannot(engine: str, scene: Scene) -> str:
     from pyfric.scene import SceneError
     from pyfric.statics import beyond_ladder, check_rests, check_sticks, check_ladder
@@ -259,6 +264,11 @@ def cannot(engine: str, scene: Scene) -> str:
 
 def _needs_steps(options: Options) -> bool:
     return bool(options.given().keys() & {"dt","switching","accuracy","sample","stepper","rtol","budget"} or options.geometry == "finite")
+
+
+def rotation(scene: Scene) -> float:
+    """Return the order of magnitude of what linear geometry leaves out, over F_N."""
+    return ROTATION * largest_strain(scene, float(np.max(scene.law.mean.mu_k)) * scene.F_N)
 
 
 def _moves(scene: Scene, options: Options) -> str:
@@ -276,23 +286,23 @@ def _no_statics(scene: Scene, options: Options) -> str:
     """Return why the quasi-static sequence tells nothing of what is wanted, "" if it does."""
     if options.want == "front_speed":
         return "it has no front speed"
+    if options.tolerance < STATIC:
+        return f"its error is of the order of {STATIC:g} F_N"
     return cannot("quasistatic", scene)
 
 
 def longest_step(scene: Scene, options: Options) -> float:
     """Return the step of the first level with steps, in s.
 
-    Its expected error is a share of the tolerance. Both steppers are stable with it, if the limit
-    of the opposite one is not less than half. It resolves weakening of friction if a step of the
-    last level can; otherwise friction drops at once at all levels.
+    Its expected error is a share of the tolerance. It resolves weakening of friction if a step of
+    the last level can; otherwise friction drops at once at all levels.
     """
     auto = step_size(scene, options.dt, options.stepper)
     error = step_error(scene, options.want, auto)
     if options.dt != "auto" or options.stepper != "rk4" or error == 0:
         return auto
     dt = auto * (SHARE * options.tolerance / error) ** 0.25
-    limit, opposite = (stability_limit(scene, name)[0] for name in ("rk4", "rk4_opposite"))
-    dt = min(dt, LONGEST * (opposite if limit / 2 <= opposite < limit else limit))
+    dt = min(dt, LONGEST * stability_limit(scene)[0])
     if scene.resolving_step >= dt / 2**HALVED:
         dt = min(dt, scene.resolving_step)
     digit = 10.0 ** (math.floor(math.log10(dt)) - 1)
@@ -360,13 +370,20 @@ def expected_work(scene: Scene, level: Level, lasts: float, before: Record | Non
         ratio, stepper = before.method.dt / level.dt, before.method.stepper
         full["block_evaluations"] += located(scene, counts, stepper)
         counts = finer_counts(scene, counts, ratio, stepper, level.stepper)
-    elif counts:
+    elif "static_events" in counts:
         share = min(EVENT_STEPS * counts["static_events"] / max(full["steps"], 1.0), 1.0)
         counts = {name: share * count for name, count in full.items()}
     whole = work(scene, level.geometry, full)
     if level.engine == "dynamic" or not counts:
         return first + whole
     return first + min(work(scene, level.geometry, counts), whole)
+
+
+def work_done(record: Record) -> float:
+    """Return the work of a run, in s."""
+    scene, method = record.scene, record.method
+    first = set_up(scene, method.engine, method.geometry).work
+    return first + work(scene, method.geometry, record.counts)
 
 
 @functools.lru_cache(maxsize=16)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 import sys
 import time
 from typing import TYPE_CHECKING, Any
@@ -30,7 +31,7 @@ from pyfric.engines import (
     step_size,
     work,
 )
-from pyfric.planning.levels import alone, expected_work, levels, of_named
+from pyfric.planning.levels import alone, expected_work, levels, of_named, work_done
 from pyfric.planning.pairs import Asked, Made, finest
 from pyfric.record import Record
 from pyfric.scene import (
@@ -61,6 +62,10 @@ if TYPE_CHECKING:
     from pyfric.planning.levels import Level
     from pyfric.scene import Number, Scene, SceneLike
 
+STATIC_SHARE = 0.25
+"""Largest work of a quasi-static sequence over that of full dynamics: a policy."""
+import os
+BUDGET = float(os.environ.get('BUD', '4'))
 LONG = 600.0
 """Expected duration above which a run prints a note before it starts, in s."""
 
@@ -270,13 +275,20 @@ def _begin(initial: State | Record | None) -> float:
 # --- levels --------------------------------------------------------------------------------------
 
 
+def _budget(asked: Asked, level: Level, runs: list[Made]) -> float:
+    """Return the largest work of all runs, in s: `BUDGET` times that of a run of this engine alone."""
+    alone = dataclasses.replace(level, stepper="rk4", dt=step_size(asked.scene))
+    lasts = asked.t_end - asked.t_begin
+    return BUDGET * expected_work(asked.scene, alone, lasts, runs[-1].record)
+
+
 class _Slower:
-    """Ends a quasi-static sequence that takes as long as full dynamics."""
+    """Ends a quasi-static sequence that takes more than `STATIC_SHARE` of full dynamics."""
 
     def __init__(self, asked: Asked) -> None:
         scene, lasts = asked.scene, asked.t_end - asked.t_begin
-        self.scene, self.most = scene, full_work(scene, "linear", step_size(scene), lasts)
-        self.ended = False
+        most = full_work(scene, "linear", step_size(scene), lasts)
+        self.scene, self.most, self.ended = scene, STATIC_SHARE * most, False
 
     def __call__(self, run: Any) -> bool:
         self.ended = work(self.scene, "linear", run.counts) > self.most
@@ -301,6 +313,14 @@ def leveled(asked: Asked, of: tuple[Level, ...], progress: object = None) -> Rec
     for level in todo:
         before = runs[-1].record if runs else None
         expected = expected_work(asked.scene, level, asked.t_end - asked.t_begin, before)
+        if len(runs) > 1 and (most := _budget(asked, level, runs)) < math.inf:
+            spent = sum(work_done(made.record) for made in runs)
+            if spent + expected > most:
+                notes.append(
+                    f"not made: {level}, which would take about {expected * machine_speed():.2g} s "
+                    f"(budget {most * machine_speed():.2g} s, spent {spent * machine_speed():.2g} s)"
+                )
+                break
         if level.engine == "hybrid":
             notes += _said(asked.scene, "hybrid", expected * machine_speed(), progress)
         start, how = time.perf_counter(), level.options(options)
@@ -312,7 +332,7 @@ def leveled(asked: Asked, of: tuple[Level, ...], progress: object = None) -> Rec
             notes.append(f"left out: {level} ({error})")
             continue
         if slower is not None and slower.ended:
-            notes.append(f"left out: {level} (it takes longer than full dynamics)")
+            notes.append(f"left out: {level} (events without end: it takes too long)")
             continue
         runs.append(Made(level, record, time.perf_counter() - start))
         if not record.done or options.verify == "none" or agreed:

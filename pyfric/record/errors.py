@@ -4,7 +4,8 @@ Each main event of either record (each event, as long as there are no main ones)
 event of the other one (`pairing`), also with one that begins after the shorter run has ended. An
 event that the other run has not had at its end differs by at least the force that this one has
 reached meanwhile; by how much more is not known, so that the comparison ends where that event
-begins. One that begins while the last event of the other run goes on to the end is part of that: a
+begins. It ends also where an event begins in which blocks slip again and again, in both runs at
+other times (`AGAIN`). One that begins while the last event of the other run goes on to the end is part of that: a
 pause near `t_gap` parts them. What goes on in one of the runs is compared as far as both know it:
 forces on the way in place of arrests, front speeds where both runs know the five rupture times of a
 block. A prescribed interface has no forces: its rupture times are compared. Where nothing slips in
@@ -42,6 +43,10 @@ NOT_VERIFIED = "errors not measured (a planned run, or verify = 'sample', measur
 SAME = 0.5
 """Events that share fewer than half of their blocks are not taken for one another, if one of them
 may be one that the other run has after its end: a policy."""
+AGAIN = 2.0
+"""Slips of each block in an event, on average, above which two runs that do not agree on them say
+nothing of its outcome: each slip is a decision. In the paper's scenes there are up to 1.12. A
+policy."""
 COVERED = 1e-6
 """Part of a run at its end that need not be compared: runs end at whole steps."""
 UNITS = {
@@ -208,8 +213,13 @@ class Differences(NamedTuple):
 
     @property
     def open(self) -> pd.Series:
-        """Whether each event is one that the other run has not had when it ends."""
+        """Whether it is not known by how much each event differs, shape (n,)."""
         return self.events["open"] > 0
+
+    @property
+    def lacking(self) -> pd.Series:
+        """Whether each event is one that the other run has not had when it ends, shape (n,)."""
+        return self.open & ((self.events["event"] == 0) | (self.events["other"] == 0))
 
     def before(self, t: float) -> Differences:
         """Return the differences of events that start before a time, in s."""
@@ -282,6 +292,8 @@ class _Pairs:
         theirs = self.partners["is_main"][self.partners["t_start"] <= covered]
         any_main = ours["is_main"].any() or theirs.any()
         self.ours = ours[ours["is_main"] | (not any_main)]
+        later = self.partners["is_main"] & (self.partners["t_start"] > covered)
+        self.partners = self.partners[later.cumsum() <= 1]  # up to the next main event
         self.force = float(np.interp(covered, b.curve["t"], b.curve["F_T"]))
 
     def rows(self) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -320,9 +332,10 @@ class _Pairs:
             "length": abs(event["L_p_over_L"] - partner["L_p_over_L"]) if ended else np.nan,
             "stress": self._stress(e, k, ended),
             "rupture": self._rupture(e, k, forces=bool(np.isfinite(start)), ended=ended),
-            "turned": self._turned(event, partner, ended),
+            "turned": (turned := self._turned(event, partner, ended)),
         }
-        return row, self._speeds(e, k, ended)
+        again = max(one["n_episodes"] / one["n_blocks"] for one in (event, partner))
+        return row | {"open": turned and again > AGAIN}, self._speeds(e, k, ended)
 
     def _turned(self, event: pd.Series, partner: pd.Series, ended: bool) -> bool:
         """Return whether an event slips other blocks than another one, or outlasts it.

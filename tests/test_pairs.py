@@ -74,7 +74,7 @@ class Known:
 
     def made(self, **options):
         scene = self.ladder.scene
-        options = Options(**options).on(scene)
+        options = Options(**{"cost": "1000 x"} | options).on(scene)
         asked = Asked(scene=scene, t_begin=0.0, t_end=1.5, options=options, run=self.run)
         of = levels(scene, options) if options.fidelity == "auto" else of_named(scene, options)
         return leveled(asked, of)
@@ -99,7 +99,7 @@ QUASISTATIC, LINEAR, FINITE = (
         ({"static": 0.04}, 0.03, [QUASISTATIC, LINEAR, FINITE]),
         ({"static": 0.04, "bonds": 0.01}, 0.02, [QUASISTATIC, LINEAR, FINITE]),
         ({"static": 0.4, "bonds": 0.04}, 0.02, [QUASISTATIC, LINEAR, FINITE, FINITE]),
-        ({"static": 0.4, "bonds": 0.4, "step": 0.1}, 0.02, [QUASISTATIC, LINEAR, *[FINITE] * 3]),
+        ({"static": 0.8, "bonds": 0.4, "step": 0.1}, 0.02, [QUASISTATIC, LINEAR, *[FINITE] * 3]),
     ],
 )
 def test_levels_are_made_until_two_agree_and_the_finer_one_is_returned(
@@ -118,12 +118,12 @@ def test_the_error_is_that_of_the_coarser_run(ladder):
     record = Known(ladder, static=0.04, bonds=0.001).made(tolerance=0.05)
     assert record.errors.start == pytest.approx(0.039)
     assert record.errors.by[0].startswith("quasistatic, linear geometry")
-    record = Known(ladder, static=0.4, bonds=0.4, step=1e-3).made(tolerance=0.01)
-    opposite, half = 1e-3 * 0.5**4, 1e-3
-    assert record.errors.start == pytest.approx(opposite + half, rel=1e-6)  # of opposite signs
-    known = Known(ladder, static=0.4, bonds=0.4, step=1e-3)
-    known.made(tolerance=0.01)
-    assert [stepper for *_, stepper, _ in known.asked[1:]] == ["rk4_opposite", "rk4", "rk4_opposite"]
+    known = Known(ladder, static=0.8, bonds=0.4, step=1e-3)
+    record = known.made(tolerance=0.01)
+    steppers, steps = zip(*[(stepper, dt) for *_, stepper, dt in known.asked[1:]], strict=True)
+    assert steppers == ("rk4_opposite", "rk4", "rk4_opposite")
+    off = [1e-3 * (dt / known.longest) ** 4 for dt in steps[1:]]
+    assert record.errors.start == pytest.approx(sum(off), rel=1e-6)  # of opposite signs
 
 
 def test_an_event_that_turned_has_a_factor_of_safety(ladder):
@@ -142,6 +142,20 @@ def test_an_event_that_turned_has_a_factor_of_safety(ladder):
     assert errors.factor == SAFETY
     assert errors.start == pytest.approx(SAFETY * 0.005)
     assert errors.holds is False
+
+
+def test_a_level_beyond_the_cost_is_not_made_and_said(ladder):
+    errors = {"static": 0.8, "bonds": 0.4}
+    for cost, levels_made in (("1 x", 2), ("1 us", 2), ("1000 x", 4), (1e3, 4)):
+        known = Known(ladder, **errors)
+        record = known.made(tolerance=0.01, cost=cost)
+        assert len(known.asked) == levels_made
+        said = [note for note in record.notes if note.startswith("not made: hybrid, finite")]
+        assert len(said) == (levels_made == 2)
+        assert record.errors.holds is (levels_made == 4)
+    for wrong in ("0 x", "0.5 x", "x", "3 y", -1.0, 0.0, True):
+        with pytest.raises(pyfric.SceneError, match=r"cost.*allowed: .*such as '3 x'|cost"):
+            Options(cost=wrong)
 
 
 def test_without_verification_one_level_is_made(ladder):

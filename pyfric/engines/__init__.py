@@ -31,6 +31,7 @@ from pyfric.engines.options import (
     check_steps,
     default_switching,
     kept,
+    multiple,
     step_size,
 )
 from pyfric.engines.pauses import coarser, longest_pause, pause_notes, relaxation_time

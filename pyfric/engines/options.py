@@ -86,6 +86,32 @@ class Step(Quantity):
         return value if _is_auto(value) else super().check(value, written)
 
 
+@dataclasses.dataclass(frozen=True)
+class Cost(Quantity):
+    """Annotation of a processor time, or of a multiple of that of a run, such as "3 x"."""
+
+    unit: str = "s"
+    gt: float | None = 0.0
+    optional: bool = True
+    note: str = ", or a multiple such as '3 x'"
+
+    def check(self, value: Any, written: Written | None = None) -> Any:
+        times = multiple(value)
+        if times is None:
+            return super().check(value, written)
+        return f"{check_number('', times, '', ge=1.0):g} x"
+
+
+def multiple(cost: Any) -> float | None:
+    """Return the number of a multiple such as "3 x", None for anything else."""
+    if not (isinstance(cost, str) and cost.rstrip().endswith("x")):
+        return None
+    try:
+        return float(cost.rstrip()[:-1])
+    except ValueError:
+        return None
+
+
 class Keywords(TypedDict, total=False):
     """Keyword arguments of `Options`. Numbers may be text with a unit, such as "1 us"."""
 
@@ -94,6 +120,7 @@ class Keywords(TypedDict, total=False):
     want: Want
     tolerance: Number
     verify: Verify | None
+    cost: Number | None
     geometry: Geometry | None
     stepper: StepperName
     switching: Switching | None
@@ -116,19 +143,23 @@ class Options:
     Args:
         fidelity: the engine. "dynamic" integrates everything. "hybrid" integrates events and jumps
             over the time between them. "quasistatic" leaves out inertia. "equilibrium" is the stuck
-            slider up to its first slip. "auto" takes the choice of `pyfric.plan` for `want` and
-            `tolerance`, among the engines that have all options given below.
+            slider up to its first slip. "auto" makes the levels of `pyfric.plan` for `want` and
+            `tolerance`; options given below hold for the run that is returned.
         method: "paper" means the method of the paper: RK4 with its uniform step (0.2 us in setup 1,
             0.09 us in setup 2), contacts that switch at step ends, and full dynamics unless
             `fidelity` is "hybrid". None means that the options below decide.
         want: the quantity that the run is made for; see `pyfric.plan`. Refused for an engine that
             is named, unless its errors are measured.
         tolerance: accepted error; see `pyfric.plan`. Refused like `want`.
-        verify: how the errors in `Record.errors` are measured. "sample": by a reference run within
-            a budget of work, twice that of the run and half a second. "full": by a run in finite
-            geometry with a quarter of the step, and a run whose driver is faster by 1e-9 relative.
-            "none": not at all. None means "none" for a named engine. For fidelity = "auto", None
-            means "sample", and the run is refined if its errors exceed the tolerance.
+        verify: how the errors in `Record.errors` are measured. "sample": the run is made at levels
+            (`pyfric.plan`) until two that follow each other agree within the tolerance; the finer
+            one is returned. A run whose engine is named is returned as it is, and compared with one
+            of half the step in finite geometry. "full": a level more, and a run whose driver is
+            faster by 1e-9 relative. "none": one run, without errors. None means "none" for a named
+            engine, and "sample" for fidelity = "auto".
+        cost: largest processor time of a run with its verification, in s, or a multiple of that of
+            the run alone, such as "3 x". A level that is expected to exceed it is not made, and the
+            record says so. The first two levels are made whatever they cost. None means "4 x".
         geometry: "finite" (as in the paper) or "linear". None leaves the choice to the plan.
             Without a plan None means "finite", or "linear" for a chain and for static engines.
         stepper: "rk4": classical RK4, order 4 (the paper's). "rk4_opposite": order 4, with errors
@@ -147,7 +178,7 @@ class Options:
             k_f and k_top. None means 1e-6.
         dt: time step in s, or "auto" (see `step_size`; with a plan, its step).
         accuracy: error over F_N that jumps of the hybrid engine may cause in forces of events. None
-            means 1e-6, or with a plan a quarter of the tolerance, at most 1e-3.
+            means 1e-6, or that of the level (`pyfric.plan`).
         budget: whether to keep the energy budget, as columns of the curve; full dynamics only. None
             means yes for fidelity = "dynamic".
         sample: time between two points of the loading curve, in s; None means 5000 points. Static
@@ -171,6 +202,7 @@ class Options:
     want: Want = "precursors"
     tolerance: Annotated[float, Positive("", le=1.0)] = 0.01
     verify: Verify | None = None
+    cost: Annotated[float | str | None, Cost()] = None
     geometry: Geometry | None = None
     stepper: StepperName = "rk4"
     switching: Switching | None = None
@@ -365,7 +397,7 @@ def check_kept(scene: Scene, method: Method, given: Mapping[str, Any]) -> None:
         if not same:
             allowed = "what the record that is continued was made with, or no such option"
             raise SceneError(name, value, mark.unit, allowed, "cannot change")
-    for name in ("want", "tolerance", "verify"):
+    for name in ("want", "tolerance", "verify", "cost"):
         if given.get(name) not in (None, "none"):
             allowed = "none: a run that goes on keeps its model, and its errors are not measured"
             raise SceneError(name, given[name], "", allowed, "has no effect")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
 import sys
 import time
 from typing import TYPE_CHECKING, Any
@@ -26,6 +25,7 @@ from pyfric.engines import (
     integrate,
     kept,
     machine_speed,
+    multiple,
     pause_notes,
     static_sequence,
     step_size,
@@ -64,8 +64,8 @@ if TYPE_CHECKING:
 
 STATIC_SHARE = 0.25
 """Largest work of a quasi-static sequence over that of full dynamics: a policy."""
-import os
-BUDGET = float(os.environ.get('BUD', '4'))
+COST = "4 x"
+"""Default of the option `cost`: a policy."""
 LONG = 600.0
 """Expected duration above which a run prints a note before it starts, in s."""
 
@@ -178,7 +178,7 @@ def check_run(scene: Scene, options: Options, given: Mapping[str, Any] | None = 
     """
     named = options.fidelity != "auto" and options.verify in (None, "none")
     for name, value in (options.given() if given is None else given).items():
-        if named and name in ("want", "tolerance"):
+        if named and name in ("want", "tolerance", "cost"):
             allowed = f"none with fidelity = {options.fidelity!r}: it chooses a model, or judges "
             allowed += "errors that verify measures"
             raise SceneError(name, value, "", allowed, "has no effect")
@@ -275,11 +275,14 @@ def _begin(initial: State | Record | None) -> float:
 # --- levels --------------------------------------------------------------------------------------
 
 
-def _budget(asked: Asked, level: Level, runs: list[Made]) -> float:
-    """Return the largest work of all runs, in s: `BUDGET` times that of a run of this engine alone."""
+def _most(asked: Asked, level: Level, before: Record) -> float:
+    """Return the largest work of all runs, in s; a multiple is of a run of this engine alone."""
+    cost = asked.options.cost or COST
+    times = multiple(cost)
+    if times is None:
+        return float(cost) / machine_speed()
     alone = dataclasses.replace(level, stepper="rk4", dt=step_size(asked.scene))
-    lasts = asked.t_end - asked.t_begin
-    return BUDGET * expected_work(asked.scene, alone, lasts, runs[-1].record)
+    return times * expected_work(asked.scene, alone, asked.t_end - asked.t_begin, before)
 
 
 class _Slower:
@@ -313,12 +316,13 @@ def leveled(asked: Asked, of: tuple[Level, ...], progress: object = None) -> Rec
     for level in todo:
         before = runs[-1].record if runs else None
         expected = expected_work(asked.scene, level, asked.t_end - asked.t_begin, before)
-        if len(runs) > 1 and (most := _budget(asked, level, runs)) < math.inf:
-            spent = sum(work_done(made.record) for made in runs)
+        if len(runs) > 1 and options.verify != "full":
+            most, spent = _most(asked, level, before), sum(work_done(made.record) for made in runs)
             if spent + expected > most:
+                seconds = [f"{one * machine_speed():.2g} s" for one in (expected, spent, most)]
                 notes.append(
-                    f"not made: {level}, which would take about {expected * machine_speed():.2g} s "
-                    f"(budget {most * machine_speed():.2g} s, spent {spent * machine_speed():.2g} s)"
+                    f"not made: {level}, which would take about {seconds[0]}: {seconds[1]} of "
+                    f"{seconds[2]} are spent (option cost)"
                 )
                 break
         if level.engine == "hybrid":

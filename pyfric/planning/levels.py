@@ -81,11 +81,13 @@ ALONE = ((0.1, 0), (0.02, 1), (0.0, 2))
 quasi-static sequence is off by up to 0.04 F_N in the paper's scenes, linear geometry by 0.005."""
 
 
+ROTATION_OF_BONDS = "rotation of bonds"
 MOVING = 0.8
 """Front speed over the limiting one, c_R or the speed of sound in a chain, at which plans state the
 length of the cohesive zone, too: a definition."""
-EVENT_STEPS = 60.0
-"""Steps of the hybrid engine for an event, counted."""
+EVENT_STEPS = 800.0
+"""Work of the hybrid engine for each main event, in steps: 500 to 2000 in 40 scenes, whatever their
+size and step."""
 PILOT = 0.5
 """Largest work of the sequence by which costs are expected, in s: a policy."""
 
@@ -121,14 +123,6 @@ class Level:
         if self.accuracy is not None:
             words.append(f"jumps within {self.accuracy:.1g} F_N")
         return ", ".join(words)
-
-    @property
-    def left_out(self) -> str:
-        """What the model leaves out."""
-        words = [*ENGINES[self.engine].leaves_out]
-        if self.geometry == "linear" and "rotation of bonds" not in words:
-            words.append("rotation of bonds")
-        return "; ".join(words) or "nothing"
 
     def options(self, asked: Options) -> Options:
         """Return the options of its run."""
@@ -214,8 +208,8 @@ def _ways(scene: Scene, options: Options, geometries: Sequence[Geometry]) -> lis
     The step is halved where neither geometry nor stepper change, and where the geometry is the same.
     """
     given, dt = options.dt != "auto", longest_step(scene, options)
-    opposite, own = STEPPERS[options.stepper].opposite, options.stepper
-    if (options.switching or default_switching(scene)) != "located":
+    opposite, own = STEPPERS["rk4"].opposite, options.stepper
+    if own != "rk4" or (options.switching or default_switching(scene)) != "located":
         opposite = ""
     stable = LONGEST * stability_limit(scene, opposite)[0] if opposite else 0.0
     turns = stable >= dt / 8
@@ -352,9 +346,6 @@ def alone(of: tuple[Level, ...], tolerance: float) -> Level:
 def expected_work(scene: Scene, level: Level, lasts: float, before: Record | None) -> float:
     """Return the expected work of a run at a level, in s, from the counts of another run.
 
-    The hybrid engine makes `EVENT_STEPS` steps for each event of a quasi-static sequence, and at
-    most as many as full dynamics.
-
     Args:
         scene: the scene.
         level: the level.
@@ -370,13 +361,32 @@ def expected_work(scene: Scene, level: Level, lasts: float, before: Record | Non
         ratio, stepper = before.method.dt / level.dt, before.method.stepper
         full["block_evaluations"] += located(scene, counts, stepper)
         counts = finer_counts(scene, counts, ratio, stepper, level.stepper)
-    elif "static_events" in counts:
-        share = min(EVENT_STEPS * counts["static_events"] / max(full["steps"], 1.0), 1.0)
-        counts = {name: share * count for name, count in full.items()}
-    whole = work(scene, level.geometry, full)
-    if level.engine == "dynamic" or not counts:
-        return first + whole
-    return first + min(work(scene, level.geometry, counts), whole)
+    else:
+        events = int(before.events["is_main"].sum()) if before is not None else 0
+        times = EVENT_STEPS * (1 + events) / max(full["steps"], 1.0)
+        counts = {name: count * times for name, count in full.items()}
+    return first + work(scene, level.geometry, full if level.engine == "dynamic" else counts)
+
+
+def as_made(scene: Scene, level: Level, lasts: float, before: Record | None) -> Level:
+    """Return a level with full dynamics if jumps are not expected to spare work.
+
+    The arguments are those of `expected_work`. In scenes of a paper the hybrid engine takes
+    `EVENT_STEPS` steps for each main event.
+    """
+    full = dataclasses.replace(level, engine="dynamic", accuracy=None)
+    spares = level.engine != "hybrid" or expected_work(scene, level, lasts, before) < expected_work(
+        scene, full, lasts, before
+    )
+    return level if spares else full
+
+
+def left_out(scene: Scene, level: Level) -> str:
+    """Return what a level leaves out, in words."""
+    words = [word for word in ENGINES[level.engine].leaves_out if word != ROTATION_OF_BONDS]
+    if level.geometry != default_geometry(scene):
+        words.append(ROTATION_OF_BONDS)
+    return "; ".join(words) or "nothing"
 
 
 def work_done(record: Record) -> float:
@@ -415,6 +425,7 @@ class Plan:
         want: the quantity that the run is made for.
         tolerance: accepted error, over F_N (relative error for front speeds).
         levels: the levels, the cheapest first, with those that cannot run.
+        left_out: what each of them leaves out.
         seconds: expected time of each on one core of this machine, in s.
         alone: the level that is made where no errors are measured.
         t_end: time at which the run is expected to end, in s.
@@ -425,6 +436,7 @@ class Plan:
     want: Want
     tolerance: float
     levels: tuple[Level, ...]
+    left_out: tuple[str, ...]
     seconds: tuple[float, ...]
     alone: Level
     t_end: float
@@ -435,13 +447,14 @@ class Plan:
             f"for {self.want} within {self.tolerance:g}, to about {self.t_end:.3g} s: levels are "
             "made until two that follow each other agree; the finer one is the answer"
         ]
-        for number, (level, seconds) in enumerate(zip(self.levels, self.seconds, strict=True), 1):
+        rows = zip(self.levels, self.left_out, self.seconds, strict=True)
+        for number, (level, left_out, seconds) in enumerate(rows, 1):
             if level.cannot:
                 lines.append(f"-  {level.engine}: left out ({level.cannot})")
                 continue
             role = "" if level.answers else " (measures errors alone)"
             lines.append(f"{number}  {level}: about {seconds:.2g} s{role}")
-            lines.append(f"   models {ENGINES[level.engine].models}; leaves out {level.left_out}")
+            lines.append(f"   models {ENGINES[level.engine].models}; leaves out {left_out}")
         lines.append(f"without errors (verify = 'none'): {self.alone}")
         return "\n".join([*lines, *([f"lattice: {self.lattice}"] if self.lattice else ())])
 
@@ -487,6 +500,7 @@ def plan(
     first = pilot(scene, t_end, options.stop_when)
     if first is not None and first.done:
         t_end = min(t_end, float(first.curve["t"].iloc[-1]))
+    found = tuple(as_made(scene, level, t_end, first) for level in found)
     speed = machine_speed()
     seconds = [speed * expected_work(scene, level, t_end, first) for level in found]
     single = alone(found, tolerance)
@@ -494,6 +508,7 @@ def plan(
         want=want,
         tolerance=tolerance,
         levels=found,
+        left_out=tuple(left_out(scene, level) for level in found),
         seconds=tuple(seconds),
         alone=single,
         t_end=t_end,
@@ -528,7 +543,7 @@ def _lattice(scene: Scene, options: Options, seconds: float) -> str:
 def expected_cost(scene: Scene, t_end: float, options: Options) -> tuple[float, float]:
     """Return the expected time of a run to t_end (s) in s, and the size of its record in bytes.
 
-    A planned run is expected to make the level of its tolerance and the next one.
+    A planned run is expected to make all levels up to that of its tolerance, at least two.
     """
     options = options.on(scene)
     first = pilot(scene, t_end, options.stop_when)
@@ -536,8 +551,9 @@ def expected_cost(scene: Scene, t_end: float, options: Options) -> tuple[float, 
         t_end = min(t_end, float(first.curve["t"].iloc[-1]))
     if options.fidelity == "auto":
         found = [level for level in levels(scene, options) if not level.cannot]
-        last = found.index(alone(found, options.tolerance)) + (options.verify != "none")
-        found = found[last:] if options.verify == "none" else found[: last + 1]
+        single = alone(found, options.tolerance)
+        most = max(found.index(single) + 1, 2)
+        found = [single] if options.verify == "none" else found[:most]
     else:
         found = [*of_named(scene, options)][: 1 if options.verify in (None, "none") else 2]
     made = sum(expected_work(scene, level, t_end, first) for level in found)

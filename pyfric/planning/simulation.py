@@ -31,7 +31,7 @@ from pyfric.engines import (
     step_size,
     work,
 )
-from pyfric.planning.levels import alone, expected_work, levels, of_named, work_done
+from pyfric.planning.levels import alone, as_made, expected_work, levels, of_named, work_done
 from pyfric.planning.pairs import Asked, Made, finest
 from pyfric.record import Record
 from pyfric.scene import (
@@ -313,9 +313,12 @@ def leveled(asked: Asked, of: tuple[Level, ...], progress: object = None) -> Rec
         todo = todo[todo.index(alone(of, options.tolerance)) :]
     runs: list[Made] = []
     agreed, failed = False, None
-    for level in todo:
-        before = runs[-1].record if runs else None
-        expected = expected_work(asked.scene, level, asked.t_end - asked.t_begin, before)
+    for asked_level in todo:
+        before, lasts = runs[-1].record if runs else None, asked.t_end - asked.t_begin
+        level = asked_level
+        if options.fidelity == "auto":
+            level = as_made(asked.scene, asked_level, lasts, before)
+        expected = expected_work(asked.scene, level, lasts, before)
         if len(runs) > 1 and options.verify != "full":
             most, spent = _most(asked, level, before), sum(work_done(made.record) for made in runs)
             if spent + expected > most:

@@ -29,7 +29,7 @@ if hasattr(signal, "SIGHUP"):
 LAPACK = (
     *("banded", "chart", "choice", "claims", "coarse", "complementarity", "condensation"),
     *("constants", "contact", "creep", "creeping", "crossing", "dashpots", "disorder"),
-    *("equilibrium", "fields", "figures", "finer", "fronts", "guard", "hybrid", "lattice"),
+    *("equilibrium", "fields", "figures", "finer", "fronts", "guard", "hybrid", "jump", "lattice"),
     *("laws", "measured_errors", "methods", "nucleation", "off_box", "operators", "pauses"),
     *("prescribed", "protocol", "quasistatic", "reference", "regimes", "relaxation"),
     *("resolution", "simulation", "spacetime", "stability", "stopping", "theory"),

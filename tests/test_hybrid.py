@@ -18,7 +18,7 @@ from tolerances import CURVE, FORCE, FORCE_FINITE, FORCE_STRAINED, REPRODUCED, S
 import pyfric
 from pyfric import core
 from pyfric.core import OPEN
-from pyfric.engines import hybrid, modes
+from pyfric.engines import hybrid, space
 from pyfric.record import Record
 from pyfric.scene import SceneError, chain, preset, setup1, setup2
 from pyfric.statics import (
@@ -435,7 +435,7 @@ def test_where_no_modes_are_found_the_remainder_holds_all(monkeypatch):
 
     scene = free()
     a = step(scene, 0.02, geometry="linear")
-    monkeypatch.setattr(modes, "eigsh", fail)
+    monkeypatch.setattr(space, "eigsh", fail)
     b = jump(scene, 0.02, geometry="linear")
     assert len(a.events) > 0
     check_same_events(a, b, 10 * FORCE)
@@ -519,11 +519,11 @@ def test_errors_of_rates_fall_as_a_wait_assumes():
     rng, s, later = np.random.default_rng(0), 1e-3, 1e-8
     off, gaps = rng.random(5), rng.normal(size=(4, 5)) + 1j * rng.normal(size=(4, 5))
     a, growth = rng.normal(size=5) + 0j, -rng.uniform(1e2, 1e4, 5) + 1e4j
-    system, which = SimpleNamespace(gaps=gaps, off=off), np.arange(5)
+    which = np.arange(5)
 
     def late(a):
-        ringing = SimpleNamespace(a=a, growth=growth)
-        return hybrid.Jump._late(SimpleNamespace(system=system, ringing=ringing), s, which)
+        ringing = SimpleNamespace(gaps=gaps * a, off=off, growth=growth)
+        return hybrid.Jump._late(SimpleNamespace(ringing=ringing), s, which)
 
     (before, decay), (after, _) = late(a), late(a * np.exp(growth * later))
     assert decay == pytest.approx(np.log(before / after) / later, rel=1e-3)
@@ -573,8 +573,8 @@ def test_what_modes_leave_during_a_jump_is_estimated(name):
 def test_a_slow_driver_is_no_slower(wrong, monkeypatch):
     """5e8 steps between events. If the prediction is bad on purpose, jumps are halved."""
     if wrong:
-        found = modes.Linearised.latest_drift.func
-        monkeypatch.setattr(modes.Linearised.latest_drift, "func", lambda of: 300.0 * found(of))
+        start = space.Space.drift.func
+        monkeypatch.setattr(space.Space.drift, "func", lambda of: 300.0 * start(of))
     scene = preset("fig1", l=5e-3, V=1e-7)
     how = {"fidelity": "hybrid", "geometry": "finite", "accuracy": 1e-3, "progress": False}
     made = pyfric.simulate(scene, 1e4, **how)

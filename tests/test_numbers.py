@@ -56,7 +56,7 @@ KINDS = {
         "choice": "PHASE OVERDAMPED",
         "cost": "BEYOND",
         "creeping": "APART",
-        "modes": "LANCZOS SLOWEST",
+        "space": "LANCZOS SLOWEST",
         "pilot": "NEARBY",
         "pauses": "SLOWEST",
         "lattice": "DIRECTIONS",

@@ -25,7 +25,8 @@ from pyfric.engines.creeping import Creeping
 from pyfric.engines.dynamic import Run
 from pyfric.engines.integration import just_after, last_step
 from pyfric.engines.jump import TRY, Jump, Landing, Outside, Stale, Wait, at, path_from, rest
-from pyfric.engines.modes import N_MODES, Linearised
+from pyfric.engines.modes import Modes, modes_of
+from pyfric.engines.space import N_MODES, Space
 from pyfric.statics import Memory, RememberedStates, Static
 
 if TYPE_CHECKING:
@@ -50,7 +51,11 @@ many steps as the last attempt takes were made or spared."""
 
 
 class RestStates:
-    """Static states at fixed contact states, with a memory of earlier solutions.
+    """Static states at fixed contact states, and all that later jumps take from earlier ones.
+
+    Remembered are the modes at the tangent of the last jump that needed a new one, and where
+    searches for static states and their derivatives start. What a jump returns depends on all this
+    within its accuracy in finite geometry, and in linear geometry within rounding.
 
     Args:
         solver: static states of the scene in its geometry.
@@ -63,33 +68,39 @@ class RestStates:
         self.known, self.dt, self.stepper, self.made = solver, dt, stepper, made
         self._loaded = ~solver.loaded.open
         room = core.available() / set_up(solver.scene, "hybrid", solver.geometry).bytes
-        self._systems: Memory[Linearised] = Memory(int(min(max(room, 1), KEPT)))
-        paths = PATHS / (3 * 8 * len(solver.arm))
-        self._rests: Memory[tuple[float, np.ndarray]] = Memory(int(max(paths, 1)))
-        self._latest: dict[bytes, np.ndarray] = {}
+        self._modes: Memory[Modes] = Memory(int(min(max(room, 1), KEPT)))
+        paths = int(max(PATHS / (3 * 8 * len(solver.arm)), 1))
+        self._rests: Memory[tuple[float, np.ndarray]] = Memory(paths)
+        self._latest: Memory[np.ndarray] = Memory(paths)
+        self._drifts: Memory[np.ndarray] = Memory(paths)
 
-    def system(self, stuck: np.ndarray) -> Linearised:
-        """Return the slider linearised at these contact states."""
-        return self._systems.made(stuck.tobytes(), lambda: self._linearised(stuck))
+    def modes(self, stuck: np.ndarray) -> Modes:
+        """Return the modes of the slider at these contact states."""
+        return self._modes.made(stuck.tobytes(), lambda: self._found(stuck))
 
-    def _linearised(self, stuck: np.ndarray) -> Linearised:
+    def _found(self, stuck: np.ndarray) -> Modes:
         """Extend the space of the loaded slider, if few of its blocks were released."""
         self.made["modal_bases"] += 1
         if (stuck == self._loaded).all():
-            return self._of_loaded
+            return modes_of(self._of_loaded, self.dt, self.stepper)
         released = self._loaded & ~stuck
         cheap = EXTRA * released.sum() <= N_MODES and not (stuck & ~self._loaded).any()
         near = self._of_loaded if cheap else None
-        return Linearised(self.known, stuck, self.dt, near, stepper=self.stepper)
+        return modes_of(Space(self.known, stuck, near), self.dt, self.stepper)
 
     @functools.cached_property
-    def _of_loaded(self) -> Linearised:
-        return Linearised(self.known, self._loaded, self.dt, stepper=self.stepper)
+    def _of_loaded(self) -> Space:
+        return Space(self.known, self._loaded)
 
-    def renew(self, stuck: np.ndarray, q: np.ndarray) -> Linearised:
-        """Return the slider linearised at a state q, and keep it for later calls of `system`."""
-        renewed = self._systems[stuck.tobytes()] = self.system(stuck).at(q)
+    def renew(self, stuck: np.ndarray, q: np.ndarray) -> Modes:
+        """Return the modes at the tangent of a state q, and keep them for later calls."""
+        renewed = self._modes[stuck.tobytes()] = self.modes(stuck).at(q)
         return renewed
+
+    def drift(self, stuck: np.ndarray) -> np.ndarray:
+        """Return dq/d(drive), shape (n_q,), at the end of the last jump, or of the loaded state."""
+        found = self._drifts.get(stuck.tobytes())
+        return self.modes(stuck).space.drift if found is None else found
 
     def at(
         self,
@@ -105,8 +116,9 @@ class RestStates:
         The search starts on the path of a state with the same blocks at the same positions. If
         there is none, it starts at `near` (m), or at the latest state with the same contact states.
         """
-        system, key = self.system(stuck), stuck.tobytes()
-        place = key, u_x[system.held].tobytes()
+        modes, key = self.modes(stuck), stuck.tobytes()
+        held = modes.space.held
+        place = key, u_x[held].tobytes()
         if place in self._rests:
             drive_0, path = self._rests[place]
             q = at(path, drive - drive_0)
@@ -116,20 +128,28 @@ class RestStates:
             q = self._latest[key].copy()
         else:
             q = self.known.coordinates(self.known.loaded.u, self.known.loaded.rod)
-        q[system.held] = u_x[system.held]
-        found = rest(system, q, drive, load, enough)
+        q[held] = u_x[held]
+        found = rest(modes, q, drive, load, enough)
         if found is not None:
-            self._latest[key] = found[0]
-            path = np.array([found[0], system.latest_drift, np.zeros_like(found[0])])
+            self._keep(self._latest, key, found[0])
+            path = np.array([found[0], self.drift(stuck), np.zeros_like(found[0])])
             self._rests.made(place, lambda: (drive, path))
         return found
 
-    def keep(self, u_x: np.ndarray, stuck: np.ndarray, jump: Jump) -> None:
+    def keep(self, u_x: np.ndarray, stuck: np.ndarray, landing: Landing) -> None:
         """Keep the path of a jump if only the driver moves: static states lie on this path."""
-        outside = jump.outside
+        jump, key = landing.jump, stuck.tobytes()
+        outside, drift = jump.outside, jump.drift_at(landing.n * self.dt)
+        if drift is not None:
+            self._keep(self._drifts, key, drift)
         if outside.steady and outside.V and not any(outside.gain):
             path = jump.path.q / np.array([[1.0], [outside.V], [outside.V**2]])
-            self._rests[stuck.tobytes(), u_x[stuck].tobytes()] = outside.drive, path
+            self._rests[key, u_x[stuck].tobytes()] = outside.drive, path
+
+    @staticmethod
+    def _keep(memory: Memory[np.ndarray], key: bytes, value: np.ndarray) -> None:
+        memory.pop(key, None)
+        memory.made(key, lambda: value)
 
     def solve(
         self,
@@ -261,11 +281,11 @@ class HybridRun(Run):
         start = self.rests.at(*where, self.accuracy, q)
         if start is None:
             return self.least
-        system = self.rests.system(stuck)
-        landing = self._landing(system, outside, start, n_max)
+        modes = self.rests.modes(stuck)
+        landing = self._landing(modes, outside, start, n_max)
         if isinstance(landing, Stale):
-            system = self.rests.renew(stuck, start[0])
-            landing = self._landing(system, outside, start, n_max)
+            modes = self.rests.renew(stuck, start[0])
+            landing = self._landing(modes, outside, start, n_max)
         if not isinstance(landing, Landing):
             return landing.steps
         self._sample_jump(landing, outside)
@@ -273,9 +293,9 @@ class HybridRun(Run):
         n = self._ends_after(landing.n)
         end = state.step + n
         if n:
-            landing = self._landing(system, outside, start, n)
+            landing = self._landing(modes, outside, start, n)
         if isinstance(landing, Landing):
-            self._land(landing, system)
+            self._land(landing, modes.space)
         while state.step < end:
             self.call(end - state.step)
         return 1 if full else TRY
@@ -307,8 +327,10 @@ class HybridRun(Run):
         landing = None
         self.made["attempts"] += 1
         if n_max > 0:
-            held = functools.partial(self.rests.system, state.mode != OPEN)
-            landing = self.creeping.land(state, self._speed(), held, state.step + n_max)
+            stuck = state.mode != OPEN
+            landing = self.creeping.land(
+                state, self._speed(), lambda: self.rests.modes(stuck), state.step + n_max
+            )
         self.made["slides"] += 1
         if landing is None or landing.n < min(n_max, TRY):
             return TRY
@@ -327,18 +349,19 @@ class HybridRun(Run):
 
     def _landing(
         self,
-        system: Linearised,
+        modes: Modes,
         outside: Outside,
         start: tuple[np.ndarray, np.ndarray],
         n_max: int,
     ) -> Landing | Wait | Stale:
         """Return the end of a jump from the present state, or a reason to wait."""
-        state, path = self.state, path_from(system, outside, *start)
+        state, drift = self.state, self.rests.drift(modes.space.stuck)
+        path = path_from(modes, outside, *start, drift)
         q, v = self._coordinates()
         behind, slower = path.q[0] + path.lag[0], path.q[1] + path.lag[1]
-        motion = system.split(q - behind, v - slower)
+        motion = modes.split(q - behind, v - slower)
         how = {"dt": state.dt, "accuracy": self.accuracy, "least": self.least}
-        jump = Jump(system, outside, path, motion, state.t - state.t_0, **how)
+        jump = Jump(modes, outside, path, motion, state.t - state.t_0, **how)
         landing = jump.land(n_max)
         self.made["landings"] += jump.predicted
         return landing
@@ -356,13 +379,13 @@ class HybridRun(Run):
         stretch = outside.drive_at(s) - scene.d * moved
         self.history.add(np.column_stack([t, scene.driver.K * stretch]))
 
-    def _land(self, landing: Landing, system: Linearised) -> None:
+    def _land(self, landing: Landing, space: Space) -> None:
         """Set the state to the end of a jump."""
-        state, n = self.state, len(system.held)
-        self.rests.keep(state.y[0, 0], system.stuck, landing.jump)
+        state, n = self.state, len(space.held)
+        self.rests.keep(state.y[0, 0], space.stuck, landing)
         self._put(landing.q, landing.v, state.y[0, 0].copy(), landing.n)
         state.margin[:] = 0.0
-        state.margin[system.held] = np.minimum(landing.gaps[:n], landing.gaps[n : 2 * n])
+        state.margin[space.held] = np.minimum(landing.gaps[:n], landing.gaps[n : 2 * n])
 
     def _put(self, q: np.ndarray, v: np.ndarray, u_x: np.ndarray, n: int) -> None:
         """Set coordinates q and rates v, n steps later; stuck blocks stay at u_x."""

@@ -19,7 +19,7 @@ def linearised(geometry):
     solver = StaticSolver(SCENE, geometry)
     modes = modes_of(Space(solver, ~solver.loaded.open), DT)
     q = solver.coordinates(solver.loaded.u, solver.loaded.rod)
-    start = rest(modes, q, 0.0, None, 1e-9 * SCENE.F_N)
+    *start, _ = rest(modes, q, 0.0, None, 1e-9 * SCENE.F_N)
     v = np.zeros(len(q))
     v[modes.space.free] = np.random.default_rng(1).standard_normal(len(modes.space.free))
     return modes, start, v

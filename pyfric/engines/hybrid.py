@@ -53,9 +53,9 @@ many steps as the last attempt takes were made or spared."""
 class RestStates:
     """Static states at fixed contact states, and all that later jumps take from earlier ones.
 
-    Remembered are the modes at the tangent of the last jump that needed a new one, and where
-    searches for static states and their derivatives start. What a jump returns depends on all this
-    within its accuracy in finite geometry, and in linear geometry within rounding.
+    Remembered are the modes at the tangent of the last jump that needed a new one, where searches
+    for static states and their derivatives start, and how fast they converge. What a jump returns
+    depends on this within its accuracy in finite geometry, and in linear geometry within rounding.
 
     Args:
         solver: static states of the scene in its geometry.
@@ -73,6 +73,7 @@ class RestStates:
         self._rests: Memory[tuple[float, np.ndarray]] = Memory(paths)
         self._latest: Memory[np.ndarray] = Memory(paths)
         self._drifts: Memory[np.ndarray] = Memory(paths)
+        self._contractions: dict[bytes, float] = {}
 
     def modes(self, stuck: np.ndarray) -> Modes:
         """Return the modes of the slider at these contact states."""
@@ -129,12 +130,14 @@ class RestStates:
         else:
             q = self.known.coordinates(self.known.loaded.u, self.known.loaded.rod)
         q[held] = u_x[held]
-        found = rest(modes, q, drive, load, enough)
-        if found is not None:
-            self._keep(self._latest, key, found[0])
-            path = np.array([found[0], self.drift(stuck), np.zeros_like(found[0])])
-            self._rests.made(place, lambda: (drive, path))
-        return found
+        found = rest(modes, q, drive, load, enough, self._contractions.pop(key, 1.0))
+        if found is None:
+            return None
+        q, forces, self._contractions[key] = found
+        self._keep(self._latest, key, q)
+        path = np.array([q, self.drift(stuck), np.zeros_like(q)])
+        self._rests.made(place, lambda: (drive, path))
+        return q, forces
 
     def keep(self, u_x: np.ndarray, stuck: np.ndarray, landing: Landing) -> None:
         """Keep the path of a jump if only the driver moves: static states lie on this path."""

@@ -163,8 +163,9 @@ def rest(
     drive: float,
     load: tuple[float, float] | None,
     enough: float,
-) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return the static state at fixed contact states, and the forces there.
+    contraction: float = 1.0,
+) -> tuple[np.ndarray, np.ndarray, float] | None:
+    """Return the static state at fixed contact states, the forces there, and the contraction.
 
     Args:
         modes: the slider at these contact states.
@@ -172,29 +173,30 @@ def rest(
         drive: displacement of the driver since t = 0, in m.
         load: F_N and T, in N; None means those at t = 0.
         enough: accepted error of gap functions, in N.
+        contraction: expected factor by which an iteration reduces the error.
 
     Returns:
-        q (m) and forces (N), shape (n_q,); None if the iteration does not converge fast.
+        q (m) and forces (N), shape (n_q,), and the contraction that was observed last; None if the
+        iteration does not converge fast.
     """
-    space, K, before, contraction = modes.space, modes.tangent.K, math.inf, 1.0
+    space, K, before = modes.space, modes.tangent.K, math.inf
+    contraction = contraction if space.solver.geometry == "finite" else 0.0
     for _ in range(ROUNDS):
         force = space.forces(q, drive, load)
         left = force.copy()
         left[space.held] = 0.0
         if np.abs(left).sum() <= enough:  # contact forces can change by no more
-            return q, force
+            return q, force, contraction
         shift = space.answer(left)
         change = K @ shift
         error = float(np.abs(modes.gap_functions.at(shift, -change[space.held])).max())
         q, force = q + shift, force - change
         if math.isfinite(before):
             contraction = error / before if before > 0 else 0.0
-        elif space.solver.geometry == "linear":
-            contraction = 0.0
         if not contraction <= 1.0:
             return None
         if error * contraction <= enough:
-            return q, force
+            return q, force, contraction
         before = error
     return None
 

@@ -56,10 +56,10 @@ def coarse_curves(monkeypatch):
 
 @pytest.fixture
 def free_attempts(monkeypatch):
-    """Jumps wherever they are possible: on small lattices attempts cost more than they spare."""
+    """Attempts to jump for six steps, whatever they take: on small lattices more than they spare."""
     from pyfric.engines.hybrid import HybridRun
 
-    monkeypatch.setattr(HybridRun, "_as_steps", lambda self, counts: 0.0)
+    monkeypatch.setattr(HybridRun, "_as_steps", lambda self, counts: 6.0)
 
 
 def pytest_collection_finish():

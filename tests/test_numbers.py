@@ -17,7 +17,7 @@ KINDS = {
         "cost": "POINTS TIMED FASTEST SLOWEST",
         "dynamic": "CALL_SECONDS STATIC_SECONDS STATIC_SHARE SHOWN OPEN_BUDGET",
         "jump": "CORRECTED",
-        "hybrid": "MOSTLY SPENT BALANCED EXTRA",
+        "hybrid": "MOSTLY SPENT BALANCED",
         "integration": "FOLDING STEPS MARGIN LINEAR",
         "options": "ACCURACY AUTO_SHARE FINEST LONGEST_LOCATED MAX_STEPS MAX_THREADS RTOL",
         "pauses": "DRIVER_SHARE RING_DOWN AT_REST BLOCKS COLUMNS",
@@ -67,6 +67,7 @@ KINDS = {
     },
     "cap or size": {
         "jump": "ROUNDS LONGEST",
+        "modes": "TOGETHER",
         "dynamic": "MAX_CALL",
         "quasistatic": "GROWTH IDLE",
         "complementarity": "CHANGES BASES",

@@ -24,7 +24,7 @@ from pyfric.engines.cost import set_up, work, work_of_step
 from pyfric.engines.creeping import Creeping
 from pyfric.engines.dynamic import Run
 from pyfric.engines.integration import just_after, last_step
-from pyfric.engines.jump import TRY, Jump, Landing, Outside, Stale, Wait, at, path_from, rest
+from pyfric.engines.jump import Jump, Landing, Outside, Stale, Wait, at, path_from, rest
 from pyfric.engines.modes import Modes, modes_of
 from pyfric.engines.space import N_MODES, Space
 from pyfric.statics import Memory, RememberedStates, Static
@@ -42,12 +42,9 @@ MOSTLY = 0.5
 KEPT, PATHS = 8, 1e8
 """Sets of contact states whose modes are kept, fewer where they do not fit into the available
 memory; and memory of the paths on which static states are found, in bytes."""
-EXTRA = 4
-"""Shapes that a released block adds to a space. More than the undamped modes are not added."""
 SPENT = 1 / 4
-"""Largest work of all attempts to jump, over that of full dynamics up to the same time. The next
-attempt waits for it, so that no run takes much longer than full dynamics. It also waits until as
-many steps as the last attempt takes were made or spared."""
+"""Largest work of all attempts to jump, over that of full dynamics up to the same time. An attempt
+waits for it, so that no run takes much longer than full dynamics."""
 
 
 class RestStates:
@@ -85,8 +82,9 @@ class RestStates:
         if (stuck == self._loaded).all():
             return modes_of(self._of_loaded, self.dt, self.stepper)
         released = self._loaded & ~stuck
-        cheap = EXTRA * released.sum() <= N_MODES and not (stuck & ~self._loaded).any()
-        near = self._of_loaded if cheap else None
+        added = 4 * released.sum()  # two responses to each block, and their viscous corrections
+        few = added <= N_MODES and not (stuck & ~self._loaded).any()
+        near = self._of_loaded if few else None
         return modes_of(Space(self.known, stuck, near), self.dt, self.stepper)
 
     @functools.cached_property
@@ -197,9 +195,8 @@ class HybridRun(Run):
         self.rests = RestStates(self.known, self.method.dt, self.method.stepper, self.made)
         self.solver = RememberedStates(self.rests)
         # Neither a jump nor a wait takes less work in full dynamics than a landing.
-        self.least = TRY + math.ceil(self._as_steps({"landings": 1}))
-        self.slid = True
-        self.try_at = self.begun = self.due = self.state.step
+        self.least = math.ceil(self._as_steps({"landings": 1}))
+        self.worth = self.begun = self.state.step
         force = self.method.accuracy * self.scene.F_N
         self.creeping = Creeping(self.scene, self.known, force)
         self.creeps = Creeping.possible(self.scene, self.method.geometry)
@@ -217,24 +214,20 @@ class HybridRun(Run):
         if slips.any() and not self._speed():
             # the core returns when the last block stops, apart from corner slip
             return self.least if self.state.corner[slips].all() else 2**30
-        return max(1, self.try_at - self.state.step)
+        return max(1, self.worth - self.state.step)
 
     def before_call(self, last: int) -> None:
-        """Jump if nothing slips, or over stable slip, if an attempt is due."""
+        """Jump if nothing slips, or over stable slip, if an attempt is worth its work."""
         state, slips = self.state, bool(self._slips().any())
-        integrated = slips and not self._speed()
-        if slips != self.slid or integrated:
-            wait = self.least if slips else TRY
-            self.try_at, self.slid = state.step + wait * (self.made["steps"] > 0), slips
-        if integrated:
-            return
-        if state.step >= self.try_at:
-            begin, before = state.step, self._spent()
+        if slips and not self._speed():
+            self.worth = self._paid_off()  # an event ends what the last attempt waits for
+        elif state.step >= self.worth:
             wait = self.slide(last) if slips else self.jump(last)
-            self.try_at = state.step + wait
-            spent = self._spent()
-            self.due = math.ceil(max(self.begun + spent / SPENT, begin + spent - before))
-        self.try_at = max(self.try_at, self.due)
+            self.worth = max(state.step + wait, self._paid_off())
+
+    def _paid_off(self) -> int:
+        """Return the step by which all attempts so far take a share `SPENT` of the work."""
+        return self.begun + math.ceil(self._spent() / SPENT)
 
     def _spent(self) -> float:
         """Return the number of steps that take as long as all attempts to jump so far."""
@@ -276,8 +269,10 @@ class HybridRun(Run):
         """
         state, known = self.state, self.known
         stuck, n_max = state.mode != OPEN, self._piece_ends(last) - state.step
-        if n_max <= 0 or not stuck.any():
-            return TRY
+        if n_max <= 0:
+            return 1
+        if not stuck.any():
+            return self.least
         self.made["attempts"] += 1
         outside = Outside(known, state.t, just_after(state))
         where, q = (state.y[0, 0], stuck, outside.drive, outside.load), self._coordinates()[0]
@@ -301,7 +296,7 @@ class HybridRun(Run):
             self._land(landing, modes.space)
         while state.step < end:
             self.call(end - state.step)
-        return 1 if full else TRY
+        return 1 if full else self.least
 
     def _ends_after(self, n: int) -> int:
         """Return after how many of a jump's n steps a condition ends the run, or 0 if none does.
@@ -335,14 +330,14 @@ class HybridRun(Run):
                 state, self._speed(), lambda: self.rests.modes(stuck), state.step + n_max
             )
         self.made["slides"] += 1
-        if landing is None or landing.n < min(n_max, TRY):
-            return TRY
+        if landing is None or landing.n < min(n_max, self.least):
+            return self.least
         t, s = self._samples(landing.n)
         self.history.add(np.column_stack([t, landing.F_T(s)]))
         point = landing.point
         self._put(landing.q, landing.v, point.u_x, landing.n)
         state.margin[:] = np.where(state.mode == OPEN, 0.0, self.scene.law.margin(point.p, point.f))
-        return TRY
+        return self.least
 
     def _coordinates(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the present coordinates (m) and their rates (m/s), shape (n_q,)."""

@@ -43,8 +43,6 @@ if TYPE_CHECKING:
     from pyfric.engines.modes import Modes, Motion
     from pyfric.statics import StaticSolver
 
-TRY = 6
-"""Shortest wait for an attempt to jump, in steps, without the time of its solutions."""
 LONGEST = 2**30
 """Longest wait, in steps: the most that one call of the core makes."""
 ROUNDS = 8

@@ -56,7 +56,7 @@ def coarse_curves(monkeypatch):
 
 @pytest.fixture
 def free_attempts(monkeypatch):
-    """Attempts to jump for six steps, whatever they take: on small lattices more than they spare."""
+    """Attempts to jump at the price of six steps: many more of them on small lattices."""
     from pyfric.engines.hybrid import HybridRun
 
     monkeypatch.setattr(HybridRun, "_as_steps", lambda self, counts: 6.0)

@@ -7,7 +7,6 @@ import os
 import signal
 import time
 import warnings
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -515,32 +514,6 @@ def test_a_slider_that_never_rests_is_noted():
     assert "slipped, its ring-down was too large for jumps with an accuracy" in record.notes[0]
 
 
-def test_landings_are_predicted_again_in_finite_geometry_only(monkeypatch):
-    scene, jumps, land = setup2(L=0.03, H=0.01, V=0.02), [], hybrid.Jump.land
-    monkeypatch.setattr(hybrid.Jump, "land", lambda one, n: (jumps.append(one), land(one, n))[1])
-    for geometry in GEOMETRIES:
-        jumps.clear()
-        counts = run(scene, 0.01, fidelity="hybrid", geometry=geometry).counts
-        assert counts["landings"] >= len(jumps) >= counts["attempts"] > 0
-        assert (counts["landings"] == len(jumps)) == (geometry == "linear")
-
-
-def test_errors_of_rates_fall_as_a_wait_assumes():
-    """From a jump that begins a little later."""
-    rng, s, later = np.random.default_rng(0), 1e-3, 1e-8
-    off, gaps = rng.random(5), rng.normal(size=(4, 5)) + 1j * rng.normal(size=(4, 5))
-    a, growth = rng.normal(size=5) + 0j, -rng.uniform(1e2, 1e4, 5) + 1e4j
-    which = np.arange(5)
-
-    def late(a):
-        ringing = SimpleNamespace(gaps=gaps * a, off=off, growth=growth)
-        return hybrid.Jump._late(SimpleNamespace(ringing=ringing), s, which)
-
-    (before, decay), (after, _) = late(a), late(a * np.exp(growth * later))
-    assert decay == pytest.approx(np.log(before / after) / later, rel=1e-3)
-    assert -growth.real.max() < decay < -growth.real.min()
-
-
 def test_a_budget_is_refused():
     with pytest.raises(SceneError, match="dynamic"):
         jump(rod(), 0.01, budget=True)
@@ -553,45 +526,6 @@ def test_fig1_takes_few_steps():
     assert record.counts["steps_spared"] > 1_100_000
     assert record.events["is_main"].sum() == 13
     check_counts(record)
-
-
-VISCOUS = {"eta": 8.815, "k_f": 1.8315e6, "K": 1.7049e6, "mu_k": 0.4595, "theta": -0.4343}
-HEAVY = {"L": 0.015, "H": 0.008, "M": 0.012 * 144 / 2121, "F_N": 320.0, "V": 0.01}
-LATE_ERRORS = {
-    "rates of viscous modes": (
-        setup2(L=0.017, H=0.004, M=5.092e-4, F_N=121.27, h=3e-3, V=0.063567, **VISCOUS),
-        1.4386e-3,
-        "linear",
-    ),
-    "a fast mode that excites a slow one": (setup2(k_f=4.6875e5, **HEAVY), 0.026, "finite"),
-}
-"""Scenes in which modes leave more than at the end of a jump: scene, t_end, geometry."""
-
-
-@pytest.mark.parametrize("name", LATE_ERRORS)
-def test_what_modes_leave_during_a_jump_is_estimated(name):
-    scene, t_end, geometry = LATE_ERRORS[name]
-    how = {"geometry": geometry, "switching": "located", "budget": False, "progress": False}
-    a, b = (pyfric.simulate(scene, t_end, fidelity=one, **how) for one in ("hybrid", "dynamic"))
-    assert a.counts["jumps"] > 0
-    assert len(a.events) == len(b.events) > 1
-    for column in ("F_T_start", "F_T_arrest"):
-        apart = np.abs(a.events[column] - b.events[column]).max() / scene.F_N
-        assert apart < 1e-6
-
-
-@pytest.mark.parametrize("wrong", [False, True])
-def test_a_slow_driver_is_no_slower(wrong, monkeypatch):
-    """5e8 steps between events. If the prediction is bad on purpose, jumps are halved."""
-    if wrong:
-        start = space.Space.drift.func
-        monkeypatch.setattr(space.Space.drift, "func", lambda of: 300.0 * start(of))
-    scene = preset("fig1", l=5e-3, V=1e-7)
-    how = {"fidelity": "hybrid", "geometry": "finite", "accuracy": 1e-3, "progress": False}
-    made = pyfric.simulate(scene, 1e4, **how)
-    assert len(made.events) > 10
-    assert made.counts["steps_spared"] > 1e5 * made.counts["steps"]
-    assert made.counts["landings"] < 10 * len(made.events)
 
 
 def test_a_slow_clock_changes_nothing(monkeypatch):

@@ -116,9 +116,7 @@ class Creeping:
         same = self.scene.load_at(0.0) in (None, (F_N.value, T.value))
         return max(V.value, 0.0) if steady and same else 0.0
 
-    def land(
-        self, state: State, V: float, held: Callable[[], Modes], last: int
-    ) -> Landing | None:
+    def land(self, state: State, V: float, held: Callable[[], Modes], last: int) -> Landing | None:
         """Return the end of a jump over stable slip, or None if no jump is possible.
 
         Args:

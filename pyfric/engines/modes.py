@@ -163,9 +163,7 @@ class Modes:
             self._corrections.update(enumerate(found, group.start))
         return self._corrections[k]
 
-    def _correct(
-        self, x: np.ndarray, rates: np.ndarray, norm: np.ndarray
-    ) -> Iterator[Corrected]:
+    def _correct(self, x: np.ndarray, rates: np.ndarray, norm: np.ndarray) -> Iterator[Corrected]:
         """Correct the modes with these eigenvectors, rates and norms."""
         phi = applied(self.space.B.dot, x)
         left = self._residual(phi, rates)
@@ -173,9 +171,7 @@ class Modes:
         change = self._residual(shift, rates)
         twice = np.where(rates.imag > 0, 2.0, 1.0)  # the real part of one mode of a pair
         wrong = np.sum(shift * (2 * left + change), axis=0) / (norm * twice**2)
-        before, after = (
-            np.linalg.norm(f[self.space.free], axis=0) for f in (left, left + change)
-        )
+        before, after = (np.linalg.norm(f[self.space.free], axis=0) for f in (left, left + change))
         ratio = np.divide(after, before, out=np.ones_like(after), where=before > 0)
         kept = np.minimum(ratio**2 + np.abs(wrong / rates), 1.0)
         rates = rates - (1 - kept) * wrong
@@ -262,7 +258,8 @@ def modes_of(space: Space, dt: float | None = None, stepper: str = "rk4") -> Mod
 
 
 def _at_tangent(
-    gap_functions: GapFunctions, tangent: Tangent, dt: float | None, stepper: str) -> Modes:
+    gap_functions: GapFunctions, tangent: Tangent, dt: float | None, stepper: str
+) -> Modes:
     """Return the modes at a tangent, see `Modes`."""
     space = gap_functions.space
     B, N_x, held = space.B, len(space.stuck), space.held

@@ -28,9 +28,7 @@ class Released:
         shapes: the responses, shape (n_q, 2 m).
     """
 
-    def __init__(
-        self, near: Space, blocks: np.ndarray, K: sp.csr_array, free: np.ndarray
-    ) -> None:
+    def __init__(self, near: Space, blocks: np.ndarray, K: sp.csr_array, free: np.ndarray) -> None:
         self.near, self.free, lifted = near, free, len(near.stuck) + blocks
         force = np.zeros((near.n_q, len(blocks)))
         force[lifted, np.arange(len(blocks))] = 1.0

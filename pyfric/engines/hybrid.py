@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -47,12 +47,26 @@ SPENT = 1 / 4
 waits for it, so that no run takes much longer than full dynamics."""
 
 
+class Start(NamedTuple):
+    """Where searches for static states at the same contact states start.
+
+    Attributes:
+        q: coordinates of the last static state, shape (n_q,), in m.
+        drift: dq/d(drive) at the end of the last jump, shape (n_q,).
+        contraction: last observed factor by which an iteration reduces the error.
+    """
+
+    q: np.ndarray
+    drift: np.ndarray
+    contraction: float
+
+
 class RestStates:
     """Static states at fixed contact states, and all that later jumps take from earlier ones.
 
-    Remembered are the modes at the tangent of the last jump that needed a new one, where searches
-    for static states and their derivatives start, and how fast they converge. What a jump returns
-    depends on this within its accuracy in finite geometry, and in linear geometry within rounding.
+    Remembered are the modes at the tangent of the last jump that needed a new one, and where
+    searches for static states and their derivatives start. What a jump returns depends on this
+    within its accuracy in finite geometry, and in linear geometry within rounding.
 
     Args:
         solver: static states of the scene in its geometry.
@@ -68,9 +82,7 @@ class RestStates:
         self._modes: Memory[Modes] = Memory(int(min(max(room, 1), KEPT)))
         paths = int(max(PATHS / (3 * 8 * len(solver.arm)), 1))
         self._rests: Memory[tuple[float, np.ndarray]] = Memory(paths)
-        self._latest: Memory[np.ndarray] = Memory(paths)
-        self._drifts: Memory[np.ndarray] = Memory(paths)
-        self._contractions: dict[bytes, float] = {}
+        self._starts: Memory[Start] = Memory(paths)
 
     def modes(self, stuck: np.ndarray) -> Modes:
         """Return the modes of the slider at these contact states."""
@@ -96,10 +108,15 @@ class RestStates:
         renewed = self._modes[stuck.tobytes()] = self.modes(stuck).at(q)
         return renewed
 
-    def drift(self, stuck: np.ndarray) -> np.ndarray:
-        """Return dq/d(drive), shape (n_q,), at the end of the last jump, or of the loaded state."""
-        found = self._drifts.get(stuck.tobytes())
-        return self.modes(stuck).space.drift if found is None else found
+    def start(self, stuck: np.ndarray) -> Start:
+        """Return where searches start: first at the loaded state."""
+        known = self.known
+
+        def loaded() -> Start:
+            q = known.coordinates(known.loaded.u, known.loaded.rod)
+            return Start(q, self.modes(stuck).space.drift, 1.0)
+
+        return self._starts.made(stuck.tobytes(), loaded)
 
     def at(
         self,
@@ -115,25 +132,22 @@ class RestStates:
         The search starts on the path of a state with the same blocks at the same positions. If
         there is none, it starts at `near` (m), or at the latest state with the same contact states.
         """
-        modes, key = self.modes(stuck), stuck.tobytes()
+        modes, start, key = self.modes(stuck), self.start(stuck), stuck.tobytes()
         held = modes.space.held
         place = key, u_x[held].tobytes()
         if place in self._rests:
             drive_0, path = self._rests[place]
             q = at(path, drive - drive_0)
-        elif near is not None:
-            q = near.copy()
-        elif key in self._latest:
-            q = self._latest[key].copy()
         else:
-            q = self.known.coordinates(self.known.loaded.u, self.known.loaded.rod)
+            q = start.q.copy() if near is None else near.copy()
         q[held] = u_x[held]
-        found = rest(modes, q, drive, load, enough, self._contractions.pop(key, 1.0))
+        found = rest(modes, q, drive, load, enough, start.contraction)
         if found is None:
+            self._starts[key] = start._replace(contraction=1.0)
             return None
-        q, forces, self._contractions[key] = found
-        self._keep(self._latest, key, q)
-        path = np.array([q, self.drift(stuck), np.zeros_like(q)])
+        q, forces, contraction = found
+        self._starts[key] = Start(q, start.drift, contraction)
+        path = np.array([q, start.drift, np.zeros_like(q)])
         self._rests.made(place, lambda: (drive, path))
         return q, forces
 
@@ -142,15 +156,10 @@ class RestStates:
         jump, key = landing.jump, stuck.tobytes()
         outside, drift = jump.outside, jump.drift_at(landing.n * self.dt)
         if drift is not None:
-            self._keep(self._drifts, key, drift)
+            self._starts[key] = self.start(stuck)._replace(drift=drift)
         if outside.steady and outside.V and not any(outside.gain):
             path = jump.path.q / np.array([[1.0], [outside.V], [outside.V**2]])
             self._rests[key, u_x[stuck].tobytes()] = outside.drive, path
-
-    @staticmethod
-    def _keep(memory: Memory[np.ndarray], key: bytes, value: np.ndarray) -> None:
-        memory.pop(key, None)
-        memory.made(key, lambda: value)
 
     def solve(
         self,
@@ -353,7 +362,7 @@ class HybridRun(Run):
         n_max: int,
     ) -> Landing | Wait | Stale:
         """Return the end of a jump from the present state, or a reason to wait."""
-        state, drift = self.state, self.rests.drift(modes.space.stuck)
+        state, drift = self.state, self.rests.start(modes.space.stuck).drift
         path = path_from(modes, outside, *start, drift)
         q, v = self._coordinates()
         behind, slower = path.q[0] + path.lag[0], path.q[1] + path.lag[1]

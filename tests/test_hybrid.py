@@ -327,7 +327,6 @@ def test_a_run_in_parts_is_the_whole_run(scene, t_end, geometry, tmp_path):
     check_equal(whole_cut, still_cut, 1e-7 if geometry == "finite" else SPLIT)
 
 
-@pytest.mark.usefixtures("free_attempts")
 def test_ctrl_c_leaves_a_record_that_goes_on(monkeypatch):
     scene = rod()
     options = {"geometry": "linear", "sample": 1e-4}

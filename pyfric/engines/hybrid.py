@@ -95,8 +95,8 @@ class RestStates:
             return modes_of(self._of_loaded, self.dt, self.stepper)
         released = self._loaded & ~stuck
         added = 4 * released.sum()  # two responses to each block, and their viscous corrections
-        few = added <= N_MODES and not (stuck & ~self._loaded).any()
-        near = self._of_loaded if few else None
+        extends = added <= N_MODES and not (stuck & ~self._loaded).any()
+        near = self._of_loaded if extends else None
         return modes_of(Space(self.known, stuck, near), self.dt, self.stepper)
 
     @functools.cached_property
@@ -205,7 +205,8 @@ class HybridRun(Run):
         self.solver = RememberedStates(self.rests)
         # Neither a jump nor a wait takes less work in full dynamics than a landing.
         self.least = math.ceil(self._as_steps({"landings": 1}))
-        self.worth = self.begun = self.state.step
+        self.worth = self.state.step
+        self.begun = self.worth - self.counts["steps"] - self.counts["steps_spared"]
         force = self.method.accuracy * self.scene.F_N
         self.creeping = Creeping(self.scene, self.known, force)
         self.creeps = Creeping.possible(self.scene, self.method.geometry)
@@ -239,9 +240,12 @@ class HybridRun(Run):
         return self.begun + math.ceil(self._spent() / SPENT)
 
     def _spent(self) -> float:
-        """Return the number of steps that take as long as all attempts to jump so far."""
-        names = "landings", "slides", "modal_bases"
-        return self._as_steps({name: self.made[name] for name in names})
+        """Return the number of steps that take as long as all attempts to jump so far.
+
+        Those of the run that it continues are included.
+        """
+        names, counts = ("landings", "slides", "modal_bases"), self.counts
+        return self._as_steps({name: counts[name] for name in names})
 
     def _as_steps(self, counts: dict[str, int]) -> float:
         """Return the number of steps that take as long as counted operations."""

@@ -29,7 +29,7 @@ if hasattr(signal, "SIGHUP"):
 LAPACK = (
     *("banded", "chart", "choice", "claims", "coarse", "complementarity", "condensation"),
     *("constants", "contact", "creep", "creeping", "crossing", "dashpots", "disorder"),
-    *("equilibrium", "fields", "figures", "finer", "fronts", "guard", "hybrid", "lattice"),
+    *("equilibrium", "fields", "figures", "finer", "fronts", "guard", "hybrid", "jump", "lattice"),
     *("laws", "measured_errors", "methods", "nucleation", "off_box", "operators", "pauses"),
     *("prescribed", "protocol", "quasistatic", "reference", "regimes", "relaxation"),
     *("resolution", "simulation", "spacetime", "stability", "stopping", "theory"),
@@ -56,10 +56,10 @@ def coarse_curves(monkeypatch):
 
 @pytest.fixture
 def free_attempts(monkeypatch):
-    """Jumps wherever they are possible: on small lattices attempts cost more than they spare."""
+    """Attempts to jump at the price of six steps: many more of them on small lattices."""
     from pyfric.engines.hybrid import HybridRun
 
-    monkeypatch.setattr(HybridRun, "_as_steps", lambda self, counts: 0.0)
+    monkeypatch.setattr(HybridRun, "_as_steps", lambda self, counts: 6.0)
 
 
 def pytest_collection_finish():

@@ -21,7 +21,7 @@ from pyfric.scene import preset, setup1
 ACCURACY = 1e-6
 """Of start and arrest forces of every event, over F_N."""
 SETS = {
-    "protocol_linear": ("modes.N_MODES", "jump.TRY", "hybrid.AMPLIFIED"),
+    "protocol_linear": ("space.N_MODES", "hybrid.AMPLIFIED"),
     "viscosity_10_light_finite": ("jump.SAMPLED",),
 }
 """Stored runs off the paper's box -> numbers that matter there."""
@@ -51,10 +51,8 @@ def test_events_do_not_depend_on_it(constant, factor, name, monkeypatch):
     value = getattr(module, attribute)
     monkeypatch.setattr(module, attribute, scaled(value, factor))
     if attribute == "N_MODES":
-        defaults = (None, None, module.N_MODES)
-        monkeypatch.setattr(module.Linearised.__init__, "__defaults__", defaults)
-    elif attribute == "TRY":
-        monkeypatch.setattr("pyfric.engines.hybrid.TRY", module.TRY)
+        defaults = (None, module.N_MODES)
+        monkeypatch.setattr(module.Space.__init__, "__defaults__", defaults)
     known = off_box.load(name)
     found = known.apart(known.hybrid())
     assert (found["events"], found["blocks"]) == (0, 0)

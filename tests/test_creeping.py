@@ -76,7 +76,6 @@ def test_few_jumps_are_tried_where_none_is_possible():
     assert record.counts["attempts"] < 0.01 * record.counts["steps"]
 
 
-@pytest.mark.usefixtures("free_attempts")
 def test_stable_slip_goes_on_from_a_record():
     scene = rod()
     one = run(scene, 0.037, "hybrid")

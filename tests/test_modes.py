@@ -1,13 +1,13 @@
 """Modes of the slider at fixed contact states, against dense matrices and one another."""
 
-import copy
 import functools
 
 import numpy as np
 import pytest
 from scipy import linalg
 
-from pyfric.engines.modes import Linearised
+from pyfric.engines.modes import modes_of
+from pyfric.engines.space import Space
 from pyfric.scene import setup1, setup2
 from pyfric.statics import StaticSolver
 
@@ -20,12 +20,12 @@ SCENES = {
 
 @functools.cache
 def systems(name):
-    """Return the closed slider, and with eight released blocks: extended, and on its own."""
+    """Return spaces of the closed slider, and with eight released blocks: extended, and own."""
     solver = StaticSolver(*SCENES[name])
     stuck = np.ones(solver.scene.N_x, dtype=bool)
-    closed = Linearised(solver, stuck.copy(), modes=24)
+    closed = Space(solver, stuck.copy(), modes=24)
     stuck[[0, 1, 2, 3, 4, 5, 9, -1]] = False
-    return closed, Linearised(solver, stuck, None, closed), Linearised(solver, stuck, modes=24)
+    return closed, Space(solver, stuck, closed), Space(solver, stuck, modes=24)
 
 
 def slowest_outside(system):
@@ -50,7 +50,8 @@ def test_statics_of_released_blocks(name):
 def test_slow_modes_of_released_blocks(name):
     _, extended, own = systems(name)
     found, expected = (
-        np.sort(np.abs(one.rates[one.rates.imag > 0]))[:6] for one in (extended, own)
+        np.sort(np.abs(one.rates[one.rates.imag > 0]))[:6]
+        for one in (modes_of(extended), modes_of(own))
     )
     np.testing.assert_allclose(found, expected, rtol=1e-3)
 
@@ -67,7 +68,7 @@ def test_motion_outside_the_space_is_no_slower_than_the_cut(name):
 @pytest.mark.parametrize("name", SCENES)
 def test_the_closed_space_alone_misses_slower_motion(name):
     closed, extended, _ = systems(name)
-    alone = Linearised(extended.solver, extended.stuck, None, closed)
+    alone = Space(extended.solver, extended.stuck, closed)
     alone.B = closed.B
     assert slowest_outside(alone) < 0.95 * closed.cut
 
@@ -77,7 +78,7 @@ def test_amplitudes_grow_as_in_steps(stepper):
     """R(z) of each stepper, by its polynomial; the rates themselves are the exact ones."""
     solver = StaticSolver(*SCENES["free"])
     stuck, dt = np.ones(solver.scene.N_x, dtype=bool), 2e-7
-    system = Linearised(solver, stuck, dt, stepper=stepper, modes=12)
+    system = modes_of(Space(solver, stuck, modes=12), dt, stepper)
     z = system.rates * dt
     growth = 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24 + (stepper == "rk4_opposite") * z**5 / 60
     np.testing.assert_allclose(np.exp(system.growth * dt), growth, rtol=1e-12)
@@ -109,31 +110,41 @@ def test_corrected_shapes_are_the_exact_ones_as_far_as_modes_are_slow(name):
     """What a correction leaves of the error falls with |lambda|; measured 1.9 |lambda|/cut."""
     system, _, _ = systems(name)
     rates, exact = exact_modes(system)
-    slow = np.flatnonzero((system.rates.imag > 0) & (np.abs(system.rates) < 0.4 * system.cut))
+    found, free = modes_of(system), system.free
+    slow = np.flatnonzero((found.rates.imag > 0) & (np.abs(found.rates) < 0.4 * system.cut))
     assert len(slow) >= 4
-    system.correct(slow)
-    for k in slow:
-        true = exact[:, np.argmin(np.abs(rates - system.rates[k]))]
-        shapes = (system.B @ system.x[:, k])[system.free], system._shapes[k][system.free]
-        before, after = (apart(one, true, system.M[system.free]) for one in shapes)
-        assert after < 2 * abs(system.rates[k]) / system.cut * before
+    for k in slow.tolist():
+        shape, rate, _ = found.corrected(k)
+        true = exact[:, np.argmin(np.abs(rates - rate))]
+        shapes = (system.B @ found.x[:, k])[free], shape[free]
+        before, after = (apart(one, true, system.M[free]) for one in shapes)
+        assert after < 2 * abs(rate) / system.cut * before
 
 
 @pytest.mark.parametrize("name", ["rod", "free"])
 def test_corrected_rates_are_as_close_to_the_exact_ones_as_they_say(name):
     """Measured 0.3 to 0.8 of what they say."""
     system, _, _ = systems(name)
-    system = copy.copy(system)
-    system._find_modes()  # as if nothing had been corrected
-    exact, _ = exact_modes(system)
-    found = np.flatnonzero((system.rates.imag > 0) & (np.abs(system.rates) < 0.4 * system.cut))
+    modes, (exact, _) = modes_of(system), exact_modes(system)
+    slow = np.flatnonzero((modes.rates.imag > 0) & (np.abs(modes.rates) < 0.4 * system.cut))
 
-    def error():
-        return np.abs(system.rates[found, None] - exact).min(axis=1)
+    def error(rates):
+        return np.abs(rates[:, None] - exact).min(axis=1)
 
-    before = error()
-    system.correct(found)
-    rounding = 1e-10 * np.abs(system.rates[found])  # of the dense eigenvalues
-    assert (error() < system.off[found] + rounding).all()
-    assert (system.off[found] < before / 3).all()
-    np.testing.assert_allclose(system.growth, system.stepped(system.rates), rtol=1e-12)
+    _, rates, off = (np.array(part) for part in zip(*map(modes.corrected, slow), strict=True))
+    rounding = 1e-10 * np.abs(rates)  # of the dense eigenvalues
+    assert (error(rates) < off + rounding).all()
+    assert (off < error(modes.rates[slow]) / 3).all()
+
+
+def test_modes_are_frozen():
+    modes = modes_of(systems("rod")[0], 2e-7)
+    before = {name: np.copy(value) for name, value in vars(modes).items() if name[0] != "_"}
+    modes.corrected(0)
+    for name, value in before.items():
+        if isinstance(getattr(modes, name), np.ndarray):
+            np.testing.assert_array_equal(getattr(modes, name), value)
+            with pytest.raises(ValueError, match="read-only"):
+                getattr(modes, name)[...] = 0
+    with pytest.raises(AttributeError):
+        modes.rates = modes.growth

@@ -10,7 +10,7 @@ The slider also oscillates about this path. The deviation w from the path obeys
 
 where K contains the friction and the weakening of the slipping blocks and is unsymmetric.
 
-The slow modes are computed in a space spanned by the shapes of `modes`, with all blocks in contact
+The slow modes are computed in a space spanned by the shapes of `space`, with all blocks in contact
 held, and the static responses to the slips. The truncated part must be smaller than the accuracy
 divided by N_x. No block may reverse during the jump, because a block that stops has its full
 strength again. Therefore each slip speed minus the amplitudes of all modes must stay positive. If
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pyfric.core import State
-    from pyfric.engines.modes import Linearised
+    from pyfric.engines.modes import Modes
     from pyfric.scene import Scene
     from pyfric.statics import Point, StaticSolver
 
@@ -89,7 +89,7 @@ class Creeping:
 
     def __init__(self, scene: Scene, known: StaticSolver, accuracy: float) -> None:
         self.scene, self.known, self.force = scene, known, accuracy / scene.N_x
-        self._spaces: list[_Space] = []
+        self._spaces: list[_SlipSpace] = []
 
     @functools.cached_property
     def problem(self) -> ContactProblem:
@@ -116,15 +116,13 @@ class Creeping:
         same = self.scene.load_at(0.0) in (None, (F_N.value, T.value))
         return max(V.value, 0.0) if steady and same else 0.0
 
-    def land(
-        self, state: State, V: float, held: Callable[[], Linearised], last: int
-    ) -> Landing | None:
+    def land(self, state: State, V: float, held: Callable[[], Modes], last: int) -> Landing | None:
         """Return the end of a jump over stable slip, or None if no jump is possible.
 
         Args:
             state: the present state.
             V: speed of the driver, in m/s, > 0.
-            held: function that returns the slider linearised with all blocks in contact held.
+            held: function that returns the modes with all blocks in contact held.
             last: number of the last step that the jump may reach.
         """
         kink, dt = self.force / (math.sqrt(self.scene.slider.k * self.scene.m) * V), state.dt
@@ -158,12 +156,12 @@ class Creeping:
         forces += np.interp(times, [0.0, n * dt], pull)
         return Landing(n, q + w, v + w_v, point, times, forces, modes.force(a), modes.growth)
 
-    def _space(self, system: Linearised, slips: np.ndarray) -> _Space:
+    def _space(self, held: Modes, slips: np.ndarray) -> _SlipSpace:
         """Return the shapes for these slipping blocks; the last `KEPT` sets are kept."""
         for space in self._spaces:
-            if space.system is system and np.array_equal(space.slips, slips):
+            if space.held is held and np.array_equal(space.slips, slips):
                 return space
-        self._spaces = [*self._spaces[1 - KEPT :], _Space(system, slips)]
+        self._spaces = [*self._spaces[1 - KEPT :], _SlipSpace(held, slips)]
         return self._spaces[-1]
 
     def _path(
@@ -183,21 +181,22 @@ class Creeping:
         return q + system.answer(system.forces(q, drive)) + lag, v + modes.lag(bend)
 
 
-class _Space:
+class _SlipSpace:
     """Shapes in which the slider moves while the same blocks slip.
 
     Attributes:
-        system: the slider linearised with all blocks in contact held.
+        held: the modes with all blocks in contact held.
+        system: static solutions of the slider with these blocks held.
         slips: the blocks that slip, shape (n,).
         shapes: static responses to unit slips of these blocks, shape (n_q, n).
         rows: rows of the stiffness matrix for these blocks, shape (n, n_q), in N/m.
         on_shapes: `rows` times `shapes`, shape (n, n), in N/m.
     """
 
-    def __init__(self, system: Linearised, slips: np.ndarray) -> None:
-        self.system, self.slips = system, slips
-        self.shapes = system.moved(slips)
-        self.rows = system.K[slips]
+    def __init__(self, held: Modes, slips: np.ndarray) -> None:
+        self.held, self.system, self.slips = held, held.space, slips
+        self.shapes = self.system.moved(slips)
+        self.rows = self.system.K[slips]
         self.on_shapes = self.rows @ self.shapes
 
     def carried(self, rate: np.ndarray) -> np.ndarray:
@@ -220,11 +219,11 @@ class _Space:
 class _Modes:
     """Slow modes about a static state in which blocks slip.
 
-    They are Galerkin approximations in the basis of `_Space`. Friction makes the stiffness
+    They are Galerkin approximations in the basis of `_SlipSpace`. Friction makes the stiffness
     unsymmetric.
     """
 
-    def __init__(self, scene: Scene, space: _Space, creep: Creep, point: Point) -> None:
+    def __init__(self, scene: Scene, space: _SlipSpace, creep: Creep, point: Point) -> None:
         self.scene, self.space, self.system, self.creep = scene, space, space.system, creep
         self.M, self.C, self.K = self.system.M, self.system.C, self.system.K
         self.slips = space.slips
@@ -257,7 +256,7 @@ class _Modes:
         r = basis.shape[1]
         both = np.block([[np.zeros((r, r)), np.eye(r)], [-K, -C]])
         rates, self.right = np.linalg.eig(both)
-        self.growth = self.system.stepped(rates)
+        self.growth = self.space.held.stepped(rates)
         y, u = (basis.T @ (self.M * part) for part in (w, v))
         a = np.linalg.solve(self.right, np.concatenate([y, u]))
         w, v = w - basis @ y, v - basis @ u

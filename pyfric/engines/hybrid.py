@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -24,8 +24,9 @@ from pyfric.engines.cost import set_up, work, work_of_step
 from pyfric.engines.creeping import Creeping
 from pyfric.engines.dynamic import Run
 from pyfric.engines.integration import just_after, last_step
-from pyfric.engines.jump import TRY, Jump, Landing, Outside, Stale, Wait, at, path_from, rest
-from pyfric.engines.modes import N_MODES, Linearised
+from pyfric.engines.jump import Jump, Landing, Outside, Stale, Wait, at, path_from, rest
+from pyfric.engines.modes import Modes, modes_of
+from pyfric.engines.space import N_MODES, Space
 from pyfric.statics import Memory, RememberedStates, Static
 
 if TYPE_CHECKING:
@@ -41,16 +42,31 @@ MOSTLY = 0.5
 KEPT, PATHS = 8, 1e8
 """Sets of contact states whose modes are kept, fewer where they do not fit into the available
 memory; and memory of the paths on which static states are found, in bytes."""
-EXTRA = 4
-"""Shapes that a released block adds to a space. More than the undamped modes are not added."""
 SPENT = 1 / 4
-"""Largest work of all attempts to jump, over that of full dynamics up to the same time. The next
-attempt waits for it, so that no run takes much longer than full dynamics. It also waits until as
-many steps as the last attempt takes were made or spared."""
+"""Largest work of all attempts to jump, over that of full dynamics up to the same time. An attempt
+waits for it, so that no run takes much longer than full dynamics."""
+
+
+class Start(NamedTuple):
+    """Where searches for static states at the same contact states start.
+
+    Attributes:
+        q: coordinates of the last static state, shape (n_q,), in m.
+        drift: dq/d(drive) at the end of the last jump, shape (n_q,).
+        contraction: last observed factor by which an iteration reduces the error.
+    """
+
+    q: np.ndarray
+    drift: np.ndarray
+    contraction: float
 
 
 class RestStates:
-    """Static states at fixed contact states, with a memory of earlier solutions.
+    """Static states at fixed contact states, and all that later jumps take from earlier ones.
+
+    Remembered are the modes at the tangent of the last jump that needed a new one, and where
+    searches for static states and their derivatives start. What a jump returns depends on this
+    within its accuracy in finite geometry, and in linear geometry within rounding.
 
     Args:
         solver: static states of the scene in its geometry.
@@ -63,33 +79,44 @@ class RestStates:
         self.known, self.dt, self.stepper, self.made = solver, dt, stepper, made
         self._loaded = ~solver.loaded.open
         room = core.available() / set_up(solver.scene, "hybrid", solver.geometry).bytes
-        self._systems: Memory[Linearised] = Memory(int(min(max(room, 1), KEPT)))
-        paths = PATHS / (3 * 8 * len(solver.arm))
-        self._rests: Memory[tuple[float, np.ndarray]] = Memory(int(max(paths, 1)))
-        self._latest: dict[bytes, np.ndarray] = {}
+        self._modes: Memory[Modes] = Memory(int(min(max(room, 1), KEPT)))
+        paths = int(max(PATHS / (3 * 8 * len(solver.arm)), 1))
+        self._rests: Memory[tuple[float, np.ndarray]] = Memory(paths)
+        self._starts: Memory[Start] = Memory(paths)
 
-    def system(self, stuck: np.ndarray) -> Linearised:
-        """Return the slider linearised at these contact states."""
-        return self._systems.made(stuck.tobytes(), lambda: self._linearised(stuck))
+    def modes(self, stuck: np.ndarray) -> Modes:
+        """Return the modes of the slider at these contact states."""
+        return self._modes.made(stuck.tobytes(), lambda: self._found(stuck))
 
-    def _linearised(self, stuck: np.ndarray) -> Linearised:
+    def _found(self, stuck: np.ndarray) -> Modes:
         """Extend the space of the loaded slider, if few of its blocks were released."""
         self.made["modal_bases"] += 1
         if (stuck == self._loaded).all():
-            return self._of_loaded
+            return modes_of(self._of_loaded, self.dt, self.stepper)
         released = self._loaded & ~stuck
-        cheap = EXTRA * released.sum() <= N_MODES and not (stuck & ~self._loaded).any()
-        near = self._of_loaded if cheap else None
-        return Linearised(self.known, stuck, self.dt, near, stepper=self.stepper)
+        added = 4 * released.sum()  # two responses to each block, and their viscous corrections
+        extends = added <= N_MODES and not (stuck & ~self._loaded).any()
+        near = self._of_loaded if extends else None
+        return modes_of(Space(self.known, stuck, near), self.dt, self.stepper)
 
     @functools.cached_property
-    def _of_loaded(self) -> Linearised:
-        return Linearised(self.known, self._loaded, self.dt, stepper=self.stepper)
+    def _of_loaded(self) -> Space:
+        return Space(self.known, self._loaded)
 
-    def renew(self, stuck: np.ndarray, q: np.ndarray) -> Linearised:
-        """Return the slider linearised at a state q, and keep it for later calls of `system`."""
-        renewed = self._systems[stuck.tobytes()] = self.system(stuck).at(q)
+    def renew(self, stuck: np.ndarray, q: np.ndarray) -> Modes:
+        """Return the modes at the tangent of a state q, and keep them for later calls."""
+        renewed = self._modes[stuck.tobytes()] = self.modes(stuck).at(q)
         return renewed
+
+    def start(self, stuck: np.ndarray) -> Start:
+        """Return where searches start: first at the loaded state."""
+        known = self.known
+
+        def loaded() -> Start:
+            q = known.coordinates(known.loaded.u, known.loaded.rod)
+            return Start(q, self.modes(stuck).space.drift, 1.0)
+
+        return self._starts.made(stuck.tobytes(), loaded)
 
     def at(
         self,
@@ -105,31 +132,34 @@ class RestStates:
         The search starts on the path of a state with the same blocks at the same positions. If
         there is none, it starts at `near` (m), or at the latest state with the same contact states.
         """
-        system, key = self.system(stuck), stuck.tobytes()
-        place = key, u_x[system.held].tobytes()
+        modes, start, key = self.modes(stuck), self.start(stuck), stuck.tobytes()
+        held = modes.space.held
+        place = key, u_x[held].tobytes()
         if place in self._rests:
             drive_0, path = self._rests[place]
             q = at(path, drive - drive_0)
-        elif near is not None:
-            q = near.copy()
-        elif key in self._latest:
-            q = self._latest[key].copy()
         else:
-            q = self.known.coordinates(self.known.loaded.u, self.known.loaded.rod)
-        q[system.held] = u_x[system.held]
-        found = rest(system, q, drive, load, enough)
-        if found is not None:
-            self._latest[key] = found[0]
-            path = np.array([found[0], system.latest_drift, np.zeros_like(found[0])])
-            self._rests.made(place, lambda: (drive, path))
-        return found
+            q = start.q.copy() if near is None else near.copy()
+        q[held] = u_x[held]
+        found = rest(modes, q, drive, load, enough, start.contraction)
+        if found is None:
+            self._starts[key] = start._replace(contraction=1.0)
+            return None
+        q, forces, contraction = found
+        self._starts[key] = Start(q, start.drift, contraction)
+        path = np.array([q, start.drift, np.zeros_like(q)])
+        self._rests.made(place, lambda: (drive, path))
+        return q, forces
 
-    def keep(self, u_x: np.ndarray, stuck: np.ndarray, jump: Jump) -> None:
+    def keep(self, u_x: np.ndarray, stuck: np.ndarray, landing: Landing) -> None:
         """Keep the path of a jump if only the driver moves: static states lie on this path."""
-        outside = jump.outside
+        jump, key = landing.jump, stuck.tobytes()
+        outside, drift = jump.outside, jump.drift_at(landing.n * self.dt)
+        if drift is not None:
+            self._starts[key] = self.start(stuck)._replace(drift=drift)
         if outside.steady and outside.V and not any(outside.gain):
             path = jump.path.q / np.array([[1.0], [outside.V], [outside.V**2]])
-            self._rests[stuck.tobytes(), u_x[stuck].tobytes()] = outside.drive, path
+            self._rests[key, u_x[stuck].tobytes()] = outside.drive, path
 
     def solve(
         self,
@@ -174,9 +204,9 @@ class HybridRun(Run):
         self.rests = RestStates(self.known, self.method.dt, self.method.stepper, self.made)
         self.solver = RememberedStates(self.rests)
         # Neither a jump nor a wait takes less work in full dynamics than a landing.
-        self.least = TRY + math.ceil(self._as_steps({"landings": 1}))
-        self.slid = True
-        self.try_at = self.begun = self.due = self.state.step
+        self.least = math.ceil(self._as_steps({"landings": 1}))
+        self.worth = self.state.step
+        self.begun = self.worth - self.counts["steps"] - self.counts["steps_spared"]
         force = self.method.accuracy * self.scene.F_N
         self.creeping = Creeping(self.scene, self.known, force)
         self.creeps = Creeping.possible(self.scene, self.method.geometry)
@@ -194,29 +224,28 @@ class HybridRun(Run):
         if slips.any() and not self._speed():
             # the core returns when the last block stops, apart from corner slip
             return self.least if self.state.corner[slips].all() else 2**30
-        return max(1, self.try_at - self.state.step)
+        return max(1, self.worth - self.state.step)
 
     def before_call(self, last: int) -> None:
-        """Jump if nothing slips, or over stable slip, if an attempt is due."""
+        """Jump if nothing slips, or over stable slip, if an attempt is worth its work."""
         state, slips = self.state, bool(self._slips().any())
-        integrated = slips and not self._speed()
-        if slips != self.slid or integrated:
-            wait = self.least if slips else TRY
-            self.try_at, self.slid = state.step + wait * (self.made["steps"] > 0), slips
-        if integrated:
-            return
-        if state.step >= self.try_at:
-            begin, before = state.step, self._spent()
+        if slips and not self._speed():
+            self.worth = self._paid_off()  # an event ends what the last attempt waits for
+        elif state.step >= self.worth:
             wait = self.slide(last) if slips else self.jump(last)
-            self.try_at = state.step + wait
-            spent = self._spent()
-            self.due = math.ceil(max(self.begun + spent / SPENT, begin + spent - before))
-        self.try_at = max(self.try_at, self.due)
+            self.worth = max(state.step + wait, self._paid_off())
+
+    def _paid_off(self) -> int:
+        """Return the step by which all attempts so far take a share `SPENT` of the work."""
+        return self.begun + math.ceil(self._spent() / SPENT)
 
     def _spent(self) -> float:
-        """Return the number of steps that take as long as all attempts to jump so far."""
-        names = "landings", "slides", "modal_bases"
-        return self._as_steps({name: self.made[name] for name in names})
+        """Return the number of steps that take as long as all attempts to jump so far.
+
+        Those of the run that it continues are included.
+        """
+        names, counts = ("landings", "slides", "modal_bases"), self.counts
+        return self._as_steps({name: counts[name] for name in names})
 
     def _as_steps(self, counts: dict[str, int]) -> float:
         """Return the number of steps that take as long as counted operations."""
@@ -253,19 +282,21 @@ class HybridRun(Run):
         """
         state, known = self.state, self.known
         stuck, n_max = state.mode != OPEN, self._piece_ends(last) - state.step
-        if n_max <= 0 or not stuck.any():
-            return TRY
+        if n_max <= 0:
+            return 1
+        if not stuck.any():
+            return self.least
         self.made["attempts"] += 1
         outside = Outside(known, state.t, just_after(state))
         where, q = (state.y[0, 0], stuck, outside.drive, outside.load), self._coordinates()[0]
         start = self.rests.at(*where, self.accuracy, q)
         if start is None:
             return self.least
-        system = self.rests.system(stuck)
-        landing = self._landing(system, outside, start, n_max)
+        modes = self.rests.modes(stuck)
+        landing = self._landing(modes, outside, start, n_max)
         if isinstance(landing, Stale):
-            system = self.rests.renew(stuck, start[0])
-            landing = self._landing(system, outside, start, n_max)
+            modes = self.rests.renew(stuck, start[0])
+            landing = self._landing(modes, outside, start, n_max)
         if not isinstance(landing, Landing):
             return landing.steps
         self._sample_jump(landing, outside)
@@ -273,12 +304,12 @@ class HybridRun(Run):
         n = self._ends_after(landing.n)
         end = state.step + n
         if n:
-            landing = self._landing(system, outside, start, n)
+            landing = self._landing(modes, outside, start, n)
         if isinstance(landing, Landing):
-            self._land(landing, system)
+            self._land(landing, modes.space)
         while state.step < end:
             self.call(end - state.step)
-        return 1 if full else TRY
+        return 1 if full else self.least
 
     def _ends_after(self, n: int) -> int:
         """Return after how many of a jump's n steps a condition ends the run, or 0 if none does.
@@ -307,17 +338,19 @@ class HybridRun(Run):
         landing = None
         self.made["attempts"] += 1
         if n_max > 0:
-            held = functools.partial(self.rests.system, state.mode != OPEN)
-            landing = self.creeping.land(state, self._speed(), held, state.step + n_max)
+            stuck = state.mode != OPEN
+            landing = self.creeping.land(
+                state, self._speed(), lambda: self.rests.modes(stuck), state.step + n_max
+            )
         self.made["slides"] += 1
-        if landing is None or landing.n < min(n_max, TRY):
-            return TRY
+        if landing is None or landing.n < min(n_max, self.least):
+            return self.least
         t, s = self._samples(landing.n)
         self.history.add(np.column_stack([t, landing.F_T(s)]))
         point = landing.point
         self._put(landing.q, landing.v, point.u_x, landing.n)
         state.margin[:] = np.where(state.mode == OPEN, 0.0, self.scene.law.margin(point.p, point.f))
-        return TRY
+        return self.least
 
     def _coordinates(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the present coordinates (m) and their rates (m/s), shape (n_q,)."""
@@ -327,18 +360,19 @@ class HybridRun(Run):
 
     def _landing(
         self,
-        system: Linearised,
+        modes: Modes,
         outside: Outside,
         start: tuple[np.ndarray, np.ndarray],
         n_max: int,
     ) -> Landing | Wait | Stale:
         """Return the end of a jump from the present state, or a reason to wait."""
-        state, path = self.state, path_from(system, outside, *start)
+        state, drift = self.state, self.rests.start(modes.space.stuck).drift
+        path = path_from(modes, outside, *start, drift)
         q, v = self._coordinates()
         behind, slower = path.q[0] + path.lag[0], path.q[1] + path.lag[1]
-        motion = system.split(q - behind, v - slower)
+        motion = modes.split(q - behind, v - slower)
         how = {"dt": state.dt, "accuracy": self.accuracy, "least": self.least}
-        jump = Jump(system, outside, path, motion, state.t - state.t_0, **how)
+        jump = Jump(modes, outside, path, motion, state.t - state.t_0, **how)
         landing = jump.land(n_max)
         self.made["landings"] += jump.predicted
         return landing
@@ -356,13 +390,13 @@ class HybridRun(Run):
         stretch = outside.drive_at(s) - scene.d * moved
         self.history.add(np.column_stack([t, scene.driver.K * stretch]))
 
-    def _land(self, landing: Landing, system: Linearised) -> None:
+    def _land(self, landing: Landing, space: Space) -> None:
         """Set the state to the end of a jump."""
-        state, n = self.state, len(system.held)
-        self.rests.keep(state.y[0, 0], system.stuck, landing.jump)
+        state, n = self.state, len(space.held)
+        self.rests.keep(state.y[0, 0], space.stuck, landing)
         self._put(landing.q, landing.v, state.y[0, 0].copy(), landing.n)
         state.margin[:] = 0.0
-        state.margin[system.held] = np.minimum(landing.gaps[:n], landing.gaps[n : 2 * n])
+        state.margin[space.held] = np.minimum(landing.gaps[:n], landing.gaps[n : 2 * n])
 
     def _put(self, q: np.ndarray, v: np.ndarray, u_x: np.ndarray, n: int) -> None:
         """Set coordinates q and rates v, n steps later; stuck blocks stay at u_x."""

@@ -37,13 +37,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.engines.crossing import first_crossing
+from pyfric.engines.ringing import Ringing
 
 if TYPE_CHECKING:
-    from pyfric.engines.modes import Linearised, Motion
+    from pyfric.engines.modes import Modes, Motion
     from pyfric.statics import StaticSolver
 
-TRY = 6
-"""Shortest wait for an attempt to jump, in steps, without the time of its solutions."""
 LONGEST = 2**30
 """Longest wait, in steps: the most that one call of the core makes."""
 ROUNDS = 8
@@ -157,138 +156,99 @@ class Stale(NamedTuple):
 
 
 def rest(
-    system: Linearised,
+    modes: Modes,
     q: np.ndarray,
     drive: float,
     load: tuple[float, float] | None,
     enough: float,
-) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return the static state at fixed contact states, and the forces there.
+    contraction: float = 1.0,
+) -> tuple[np.ndarray, np.ndarray, float] | None:
+    """Return the static state at fixed contact states, the forces there, and the contraction.
 
     Args:
-        system: the slider at these contact states.
+        modes: the slider at these contact states.
         q: start of the iteration, with stuck blocks at their positions, shape (n_q,), in m.
         drive: displacement of the driver since t = 0, in m.
         load: F_N and T, in N; None means those at t = 0.
         enough: accepted error of gap functions, in N.
+        contraction: expected factor by which an iteration reduces the error.
 
     Returns:
-        q (m) and forces (N), shape (n_q,); None if the iteration does not converge fast.
+        q (m) and forces (N), shape (n_q,), and the contraction that was observed last; None if the
+        iteration does not converge fast.
     """
-    before = math.inf
+    space, K, before = modes.space, modes.tangent.K, math.inf
+    contraction = contraction if space.solver.geometry == "finite" else 0.0
     for _ in range(ROUNDS):
-        force = system.forces(q, drive, load)
+        force = space.forces(q, drive, load)
         left = force.copy()
-        left[system.held] = 0.0
+        left[space.held] = 0.0
         if np.abs(left).sum() <= enough:  # contact forces can change by no more
-            return q, force
-        shift = system.answer(left)
-        change = system.K @ shift
-        error = float(np.abs(system.gaps_of(shift, -change[system.held])).max())
+            return q, force, contraction
+        shift = space.answer(left)
+        change = K @ shift
+        error = float(np.abs(modes.gap_functions.at(shift, -change[space.held])).max())
         q, force = q + shift, force - change
         if math.isfinite(before):
-            system.contraction = error / before if before > 0 else 0.0
-        if not system.contraction <= 1.0:
-            system.contraction = 1.0
+            contraction = error / before if before > 0 else 0.0
+        if not contraction <= 1.0:
             return None
-        if error * system.contraction <= enough:
-            return q, force
+        if error * contraction <= enough:
+            return q, force, contraction
         before = error
     return None
 
 
-def path_from(system: Linearised, outside: Outside, q: np.ndarray, forces: np.ndarray) -> Path:
-    """Return the path from a static state q (m) with forces (N) on it, both of shape (n_q,)."""
-    stiffer, held, zero = system.stiffer(q), system.held, np.zeros_like(q)
+def path_from(
+    modes: Modes,
+    outside: Outside,
+    q: np.ndarray,
+    forces: np.ndarray,
+    drift: np.ndarray | None = None,
+) -> Path:
+    """Return the path from a static state.
+
+    Args:
+        modes: the slider at its contact states.
+        outside: driver and loads.
+        q, forces: the static state (m) and the forces on it (N), shape (n_q,).
+        drift: start of the search for dq/d(drive), shape (n_q,); None: that of the factorised
+            tangent.
+    """
+    space, gap_functions = modes.space, modes.gap_functions
+    stiffer, held, zero = space.stiffer(q), space.held, np.zeros_like(q)
     b_1, b_2 = outside.rates()
     steady, plain = outside.steady, not any(outside.gain)
     if stiffer is None and steady and plain:
-        V, of_drift, of_lag = outside.V, *system.steady_gaps
-        gaps = system.gaps_of(q, forces[held]) + V * of_lag, V * of_drift, np.zeros_like(of_lag)
-        lag = np.array([V * system.lag, zero, zero])
-        return Path(np.array([q, V * system.drift, zero]), lag, np.array(gaps), stiffer)
-    guess = outside.V * system.latest_drift if plain else system.answer(b_1)
-    q_1, left_1 = system.refined(guess, b_1, stiffer)
-    l_1 = zero if steady else outside.a * system.lag
-    b_2 = b_2 - system.solver.bends(q, q_1)
-    guess = outside.a * system.drift if stiffer is None else system.answer(b_2)
-    q_2, left_2 = system.refined(guess, b_2, None if steady else stiffer)
-    C = system.solver.damping(q)
+        V, of_drift, of_lag = outside.V, *gap_functions.steady
+        gaps = gap_functions.at(q, forces[held]) + V * of_lag, V * of_drift, np.zeros_like(of_lag)
+        lag = np.array([V * space.lag, zero, zero])
+        return Path(np.array([q, V * space.drift, zero]), lag, np.array(gaps), stiffer)
+    guess = outside.V * (space.drift if drift is None else drift) if plain else space.answer(b_1)
+    q_1, left_1, _ = space.refined(guess, b_1, stiffer)
+    l_1 = zero if steady else outside.a * space.lag
+    b_2 = b_2 - space.solver.bends(q, q_1)
+    guess = outside.a * space.drift if stiffer is None else space.answer(b_2)
+    q_2, left_2, _ = space.refined(guess, b_2, None if steady else stiffer)
+    C = space.solver.damping(q)
     drag = -(C @ (q_1 + l_1))
-    pull = drag - system.M * q_2
-    guess = outside.V * system.lag if steady and plain else system.answer(pull)
-    l_0, left_0 = system.refined(guess, pull, stiffer)
+    pull = drag - space.M * q_2
+    guess = outside.V * space.lag if steady and plain else space.answer(pull)
+    l_0, left_0, _ = space.refined(guess, pull, stiffer)
     bottom = zip((q, q_1, q_2), (forces[held], left_1, left_2), strict=True)
-    gaps = np.array([system.gaps_of(x, f) for x, f in bottom])
-    gaps[0] += system.gaps_of(l_0, left_0 + (drag - pull)[held])
+    gaps = np.array([gap_functions.at(x, f) for x, f in bottom])
+    gaps[0] += gap_functions.at(l_0, left_0 + (drag - pull)[held])
     if not steady:
-        left = -(C @ q_2) - system.restoring(l_1, stiffer)
-        gaps[1] += system.gaps_of(l_1, left[held])
+        left = -(C @ q_2) - space.restoring(l_1, stiffer)
+        gaps[1] += gap_functions.at(l_1, left[held])
     return Path(np.array([q, q_1, q_2]), np.array([l_0, l_1, zero]), gaps, stiffer)
-
-
-class Ringing:
-    """Amplitudes of modes over a time s, with rates that change along the path in finite geometry.
-
-    Each amplitude is a sqrt(lambda(0)/lambda(s)) exp(int_0^s lambda), with lambda linear in s (the
-    WKB approximation).
-
-    Args:
-        system: the slider at its contact states.
-        a: amplitudes at s = 0, shape (n,).
-
-    Attributes:
-        growth: mean rates of the amplitudes, shape (n,), in 1/s.
-        gaps: gap functions of the modes at s = 0, shape (n_c, n), complex, in N.
-        which, change: indices of modes that follow the tangent, and changes of their rates over
-            time, shape (m,), in 1/s^2.
-    """
-
-    def __init__(self, system: Linearised, a: np.ndarray) -> None:
-        self.system, self.a, self.gaps = system, a, system.gaps * a
-        self.rates, self.growth = system.rates, system.growth
-        self.which = np.zeros(0, dtype=int)
-        self.change = np.zeros(0, dtype=complex)
-
-    def follow(self, begin: np.ndarray, end: np.ndarray, s: float, which: np.ndarray) -> None:
-        """Let some modes follow the change of the tangent up to s (s).
-
-        Args:
-            begin, end: changes of bond stiffness at 0 and s, shape (3, n_bonds), in N/m.
-            s: time, in s.
-            which: indices of the modes, shape (m,).
-        """
-        self.rates, last = (self.system.rates_at(stiffer, which) for stiffer in (begin, end))
-        self.which, self.change = which, (last - self.rates)[which] / s
-        self.growth = self.system.stepped((self.rates + last) / 2)
-
-    def at(self, s: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return amplitudes and rates (1/s) at s (s), shape (n,)."""
-        rates, growth, which = self.rates.copy(), self.growth.copy(), self.which
-        rates[which] += s * self.change
-        growth[which] = self.system.stepped(rates[which] - 0.5 * s * self.change)
-        return self.a * np.sqrt(self.rates / rates) * np.exp(growth * s), rates
-
-    def distances(self) -> np.ndarray:
-        """Return the distance of each rate from the nearest other rate, (n,), in 1/s."""
-        apart = np.abs(self.rates[:, None] - self.rates)
-        np.fill_diagonal(apart, np.inf)
-        return apart.min(axis=1, initial=np.inf)
-
-    def alive(self, s: float, enough: float) -> np.ndarray:
-        """Return the indices of modes that count at s (s), shape (m,).
-
-        All others together change no gap function by more than `enough` (N).
-        """
-        level = np.abs(self.gaps).max(axis=0, initial=0.0) * np.exp(self.growth.real * s)
-        return np.flatnonzero(level * len(level) > enough)
 
 
 class Jump:
     """A jump that begins now.
 
     Args:
-        system: the slider at its contact states.
+        modes: the slider at its contact states.
         outside: driver and loads.
         path: the quasi-static path.
         motion: deviation from the path.
@@ -303,7 +263,7 @@ class Jump:
 
     def __init__(
         self,
-        system: Linearised,
+        modes: Modes,
         outside: Outside,
         path: Path,
         motion: Motion,
@@ -313,15 +273,16 @@ class Jump:
         accuracy: float,
         least: int,
     ) -> None:
-        self.system, self.outside, self.path, self.motion = system, outside, path, motion
+        self.modes, self.outside, self.path, self.motion = modes, outside, path, motion
+        self.space, self.gap_functions = modes.space, modes.gap_functions
         self.age, self.dt, self.accuracy, self.least = age, dt, accuracy, least
-        self.ringing = Ringing(system, motion.a)
-        self.bound = system.bound * math.sqrt(motion.energy)
+        self.ringing = Ringing(modes, motion.a)
+        self.bound = self.gap_functions.bound * math.sqrt(motion.energy)
         self.bend, self.predicted = path.q[2], 0
 
     def land(self, n_max: int) -> Landing | Wait | Stale:
         """Return the end of the jump after at most `n_max` steps, or how long to wait."""
-        finite, first, n = self.system.solver.geometry == "finite", self.path, n_max
+        finite, first, n = self.space.solver.geometry == "finite", self.path, n_max
         for round_ in range(ROUNDS):
             self.predicted += 1
             n = self._longest(n_max)
@@ -332,22 +293,21 @@ class Jump:
             if left > self.accuracy:
                 return self._wait(left / self.accuracy, self.motion.decay, n)
             alive = self.ringing.alive(s, CORRECTED * self.accuracy)
-            self.system.correct(alive)
+            self.ringing.correct(alive)
             if not round_:
-                end = self.system.stiffer(at(self.path.q, s))
+                end = self.space.stiffer(at(self.path.q, s))
                 follows = self.ringing.alive(s, len(self.motion.a) * self.accuracy)
                 if finite and follows.size:
                     self.ringing.follow(self.path.stiffer, end, s, follows)
-            ringing = self.ringing.at(s)
-            q, v, gaps, shift = self._landed(s, ringing, alive, end)
-            wrong = gaps - at(self.path.gaps, s) - (self.system.gaps @ ringing[0]).real
+            q, v, gaps, shift, contraction = self._landed(s, alive, end)
+            wrong = gaps - at(self.path.gaps, s) - (self.modes.gaps @ self.ringing.at(s)[0]).real
             error, bent = 0.0, self.path.bent(shift, wrong, s)
             if finite:
                 size = float(np.abs(wrong).max())
-                error = size * self.system.contraction**2 + self._rung(shift / s)
+                error = size * contraction**2 + self._rung(shift / s)
                 self.path = bent
             then, least = (
-                self.system.strengthened(self.age + later, gaps)[0] for later in (s, 0.0)
+                self.gap_functions.strengthened(self.age + later, gaps)[0] for later in (s, 0.0)
             )
             if error <= CORRECTED * self.accuracy and (least > 0).all():
                 defect, decay = 0.0, 0.0
@@ -356,9 +316,6 @@ class Jump:
                 if defect > self.accuracy:
                     wait = self._wait(defect / self.accuracy, decay, n)
                     return Stale(wait.steps) if finite else wait
-                V = self.outside.V + s * self.outside.a
-                if finite and V and not any(self.outside.gain):
-                    self.system.latest_drift = (self.path.q[1] + s * self.bend) / V
                 return Landing(n, q, v, then, left + error + defect, self)
             self.path = bent
         self.path = first  # the corrections do not converge over so long a path
@@ -367,14 +324,15 @@ class Jump:
     def _longest(self, n_max: int) -> int | Wait:
         """Return the number of steps until just before a gap function may reach zero."""
         ringing = self.ringing
-        *polynomial, waves = self.system.strengthened(self.age, *self.path.gaps, ringing.gaps)
+        rows = *self.path.gaps, ringing.gaps
+        *polynomial, waves = self.gap_functions.strengthened(self.age, *rows)
         now = polynomial[0] + waves.sum(axis=1).real
         with np.errstate(divide="ignore", invalid="ignore"):
             loud = float(np.max(np.where(now > 0, self.bound / now, np.inf)))
         if loud >= 1:
             return self._wait(loud, self.motion.decay)
         waves = np.column_stack([waves, -self.bound])
-        rates = np.append(ringing.growth, -self.system.decay)
+        rates = np.append(ringing.growth, -self.space.decay)
         c, slope, bend = polynomial
         s = first_crossing(c, slope, waves, rates, n_max * self.dt, self.dt, bend)
         n = min(math.floor(s / self.dt), n_max)
@@ -387,7 +345,7 @@ class Jump:
         s = 0. If the energy is distributed as exp(-(rate - fade)/(decay - fade)) over the rates,
         amplitudes decay as exp(-fade s)/sqrt(1 + 2 (decay - fade) s).
         """
-        fade = self.system.fade
+        fade = self.modes.fade
         spread = 1 + 2 * max(self.motion.decay - fade, 0.0) * s
         return float(np.abs(self.motion.gaps).max()) * math.exp(-fade * s) / math.sqrt(spread)
 
@@ -405,9 +363,9 @@ class Jump:
 
         Also return its decay rate if the jump begins later, in 1/s.
         """
-        system, growth = self.system, self.ringing.growth[alive]
-        a = np.abs(self.ringing.a[alive] * np.exp(growth * s))
-        wrong = np.abs(system.gaps[:, alive]) * (a * system.off[alive] * s)
+        ringing, growth = self.ringing, self.ringing.growth[alive]
+        a = np.abs(np.exp(growth * s))
+        wrong = np.abs(ringing.gaps[:, alive]) * (a * ringing.off[alive] * s)
         parts = wrong[wrong.sum(axis=1).argmax()]
         change = float(parts.sum())
         return change, float(-growth.real @ parts) / change if change else 0.0
@@ -425,18 +383,18 @@ class Jump:
         force, but at most |lambda| s times as much. The even part oscillates at sums and
         differences of frequencies.
         """
-        system, outside, found = self.system, self.outside, 0.0
+        modes, space, outside, found = self.modes, self.space, self.outside, 0.0
         near = np.maximum(self.ringing.distances(), 1 / s)
-        resonance = np.maximum(np.abs(system.rates) / near, 1.0)
+        resonance = np.maximum(np.abs(self.ringing.rates) / near, 1.0)
         for then in np.multiply(SAMPLED, s):
             q, drive, load = at(self.path.q, then), outside.drive_at(then), outside.load_at(then)
-            w, w_v, w_a = system.motion_of(*self.ringing.at(then))
-            rest = system.forces(q, drive, load)
-            gain = system.forces(q + w, drive, load) - rest
-            left = gain - system.solver.damping(q) @ w_v - system.M * w_a
+            w, w_v, w_a = modes.motion_of(*self.ringing.at(then))
+            rest = space.forces(q, drive, load)
+            gain = space.forces(q + w, drive, load) - rest
+            left = gain - space.solver.damping(q) @ w_v - space.M * w_a
             change = self._excited(left, s - then) @ resonance
             if change.max() > self.accuracy:
-                even = 0.5 * (gain + system.forces(q - w, drive, load) - rest)
+                even = 0.5 * (gain + space.forces(q - w, drive, load) - rest)
                 change = self._excited(left - even, s - then) @ resonance
                 change += self._excited(even, s - then).sum(axis=1)
             found = max(found, float(change.max()))
@@ -444,49 +402,58 @@ class Jump:
 
     def _excited(self, force: np.ndarray, s: float) -> np.ndarray:
         """Return changes of gap functions (N), (n_c, n), by modes s (s) after a force (N) began."""
-        a = self.system.pushed(force)
-        return np.abs(self.system.gaps * a) * np.exp(self.system.growth.real * s)
+        a = self.modes.pushed(force)
+        return np.abs(self.modes.gaps * a) * np.exp(self.ringing.growth.real * s)
 
     def _rung(self, v: np.ndarray) -> float:
         """Return how far an error v (m/s) of velocities moves a gap function later, in N."""
-        system = self.system
-        a = np.abs(system.excited(v))
-        return float((np.abs(system.gaps) @ a).max(initial=0.0))
+        a = np.abs(self.modes.excited(v))
+        return float((np.abs(self.modes.gaps) @ a).max(initial=0.0))
 
     def _landed(
-        self,
-        s: float,
-        ringing: tuple[np.ndarray, np.ndarray],
-        alive: np.ndarray,
-        stiffer: np.ndarray | None,
-    ) -> tuple[np.ndarray, ...]:
-        """Return q, q' and gap functions at s (s), corrected by a shift, and the shift of q.
+        self, s: float, alive: np.ndarray, stiffer: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
+        """Return the state at s (s), corrected by a shift.
 
         Args:
             s: time, in s.
-            ringing: amplitudes and rates at that time, see `Ringing.at`.
             alive: indices of the modes that have not decayed, shape (m,).
             stiffer: change of bond stiffness to that state, (3, n_bonds); None if linear.
+
+        Returns:
+            q (m) and q' (m/s), shape (n_q,); gap functions, shape (n_c,), in N; the shift of q, in
+            m; and the factor by which its refinement reduces the error, in the norm of elastic
+            energy.
         """
-        system, path = self.system, self.path
-        w, w_v, w_a = system.deviation(*ringing, alive)
+        space, path = self.space, self.path
+        w, w_v, w_a = self.ringing.motion_at(s, alive)
         q = at(path.q, s) + at(path.lag, s) + w
         v = path.q[1] + path.lag[1] + s * path.q[2] + w_v
         outside = self.outside.drive_at(s), self.outside.load_at(s)
-        forces = system.forces(q, *outside) - system.solver.damping(q) @ v
-        left = forces - system.M * (path.q[2] + w_a)
-        left[system.held] = 0.0
-        shift, after = np.zeros_like(q), 0.0
+        forces = space.forces(q, *outside) - space.solver.damping(q) @ v
+        left = forces - space.M * (path.q[2] + w_a)
+        left[space.held] = 0.0
+        shift, after, contraction = np.zeros_like(q), 0.0, 0.0
         if np.abs(left).sum() > CORRECTED * self.accuracy:  # contact forces change by no more
-            shift, after = system.refined(system.answer(left), left, stiffer)
+            first = space.answer(left)
+            shift, after, change = space.refined(first, left, stiffer)
+            contraction = math.sqrt(change @ (space.K @ change) / (first @ left))
             q, v = q + shift, v + 2 / s * shift
-        return q, v, system.gaps_of(q, forces[system.held] + after), shift
+        gaps = self.gap_functions.at(q, forces[space.held] + after)
+        return q, v, gaps, shift, contraction
+
+    def drift_at(self, s: float) -> np.ndarray | None:
+        """Return dq/d(drive) at s (s), shape (n_q,), or None if not only the driver moves."""
+        V = self.outside.V + s * self.outside.a
+        if not V or any(self.outside.gain):
+            return None
+        return (self.path.q[1] + s * self.bend) / V
 
     def u_h(self, s: np.ndarray) -> np.ndarray:
         """Return mean u_x of the driven blocks at times s (s), evenly spaced, (n,), in m."""
-        path = (self.path.q + self.path.lag) @ self.system.solver.driven_row
+        path = (self.path.q + self.path.lag) @ self.space.solver.driven_row
         near, far = s[: math.isqrt(len(s)) + 1], s[:: math.isqrt(len(s)) + 1]  # each s is a sum
-        shares = (self.system.u_h * self.ringing.a)[:, None]
+        shares = (self.modes.u_h * self.ringing.a)[:, None]
         begin = shares * np.exp(np.outer(self.ringing.growth, far))
         waves = begin.T @ np.exp(np.outer(self.ringing.growth, near - s[:1]))
         return at(path, s) + waves.real.ravel()[: len(s)]

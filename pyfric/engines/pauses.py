@@ -25,7 +25,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pyfric.engines.modes import Linearised
+from pyfric.engines.modes import modes_of
+from pyfric.engines.space import Space
 from pyfric.engines.stopping import pause_of_waves
 from pyfric.record import count_main
 from pyfric.statics import System
@@ -102,7 +103,7 @@ def relaxation_time(scene: Scene) -> float:
         return math.inf
     small = coarser(scene)
     stuck = np.ones(small.N_x, dtype=bool)
-    rates = Linearised(System(small, "linear"), stuck, modes=SLOWEST).rates
+    rates = modes_of(Space(System(small, "linear"), stuck, modes=SLOWEST)).rates
     slowest = float(np.min(-rates.real))
     return 1 / slowest if slowest > 0 else math.inf
 

@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     import scipy.sparse as sp
 
-    from pyfric.engines.modes import Linearised
+    from pyfric.engines.space import Space
 
 
 class Released:
@@ -19,7 +19,7 @@ class Released:
     displacements u_x of the released blocks and to forces on their u_z.
 
     Args:
-        near: the slider with these blocks stuck.
+        near: the space with these blocks stuck.
         blocks: the released blocks, shape (m,).
         K: stiffness afterwards, shape (n_q, n_q), in N/m.
         free: free coordinates afterwards, shape (n,).
@@ -28,9 +28,7 @@ class Released:
         shapes: the responses, shape (n_q, 2 m).
     """
 
-    def __init__(
-        self, near: Linearised, blocks: np.ndarray, K: sp.csr_array, free: np.ndarray
-    ) -> None:
+    def __init__(self, near: Space, blocks: np.ndarray, K: sp.csr_array, free: np.ndarray) -> None:
         self.near, self.free, lifted = near, free, len(near.stuck) + blocks
         force = np.zeros((near.n_q, len(blocks)))
         force[lifted, np.arange(len(blocks))] = 1.0

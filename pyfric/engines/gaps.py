@@ -1,0 +1,98 @@
+"""Gap functions of the slider at fixed contact states, in N: positive while no state changes.
+
+They are mu_s p + f and mu_s p - f for stuck blocks, with the normal force p and the friction force
+f, and k_f u_z for open blocks.
+
+The part of a motion outside the space of slow shapes has an energy E, which cannot grow. By the
+Cauchy-Schwarz inequality, E bounds the change of contact forces by this part at any later time.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from pyfric.engines.space import Space
+
+
+class GapFunctions:
+    """Gap functions of stuck and open blocks.
+
+    Args:
+        space: the slider at these contact states.
+    """
+
+    def __init__(self, space: Space) -> None:
+        scene = space.solver.scene
+        self.space, self.law, held, up = space, scene.law, space.held, space.open
+        k_f, mu_s = (np.broadcast_to(a, scene.N_x) for a in (scene.k_f, self.law.hold(1.0)))
+        self._mu_s, self._k_f, self._lifting = mu_s[held], k_f[held], k_f[up]
+
+    def of(self, u_z: np.ndarray, f: np.ndarray) -> np.ndarray:
+        """Return gap functions, or changes of them, because they are linear; (n_c, ...), in N.
+
+        Args:
+            u_z: displacements of the bottom blocks, shape (N_x, ...), in m.
+            f: friction force on the blocks that stick, shape (n_stuck, ...), in N.
+        """
+        strength = (self._mu_s * (-self._k_f * u_z[self.space.held].T)).T
+        lifted = (self._lifting * u_z[self.space.open].T).T
+        return np.concatenate([strength + f, strength - f, lifted])
+
+    def at(self, q: np.ndarray, forces: np.ndarray) -> np.ndarray:
+        """Return the gap functions at q, (n_q,), with forces on the stuck blocks, (n_stuck,)."""
+        N_x = len(self.space.stuck)
+        return self.of(q[N_x : 2 * N_x], -forces)
+
+    @functools.cached_property
+    def steady(self) -> tuple[np.ndarray, np.ndarray]:
+        """Gap functions of `drift` (N/m) and `lag` (N s/m) at a steady speed, shape (n_c,)."""
+        space = self.space
+        pull = space.solver.push, -(space.C @ space.drift)
+        return tuple(
+            self.at(x, space.on_held(x, force))
+            for x, force in zip((space.drift, space.lag), pull, strict=True)
+        )
+
+    @functools.cached_property
+    def bound(self) -> np.ndarray:
+        """Largest change of each gap function by a truncated part of 1 J, shape (n_c,), in N.
+
+        A force K_i w is at most sqrt(2 E K_ii). Bonds between held blocks do not contribute.
+        """
+        space = self.space
+        held, free = space.held, space.free
+        C = space.C[held][:, free]
+        stiff = self._mu_s**2 * self._k_f + space.K[held][:, held].sum(axis=1)
+        stiff = stiff + C.multiply(C) @ (1 / space.M[free])
+        lifted, force = np.zeros(len(space.open)), np.zeros(space.n_q)
+        for n, block in enumerate(space.open + len(space.stuck)):
+            force[block] = 1.0
+            lifted[n] = self._lifting[n] ** 2 * space.answer(force)[block]
+            force[block] = 0.0
+        return np.sqrt(2 * np.concatenate([stiff, stiff, lifted]))
+
+    def strengthened(self, age: np.ndarray, *rows: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return gap functions, or parts of them, of blocks that have been stuck for `age`.
+
+        Strength only grows with contact time, so that the present strength bounds the later one
+        from below. The two gap functions of a block are mu_s p +- f; their sum gives p.
+
+        Args:
+            age: time since each block stuck, shape (N_x,), in s.
+            rows: gap functions at age 0, shape (n_c, ...).
+        """
+        if self.law.tables.hold is None:
+            return rows
+        stuck, n = self.space.stuck, len(self.space.held)
+        law = self.law.at(stuck)
+        young = np.broadcast_to(law.hold(1.0), n)
+        gain = law.hold(1.0, age[stuck]) - young
+        share, found = np.divide(gain, 2 * young, out=np.zeros(n), where=young > 0), []
+        for row in rows:
+            more = (share * (row[:n] + row[n : 2 * n]).T).T
+            found.append(np.concatenate([row[:n] + more, row[n : 2 * n] + more, row[2 * n :]]))
+        return tuple(found)

@@ -1,0 +1,99 @@
+"""Ring-down of a slider at fixed contact states: amplitudes of its modes during one jump."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from pyfric.engines.modes import Modes
+
+
+class Ringing:
+    """Amplitudes of modes over a time s, with rates that change along the path in finite geometry.
+
+    Each amplitude is a sqrt(lambda(0)/lambda(s)) exp(int_0^s lambda), with lambda linear in s (the
+    WKB approximation). Rates and shapes are those of the modes until `correct` replaces them.
+
+    Args:
+        modes: the modes.
+        a: amplitudes at s = 0, shape (n,).
+
+    Attributes:
+        rates: rates at s = 0, shape (n,), in 1/s.
+        growth: mean rates of the amplitudes, shape (n,), in 1/s.
+        off: errors of corrected rates, shape (n,), in 1/s.
+        gaps: gap functions of the modes at s = 0, shape (n_c, n), complex, in N.
+        which, change: indices of modes that follow the tangent, and changes of their rates over
+            time, shape (m,), in 1/s^2.
+    """
+
+    def __init__(self, modes: Modes, a: np.ndarray) -> None:
+        self.modes, self.a, self.gaps = modes, a, modes.gaps * a
+        self.rates, self.growth = modes.rates.copy(), modes.growth.copy()
+        self.off = np.zeros(len(a))
+        self.which = np.zeros(0, dtype=int)
+        self.change = np.zeros(0, dtype=complex)
+        self._corrected = np.zeros(len(a), dtype=bool)
+
+    def correct(self, which: np.ndarray) -> None:
+        """Take corrected rates of some modes, unless they were taken before.
+
+        Args:
+            which: indices of the modes, shape (m,).
+        """
+        new = which[~self._corrected[which]]
+        for k in new.tolist():
+            _, self.rates[k], self.off[k] = self.modes.corrected(k)
+        self.growth[new] = self.modes.stepped(self.rates[new])
+        self._corrected[new] = True
+
+    def follow(self, begin: np.ndarray, end: np.ndarray, s: float, which: np.ndarray) -> None:
+        """Let some corrected modes follow the change of the tangent up to s (s).
+
+        Args:
+            begin, end: changes of bond stiffness at 0 and s, shape (3, n_bonds), in N/m.
+            s: time, in s.
+            which: indices of the modes, shape (m,).
+        """
+        self.rates[self.which] = [self.modes.corrected(k).rate for k in self.which.tolist()]
+        self.growth = self.modes.stepped(self.rates)
+        first, last = (self.modes.changes(stiffer, which) for stiffer in (begin, end))
+        self.rates[which] += first
+        self.which, self.change = which, (last - first) / s
+        self.growth[which] = self.modes.stepped(self.rates[which] + 0.5 * s * self.change)
+
+    def at(self, s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return amplitudes and rates (1/s) at s (s), shape (n,)."""
+        rates, growth, which = self.rates.copy(), self.growth.copy(), self.which
+        rates[which] += s * self.change
+        growth[which] = self.modes.stepped(rates[which] - 0.5 * s * self.change)
+        return self.a * np.sqrt(self.rates / rates) * np.exp(growth * s), rates
+
+    def motion_at(self, s: float, which: np.ndarray) -> np.ndarray:
+        """Return w (m), w' (m/s) and w'' (m/s^2), shape (3, n_q), of corrected modes at s (s).
+
+        Args:
+            s: time, in s.
+            which: indices of the modes that count, shape (m,).
+        """
+        shapes = np.zeros((len(which), self.modes.space.n_q), dtype=complex)
+        for i, k in enumerate(which.tolist()):
+            shapes[i] = self.modes.corrected(k).shape
+        a, rates = (part[which] for part in self.at(s))
+        return (np.array([a, a * rates, a * rates**2]) @ shapes).real
+
+    def distances(self) -> np.ndarray:
+        """Return the distance of each rate from the nearest other rate, (n,), in 1/s."""
+        apart = np.abs(self.rates[:, None] - self.rates)
+        np.fill_diagonal(apart, np.inf)
+        return apart.min(axis=1, initial=np.inf)
+
+    def alive(self, s: float, enough: float) -> np.ndarray:
+        """Return the indices of modes that count at s (s), shape (m,).
+
+        All others together change no gap function by more than `enough` (N).
+        """
+        level = np.abs(self.gaps).max(axis=0, initial=0.0) * np.exp(self.growth.real * s)
+        return np.flatnonzero(level * len(level) > enough)

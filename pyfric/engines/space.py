@@ -1,0 +1,257 @@
+"""The slider at fixed contact states: held and free coordinates, static solutions, slow shapes.
+
+While no contact state changes, the deviation w of the slider from its quasi-static path is a damped
+linear oscillation. Stuck blocks are held in u_x, and all other coordinates are free:
+
+    M w'' + C w' + K w = 0 .
+
+Slow motion is computed in a space B of few shapes. These are the slowest undamped modes,
+K phi = omega^2 M phi, found by shift-invert Lanczos; the static response to the driver; and the
+viscous corrections K^-1 C phi of all these shapes.
+
+The truncated part of the motion, outside B, decays. A mode of frequency omega with at least half of
+its elastic energy in bonds has -Re lambda >= eta omega^2/(4 k). The reason is that the viscosity of
+a bond resists the whole relative motion, and its spring only one component. Here omega is at least
+the frequency of the fastest undamped mode in B. The slower one of two overdamped modes decays at
+least at the ratio of elastic to viscous forces, which is k/(6 eta) or more in plane waves.
+
+In finite geometry K is factorised at one state, the loaded one. Solutions at other tangents are
+corrected for the change of bond stiffness.
+
+Source: B. N. Parlett, The Symmetric Eigenvalue Problem (1998), Lanczos and Rayleigh-Ritz methods.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
+
+from pyfric.core import OPEN, STUCK
+from pyfric.engines.woodbury import Released
+from pyfric.scene import FRICTIONLESS
+from pyfric.statics import EquilibriumError, States, extended, mass
+
+if TYPE_CHECKING:
+    import scipy.sparse as sp
+
+    from pyfric.statics import StaticSolver
+
+N_MODES = 28
+"""Number of undamped modes in the space."""
+LANCZOS = 1e-3
+"""Relative error of squared frequencies: what the space misses of a mode counts as truncated."""
+SLOWEST = 7.0
+"""Viscous over elastic forces of overdamped motion, over eta/k: 6 in plane waves. Edges of a
+lattice raise it to 6.6."""
+
+
+class Tangent(NamedTuple):
+    """The linearised forces at one state.
+
+    Attributes:
+        K, C: stiffness (N/m) and viscosity (N s/m), shape (n_q, n_q).
+        stiffer: change of bond stiffness since the factorised tangent, (3, n_bonds), in N/m.
+    """
+
+    K: sp.csr_array
+    C: sp.csr_array
+    stiffer: np.ndarray | float = 0.0
+
+
+class Space:
+    """Static solutions and slow shapes with stuck blocks held and all other blocks open.
+
+    Args:
+        solver: static states of the scene in its geometry.
+        stuck: stuck blocks, shape (N_x,), bool; all others are open.
+        near: the space with more stuck blocks, which is extended; None: a new space.
+        modes: number of undamped modes in a new space.
+
+    Attributes:
+        held, open: indices of stuck and of open blocks.
+        free: indices of the coordinates that are not held, shape (n_free,).
+        K, C: stiffness (N/m) and viscosity (N s/m) at the factorised tangent, shape (n_q, n_q).
+        M: masses, shape (n_q,), in kg.
+        B: shapes, with B'M B = 1, shape (n_q, r).
+        cut: frequency up to which the space contains all undamped modes, in 1/s.
+        fastest: largest decay rate that may be expected of the truncated part, in 1/s.
+        decay: smallest possible decay rate of the truncated part, in 1/s.
+
+    Raises:
+        EquilibriumError: all blocks are open.
+    """
+
+    def __init__(
+        self,
+        solver: StaticSolver,
+        stuck: np.ndarray,
+        near: Space | None = None,
+        modes: int = N_MODES,
+    ) -> None:
+        scene = solver.scene
+        self.solver, self.stuck = solver, stuck
+        self.held, self.open = np.flatnonzero(stuck), np.flatnonzero(~stuck)
+        mode = np.where(stuck, STUCK, OPEN).astype(np.int8)
+        self._contact = States(scene, mode, FRICTIONLESS)
+        self.K, self.free = solver.tangents(mode), solver.unknown(mode)
+        self._K_held = self.K[self.held]
+        if near is None:
+            if not stuck.any():  # singular: rounding would decide whether it can be factorised
+                what = "the slider is not supported: all blocks are open"
+                raise EquilibriumError(what, np.nan, 0.0, 0)
+            self._factor = solver.factor(mode, driven=True)
+        else:
+            blocks = np.flatnonzero(near.stuck & ~stuck)
+            self._factor = Released(near, blocks, self.K, self.free)
+        self.M, self.n_q, q = mass(scene), self.K.shape[0], np.zeros(self.K.shape[0])
+        if solver.geometry == "finite":
+            q = solver.coordinates(solver.loaded.u, solver.loaded.rod)
+            self._bonds = solver.bond_tangents(q)
+        self.C = solver.damping(q)
+        self.cut = cut = self._find(modes) if near is None else self._extend(near)
+        overdamped = scene.slider.k / (SLOWEST * scene.eta) if scene.eta else np.inf
+        self.fastest = min(cut, overdamped)
+        self.decay = min(scene.eta * cut**2 / (4 * scene.slider.k), self.fastest)
+
+    # --- shapes ----------------------------------------------------------------------------------
+
+    def _find(self, modes: int) -> float:
+        """Find the shapes; return the largest frequency among them, in 1/s."""
+        free, M, scene = self.free, self.M[self.free], self.solver.scene
+        # Stuck blocks of a chain could only move vertically, and nothing excites that motion.
+        count = min(modes, len(free) // 2) if scene.N_z > 1 else 0
+        if not count:
+            self.B = np.zeros((self.n_q, 0))
+            return 0.0
+        root, driven, n = np.sqrt(M), self.drift[free], len(free)
+        squares, basis = np.full(1, np.inf), np.zeros((n, 0))
+        with contextlib.suppress(ArpackError):  # without modes, all other motion is truncated
+            inverse = LinearOperator((n, n), lambda x: root * self._factor.solve(root * x), float)
+            room = 1 + 3 * count // 2  # fewer solutions than with twice the modes
+            squares, basis = eigsh(inverse, count, v0=root * driven, tol=LANCZOS, ncv=room)
+            basis /= root[:, None]
+        viscous = self._viscous(np.column_stack([basis, driven]))
+        self._span(basis, np.column_stack([driven, viscous]))
+        return 1 / math.sqrt(squares.min())
+
+    def _extend(self, near: Space) -> float:
+        """Extend the space with more stuck blocks; return its largest frequency, in 1/s.
+
+        Added are the responses to displacements and forces of the released blocks (`Released`),
+        and their viscous corrections. Any motion w is a combination of these responses and of a
+        motion w_0 without displacements of the released blocks, which is orthogonal to them in K.
+        If w is orthogonal in M to the new space, w'M w = w'M w_0 is at most |w| times the part of
+        w_0 outside the old modes, whose elastic energy is at most that of w. So no such motion is
+        slower than the modes that the old space lacks.
+        """
+        shapes = self._factor.shapes[self.free]
+        self._span(near.B[self.free], np.hstack([shapes, self._viscous(shapes)]))
+        return near.cut
+
+    def _viscous(self, shapes: np.ndarray) -> np.ndarray:
+        """Return the viscous corrections K^-1 C phi of shapes (n_free, m), none if eta = 0."""
+        if not self.solver.scene.eta:
+            return shapes[:, :0]
+        return self._factor.solve(self.C[self.free][:, self.free] @ shapes)
+
+    def _span(self, basis: np.ndarray, shapes: np.ndarray) -> None:
+        """Let B span a basis (n_free, m) and shapes (n_free, k) of the free coordinates."""
+        basis = extended(basis, shapes, self.M[self.free])
+        rows = np.zeros((basis.shape[1], self.n_q))
+        rows[:, self.free] = basis.T
+        self.B = rows.T  # columns are contiguous
+
+    # --- static solutions ------------------------------------------------------------------------
+
+    def answer(self, force: np.ndarray) -> np.ndarray:
+        """Return the static displacements under forces on all coordinates, shape (n_q,)."""
+        found = np.zeros(force.shape)
+        found[self.free] = self._factor.solve(force[self.free])
+        return found
+
+    def moved(self, blocks: np.ndarray) -> np.ndarray:
+        """Return the static responses, (n_q, n), to unit displacements of n stuck blocks."""
+        q = np.zeros((self.n_q, len(blocks)))
+        q[blocks, np.arange(len(blocks))] = 1.0
+        return q + self.answer(-(self.K @ q))
+
+    @functools.cached_property
+    def drift(self) -> np.ndarray:
+        """Derivative dq/d(drive) of the static state, shape (n_q,)."""
+        return self.answer(self.solver.push)
+
+    @functools.cached_property
+    def lag(self) -> np.ndarray:
+        """Lag of the slider behind its static state per speed of the driver, (n_q,), in s."""
+        return self.answer(-(self.C @ self.drift))
+
+    def forces(
+        self, q: np.ndarray, drive: float, load: tuple[float, float] | None = None
+    ) -> np.ndarray:
+        """Return the forces on the coordinates, without friction, shape (n_q,), in N.
+
+        Args:
+            q: coordinates, shape (n_q,), in m.
+            drive: displacement of the driver since t = 0, in m.
+            load: F_N and T, in N; None means those at t = 0.
+        """
+        solver = self.solver.under(load)
+        if solver.geometry == "finite":
+            return solver.forces(q, self._contact, drive)[0]
+        return solver.load + solver.unpushed + drive * solver.push - self.K @ q
+
+    def on_held(self, x: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """Return the part of a force (N), (n_q,), on stuck blocks that displacements x leave."""
+        return force[self.held] - self._K_held @ x
+
+    # --- other tangents --------------------------------------------------------------------------
+
+    @property
+    def tangent(self) -> Tangent:
+        """The tangent that is factorised."""
+        return Tangent(self.K, self.C)
+
+    def tangent_at(self, q: np.ndarray) -> Tangent:
+        """Return the tangent at coordinates q (m), shape (n_q,), in finite geometry."""
+        bonds = self.solver.bond_tangents(q)
+        K = self.solver.stiffness(bonds, self._contact.mode, driven=True)
+        return Tangent(K, self.solver.damping(q), bonds - self._bonds)
+
+    def stiffer(self, q: np.ndarray) -> np.ndarray | None:
+        """Return the change of bond stiffness to a state q, (3, n_bonds), in N/m.
+
+        None in linear geometry.
+        """
+        if self.solver.geometry == "linear":
+            return None
+        return self.solver.bond_tangents(q) - self._bonds
+
+    def restoring(self, x: np.ndarray, stiffer: np.ndarray | None) -> np.ndarray:
+        """Return K x, shape (n_q,), with changes of bond stiffness included."""
+        return self.K @ x if stiffer is None else self.K @ x + self.solver.stiffened(x, stiffer)
+
+    def refined(
+        self, x: np.ndarray, force: np.ndarray, stiffer: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the response to a force, what it leaves on stuck blocks, and the correction.
+
+        Args:
+            x: response without changes of bond stiffness, which are corrected once, (n_q,), in m.
+            force: shape (n_q,), in N.
+            stiffer: changes of bond stiffness, shape (3, n_bonds), in N/m; None means none.
+
+        Returns:
+            The response, shape (n_q,), in m; the force, shape (n_stuck,), in N; and by how much the
+            response was corrected, shape (n_q,), in m. What the correction does to the changed
+            stiffness is of second order, and left out.
+        """
+        if stiffer is None:
+            return x, self.on_held(x, force), np.zeros_like(x)
+        left = force - self.restoring(x, stiffer)
+        shift = self.answer(left)
+        return x + shift, self.on_held(shift, left), shift

@@ -1,0 +1,119 @@
+"""Jumps: what they depend on, what they leave, and what they take."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from helpers import GEOMETRIES
+
+import pyfric
+from pyfric.engines import space
+from pyfric.engines.jump import Jump, Landing, Outside, path_from, rest
+from pyfric.engines.modes import modes_of
+from pyfric.scene import preset, setup1, setup2
+from pyfric.statics import StaticSolver, stability_limit
+
+SCENE = setup1(L=0.02, H=0.0125, F_N=400.0, V=2e-3)
+DT = 0.3 * stability_limit(SCENE)[0]
+
+
+def linearised(geometry):
+    """Return the modes of the loaded slider, its static state, and its velocities under a blow."""
+    solver = StaticSolver(SCENE, geometry)
+    modes = modes_of(space.Space(solver, ~solver.loaded.open), DT)
+    q = solver.coordinates(solver.loaded.u, solver.loaded.rod)
+    *start, _ = rest(modes, q, 0.0, None, 1e-9 * SCENE.F_N)
+    v = np.zeros(len(q))
+    v[modes.space.free] = np.random.default_rng(1).standard_normal(len(modes.space.free))
+    return modes, start, v
+
+
+def landed(modes, start, v, steps):
+    """Return all numbers of a jump that begins with velocities v (m/s): its end and its curve."""
+    outside, n_x = Outside(modes.space.solver, 0.0), SCENE.N_x
+    path = path_from(modes, outside, *start)
+    motion = modes.split(path.lag[0] * 0.0, v)
+    how = {"dt": DT, "accuracy": 1e-6 * SCENE.F_N, "least": 1}
+    jump = Jump(modes, outside, path, motion, np.zeros(n_x), **how)
+    landing = jump.land(steps)
+    assert isinstance(landing, Landing)
+    curve = jump.u_h(DT * np.arange(1, landing.n, 16))
+    return landing.n, landing.error, *landing.q, *landing.v, *landing.gaps, *curve
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_a_jump_does_not_depend_on_those_before(geometry):
+    """The other jump is shorter, so that more modes count at its end; the bits are the same."""
+    modes, start, v = linearised(geometry)
+    first = landed(modes, start, 1e-6 * v, 20_000)
+    other = landed(modes, start, 1e-6 * v, 4_000)
+    assert other[0] < first[0]
+    assert landed(modes, start, 1e-6 * v, 20_000) == first
+    fresh = linearised(geometry)[0]
+    assert landed(fresh, start, 1e-6 * v, 20_000) == first
+
+
+def test_landings_are_predicted_again_in_finite_geometry_only(monkeypatch):
+    scene, jumps, land = setup2(L=0.03, H=0.01, V=0.02), [], Jump.land
+    monkeypatch.setattr(Jump, "land", lambda one, n: (jumps.append(one), land(one, n))[1])
+    for geometry in GEOMETRIES:
+        jumps.clear()
+        made = pyfric.simulate(scene, 0.01, fidelity="hybrid", geometry=geometry, progress=False)
+        counts = made.counts
+        assert counts["landings"] >= len(jumps) >= counts["attempts"] > 0
+        assert (counts["landings"] == len(jumps)) == (geometry == "linear")
+
+
+def test_errors_of_rates_fall_as_a_wait_assumes():
+    """From a jump that begins a little later."""
+    rng, s, later = np.random.default_rng(0), 1e-3, 1e-8
+    off, gaps = rng.random(5), rng.normal(size=(4, 5)) + 1j * rng.normal(size=(4, 5))
+    a, growth = rng.normal(size=5) + 0j, -rng.uniform(1e2, 1e4, 5) + 1e4j
+    which = np.arange(5)
+
+    def late(a):
+        ringing = SimpleNamespace(gaps=gaps * a, off=off, growth=growth)
+        return Jump._late(SimpleNamespace(ringing=ringing), s, which)
+
+    (before, decay), (after, _) = late(a), late(a * np.exp(growth * later))
+    assert decay == pytest.approx(np.log(before / after) / later, rel=1e-3)
+    assert -growth.real.max() < decay < -growth.real.min()
+
+
+VISCOUS = {"eta": 8.815, "k_f": 1.8315e6, "K": 1.7049e6, "mu_k": 0.4595, "theta": -0.4343}
+HEAVY = {"L": 0.015, "H": 0.008, "M": 0.012 * 144 / 2121, "F_N": 320.0, "V": 0.01}
+LATE_ERRORS = {
+    "rates of viscous modes": (
+        setup2(L=0.017, H=0.004, M=5.092e-4, F_N=121.27, h=3e-3, V=0.063567, **VISCOUS),
+        1.4386e-3,
+        "linear",
+    ),
+    "a fast mode that excites a slow one": (setup2(k_f=4.6875e5, **HEAVY), 0.026, "finite"),
+}
+"""Scenes in which modes leave more than at the end of a jump: scene, t_end, geometry."""
+
+
+@pytest.mark.parametrize("name", LATE_ERRORS)
+def test_what_modes_leave_during_a_jump_is_estimated(name):
+    scene, t_end, geometry = LATE_ERRORS[name]
+    how = {"geometry": geometry, "switching": "located", "budget": False, "progress": False}
+    a, b = (pyfric.simulate(scene, t_end, fidelity=one, **how) for one in ("hybrid", "dynamic"))
+    assert a.counts["jumps"] > 0
+    assert len(a.events) == len(b.events) > 1
+    for column in ("F_T_start", "F_T_arrest"):
+        apart = np.abs(a.events[column] - b.events[column]).max() / scene.F_N
+        assert apart < 1e-6
+
+
+@pytest.mark.parametrize("wrong", [False, True])
+def test_a_slow_driver_is_no_slower(wrong, monkeypatch):
+    """5e8 steps between events. If the prediction is bad on purpose, jumps are halved."""
+    if wrong:
+        start = space.Space.drift.func
+        monkeypatch.setattr(space.Space.drift, "func", lambda of: 300.0 * start(of))
+    scene = preset("fig1", l=5e-3, V=1e-7)
+    how = {"fidelity": "hybrid", "geometry": "finite", "accuracy": 1e-3, "progress": False}
+    made = pyfric.simulate(scene, 1e4, **how)
+    assert len(made.events) > 10
+    assert made.counts["steps_spared"] > 1e5 * made.counts["steps"]
+    assert made.counts["landings"] < 10 * len(made.events)

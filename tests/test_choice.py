@@ -368,7 +368,7 @@ def test_operations_with_shorter_steps():
 def test_work_of_dynamics():
     scene = small()
     found = plan(scene, "motion", t_end=2e-3)
-    how = {"fidelity": "dynamic", "dt": found.dt, "budget": False, "sample": 2e-3 / 500}
+    how = {"fidelity": "dynamic", "dt": found.dt, "energies": False, "sample": 2e-3 / 500}
     record = simulate(scene, 2e-3, progress=False, **how)
     made = full_work(scene, "finite", found.dt, 2e-3) - full_work(scene, "finite", 1, 0)
     assert work_so_far(record) == pytest.approx(made, rel=0.1)

@@ -46,7 +46,7 @@ def links(**changes):
 run = functools.partial(pyfric.simulate, progress=False, threads=1)
 STEPS = {"switching": "step_end"}  # as many evaluations in each; located: test_location
 jump = functools.partial(run, fidelity="hybrid", **STEPS)
-step = functools.partial(run, fidelity="dynamic", budget=False, **STEPS)
+step = functools.partial(run, fidelity="dynamic", energies=False, **STEPS)
 
 
 def both(scene, t_end, geometry, **options):
@@ -532,7 +532,7 @@ def test_errors_of_rates_fall_as_a_wait_assumes():
 
 def test_a_budget_is_refused():
     with pytest.raises(SceneError, match="dynamic"):
-        jump(rod(), 0.01, budget=True)
+        jump(rod(), 0.01, energies=True)
 
 
 def test_fig1_takes_few_steps():
@@ -560,7 +560,7 @@ LATE_ERRORS = {
 @pytest.mark.parametrize("name", LATE_ERRORS)
 def test_what_modes_leave_during_a_jump_is_estimated(name):
     scene, t_end, geometry = LATE_ERRORS[name]
-    how = {"geometry": geometry, "switching": "located", "budget": False, "progress": False}
+    how = {"geometry": geometry, "switching": "located", "energies": False, "progress": False}
     a, b = (pyfric.simulate(scene, t_end, fidelity=one, **how) for one in ("hybrid", "dynamic"))
     assert a.counts["jumps"] > 0
     assert len(a.events) == len(b.events) > 1

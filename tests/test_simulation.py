@@ -98,7 +98,7 @@ def test_a_named_engine_has_no_plan(fidelity, monkeypatch):
         ({}, "dynamic"),
         ({"geometry": "linear"}, "dynamic"),
         ({"threads": 1, "sample": 1e-4}, "dynamic"),
-        ({"budget": True}, "dynamic"),
+        ({"energies": True}, "dynamic"),
         ({"dt": 1e-6}, "dynamic"),
         ({"initial": State}, "dynamic"),
     ],
@@ -111,7 +111,7 @@ def test_options_of_a_plan_are_kept(options, engine):
     method = simulate(scene, 5e-4, tolerance=0.1, **options).method
     assert method.engine == engine
     assert method.geometry == options.get("geometry", "finite")
-    assert method.budget == bool(options.get("budget"))
+    assert method.budget == bool(options.get("energies"))
     assert method.dt == options.get("dt", plan(scene, tolerance=0.1, t_end=5e-4).dt)
 
 
@@ -209,7 +209,7 @@ def test_creep(make):
     """With mu_s = mu_k slip grows continuously; dynamics follow it with the same force."""
     scene = make(mu_s=0.1, mu_k=0.1, V=0.02)
     creep = simulate(scene, 0.015, fidelity="quasistatic")
-    dynamic = simulate(scene, 0.015, fidelity="dynamic", geometry="linear", budget=False)
+    dynamic = simulate(scene, 0.015, fidelity="dynamic", geometry="linear", energies=False)
     F_T = np.interp(dynamic.curve["t"], creep.curve["t"], creep.curve["F_T"])
     assert np.abs(F_T - dynamic.curve["F_T"]).max() < 0.01 * scene.F_N
 
@@ -285,7 +285,9 @@ def test_a_failed_run_says_what_was_planned(monkeypatch):
         ("tolerance", "1", "a finite number"),
         ("geometry", "round", "'linear' or 'finite'"),
         ("stepper", "euler", "'rk4'"),
-        ("budget", "yes", "True, False or None"),
+        ("energies", "yes", "True, False or None"),
+        ("budget", True, "energies = True keeps the energy budget"),
+        ("budget", False, "energies = True keeps the energy budget"),
         ("sample", 0.0, "> 0 s"),
         ("threads", 0, "1 to 4096"),
         ("checkpoint_every", -1.0, "> 0 s"),
@@ -310,8 +312,8 @@ def test_refused_fidelity(fidelity):
 @pytest.mark.parametrize(
     ("fidelity", "name", "given_value", "text"),
     [
-        ("hybrid", "budget", True, "fidelity = 'dynamic'"),
-        ("quasistatic", "budget", True, "quasistatic"),
+        ("hybrid", "energies", True, "fidelity = 'dynamic'"),
+        ("quasistatic", "energies", True, "quasistatic"),
         ("quasistatic", "dt", 1e-6, "makes no steps"),
         ("quasistatic", "geometry", "finite", "is linear"),
     ],
@@ -324,7 +326,7 @@ def test_options_an_engine_lacks(fidelity, name, given_value, text):
 
 @settings(max_examples=50)
 @given(
-    st.sampled_from(["fidelity", "want", "tolerance", "t_end", "budget", "initial"]),
+    st.sampled_from(["fidelity", "want", "tolerance", "t_end", "energies", "initial"]),
     st.floats(max_value=-1e-6) | st.text(max_size=3) | st.lists(st.none()) | st.just(np.nan),
 )
 def test_broken_arguments(name, given_value):
@@ -490,7 +492,7 @@ def test_a_hybrid_run_in_two_halves_in_finite_geometry(t_half, tmp_path):
 def test_chains(changes):
     scene, t_end = chain(L=0.03, V=7.875e-3, **changes), 0.035
     runs = {
-        name: simulate(scene, t_end, fidelity=name, budget=False)
+        name: simulate(scene, t_end, fidelity=name, energies=False)
         for name in ("quasistatic", "hybrid", "dynamic")
     }
     assert same_events(runs["hybrid"], runs["dynamic"], force=1e-4) >= 5

@@ -86,6 +86,17 @@ class Step(Quantity):
         return value if _is_auto(value) else super().check(value, written)
 
 
+@dataclasses.dataclass(frozen=True)
+class Refused(Annotation):
+    """Annotation of an option that no run has; `allowed` says what to give instead."""
+
+    allowed: str = ""
+
+    def check(self, value: Any, written: Written | None = None) -> None:
+        if value is not None:
+            raise SceneError("", value, "", self.allowed)
+
+
 class Keywords(TypedDict, total=False):
     """Keyword arguments of `Options`. Numbers may be text with a unit, such as "1 us"."""
 
@@ -100,7 +111,8 @@ class Keywords(TypedDict, total=False):
     rtol: Number | None
     dt: Number
     accuracy: Number | None
-    budget: bool | None
+    energies: bool | None
+    budget: None
     sample: Number | None
     t_gap: Number | None
     stop_when: str | Sequence[str] | None
@@ -148,8 +160,8 @@ class Options:
         dt: time step in s, or "auto" (see `step_size`; with a plan, its step).
         accuracy: error over F_N that jumps of the hybrid engine may cause in forces of events. None
             means 1e-6, or with a plan a quarter of the tolerance, at most 1e-3.
-        budget: whether to keep the energy budget, as columns of the curve; full dynamics only. None
-            means yes for fidelity = "dynamic".
+        energies: whether to keep the energy budget, as columns of the curve; full dynamics only.
+            None means yes for fidelity = "dynamic".
         sample: time between two points of the loading curve, in s; None means 5000 points. Static
             engines, which have points where something changes, refuse it.
         t_gap: longest pause inside an event, in s. None means a value derived from the scene, 1 ms
@@ -177,7 +189,8 @@ class Options:
     rtol: Annotated[float | None, Quantity("", ge=1e-12, le=1.0, optional=True)] = None
     dt: Annotated[float | Literal["auto"], Step()] = "auto"
     accuracy: Annotated[float | None, Quantity("F_N", ge=FINEST, le=1.0, optional=True)] = None
-    budget: bool | None = None
+    energies: bool | None = None
+    budget: Annotated[None, Refused("None; energies = True keeps the energy budget")] = None
     sample: Annotated[float | None, Positive("s", optional=True)] = None
     t_gap: Annotated[float | None, NotNegative("s", optional=True)] = None
     stop_when: str | tuple[str, ...] | None = None
@@ -198,8 +211,8 @@ class Options:
             allowed = "none with method = 'paper', which is rk4, step ends and its own dt"
             known = {"stepper": ("rk4",), "switching": (None, "step_end"), "dt": ("auto",)}
             self._check_without(allowed, **known)
-        if not isinstance(self.budget, bool | np.bool | None):
-            raise SceneError("budget", self.budget, "", "True, False or None")
+        if not isinstance(self.energies, bool | np.bool | None):
+            raise SceneError("energies", self.energies, "", "True, False or None")
         if self.stop_when is not None:
             object.__setattr__(self, "stop_when", Conditions().check(self.stop_when))
         if self.threads is not None:
@@ -269,7 +282,7 @@ class Options:
             stepper=("rk4",),
             switching=(None,),
             dt=("auto",),
-            budget=(None, False),
+            energies=(None, False),
             accuracy=(None,),
             sample=(None,),
         )
@@ -294,9 +307,9 @@ class Options:
             raise SceneError("stepper", self.stepper, "", allowed)
         if self.accuracy is not None and not engine.jumps:
             raise SceneError("accuracy", self.accuracy, "F_N", "None, or fidelity = 'hybrid'")
-        if self.budget and not engine.keeps_budget:
+        if self.energies and not engine.keeps_budget:
             allowed = "False, or fidelity = 'dynamic', which follows all motion"
-            raise SceneError("budget", self.budget, "", allowed)
+            raise SceneError("energies", self.energies, "", allowed)
         dt, switching = self.steps_on(scene)
         if switching == "located":
             _check_located(scene, self.stepper, dt)
@@ -313,7 +326,7 @@ class Options:
             t_gap=longest_pause(scene) if self.t_gap is None else self.t_gap,
             threads=core.useful_threads(scene.N_x * scene.N_z, self.threads and int(self.threads)),
             variant=core.VARIANT,
-            budget=engine.keeps_budget if self.budget is None else bool(self.budget),
+            budget=engine.keeps_budget if self.energies is None else bool(self.energies),
             accuracy=(self.accuracy or ACCURACY) if engine.jumps else None,
         )
 
@@ -334,8 +347,9 @@ def kept(method: Method) -> dict[str, Any]:
     """Return the options that a continued run takes over from the method of its record."""
     same: dict[str, Any] = {"geometry": method.geometry, "t_gap": method.t_gap, "method": None}
     if method.dt is not None:
-        names = ("stepper", "switching", "rtol", "dt", "budget", "accuracy")
+        names = ("stepper", "switching", "rtol", "dt", "accuracy")
         same |= {name: getattr(method, name) for name in names}
+        same["energies"] = method.budget
         same["sample"] = method.sample * method.dt
     return same
 

@@ -255,7 +255,7 @@ class _Choice:
         self.want, self.tolerance = options.want, options.tolerance
         self.reasons: list[str] = []
         self.ladder, self.priced = ladder, priced
-        self.stepped = bool(options.budget) or options.stepper != "rk4"
+        self.stepped = bool(options.energies) or options.stepper != "rk4"
         self.geometry: Geometry = options.geometry or default_geometry(scene)
         self.located = 0.0  # block evaluations for transitions, once a pilot run counts them
         self.dt, self.error = self._step()

@@ -82,7 +82,7 @@ def simulate(
     """Simulate a scene from the loaded slider, or continue another run.
 
     A `Record` as `initial` continues its run, and the result holds the whole run. Engine, geometry,
-    stepper, switching, step, rtol, accuracy, budget, sampling and t_gap are kept; other values of
+    stepper, switching, step, rtol, accuracy, energies, sampling and t_gap are kept; other values of
     these options are refused. So are `want`, `tolerance` and `verify`: no model is chosen, and no
     errors are measured. The speed of the driver or the loads may differ from then on; the scene of
     the result then has a protocol that joins both. The driver continues from its position, so that
@@ -275,7 +275,7 @@ def _planned(made: Specification, initial: State | None, progress: object) -> Re
         notes.append((failed and f"quasistatic was not enough: {failed}; ") + _chosen(plan))
         level = dataclasses.replace(
             options,
-            budget=bool(options.budget),
+            energies=bool(options.energies),
             fidelity=plan.fidelity,
             geometry=plan.geometry,
             dt=plan.dt or "auto",

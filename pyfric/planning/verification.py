@@ -194,7 +194,7 @@ def _quasistatic(record: Record, made: Specification) -> Record | None:
     spent = min(work(scene, "linear", record.counts), made.work)
     largest = math.inf if made.options.verify == "full" else budget(spent)
     how = {"fidelity": "hybrid", "dt": "auto", "switching": "located", "geometry": geometry}
-    how |= {"accuracy": min(LADDER * made.options.tolerance, LOOSEST), "budget": False}
+    how |= {"accuracy": min(LADDER * made.options.tolerance, LOOSEST), "energies": False}
     by = made.again(record, largest, **how)
     found = differences(record, by)
     factor = TURNED if found.turned else DYNAMICS

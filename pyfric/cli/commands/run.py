@@ -164,7 +164,7 @@ def plan(
     help="Largest number of threads. [default: as many as make the run faster]",
 )
 @click.option(
-    "--budget/--no-budget",
+    "--energies/--no-energies",
     default=None,
     help="Record the energy budget (full dynamics only). [default: with --fidelity dynamic]",
 )

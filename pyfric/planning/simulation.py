@@ -20,14 +20,10 @@ from pyfric.engines import (
     Run,
     RunError,
     check_kept,
-    check_memory,
     ended_by_condition,
     full_work,
-    integrate,
     kept,
     machine_speed,
-    pause_notes,
-    static_sequence,
     step_size,
     work,
 )
@@ -50,7 +46,6 @@ from pyfric.scene import (
 from pyfric.signals import at_once, forget, nothing_to_save, raise_if_asked
 from pyfric.statics import (
     EquilibriumError,
-    check_ladder,
     check_sticks,
     loaded_state,
     one_thread_if_small,
@@ -177,9 +172,10 @@ def check_run(scene: Scene, options: Options, given: Mapping[str, Any] | None = 
             raise SceneError(name, value, "", allowed, "has no effect")
     if options.geometry is not None:
         check_geometry(options.geometry, scene)
-    if options.fidelity != "auto" and not issubclass(ENGINES[options.fidelity], Run):
-        options.check_static()
-        check_ladder(options.fidelity, scene)
+    if options.fidelity != "auto":
+        engine = ENGINES[options.fidelity]
+        engine.check_options(options)
+        engine.check(scene)
 
 
 def _going_on(before: Record, options: Options) -> Options:
@@ -191,7 +187,7 @@ def _going_on(before: Record, options: Options) -> Options:
         raise StateError(
             f"initial: the record is from the {engine} engine, not from {options.fidelity}"
         )
-    if issubclass(ENGINES[engine], Run) and not isinstance(before.final_state, State):
+    if ENGINES[engine].steps and not isinstance(before.final_state, State):
         raise StateError("initial: this record holds no state of the dynamics to go on from")
     return options
 
@@ -222,22 +218,15 @@ def _run(
     enough: Callable[[Run], bool] | None = None,
 ) -> Record:
     """Run one engine. `enough` can end the run of an engine with time steps."""
-    how: dict[str, Any] = {"initial": initial, "progress": progress}
-    engine = ENGINES[options.fidelity]
-    if issubclass(engine, Run):
+    engine, said = ENGINES[options.fidelity], []
+    if engine.name == "dynamic":
         begin = _begin(initial)
         method = options.settled(scene, engine, begin, t_end)
-        check_memory(scene, method.engine, method.geometry)
         made = full_work(scene, method.geometry, method.dt, t_end - begin, method.stepper)
-        said = []
-        if method.engine == "dynamic" and made * SLOWEST > LONG:
-            said = _said(scene, "dynamic", made * machine_speed(), progress)
-        record = integrate(engine, scene, t_end, options, enough=enough, **how)
-        return _with_notes(record, *pause_notes(record), *said)
-    check_memory(scene, engine.name, "linear")
-    how |= {"t_gap": options.t_gap, "stop_when": options.stop_when}
-    record = static_sequence(engine, scene, t_end, **how)
-    return _with_notes(record, *pause_notes(record))
+        if made * SLOWEST > LONG:
+            said = _said(scene, engine.name, made * machine_speed(), progress)
+    how: dict[str, Any] = {"initial": initial, "progress": progress, "enough": enough}
+    return _with_notes(engine.run(scene, t_end, options, **how), *said)
 
 
 def _said(scene: Scene, engine: str, seconds: float, progress: object) -> list[str]:

@@ -51,7 +51,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pyfric.core import STEPPERS
-from pyfric.engines import ACCURACY, RunError, kept, work, work_so_far
+from pyfric.engines import ACCURACY, ENGINES, RunError, kept, work, work_so_far
 from pyfric.planning.price import Reference, Runs, affordable, budget, operations
 from pyfric.record import Errors, differences, statistics
 from pyfric.scene import default_geometry
@@ -132,10 +132,10 @@ def verified(record: Record, made: Specification) -> Record | None:
     """
     start = time.perf_counter()
     try:
-        if record.method.engine == "quasistatic":
-            record = _quasistatic(record, made)
-        elif record.method.engine in ("hybrid", "dynamic"):
+        if ENGINES[record.method.engine].steps:
             record = _Verification(record, made).record_with_errors()
+        else:
+            record = _quasistatic(record, made)
     except (RunError, EquilibriumError) as error:
         note = f"errors were not measured: the reference run ended ({error})"
         record = dataclasses.replace(record, notes=(*record.notes, note))

@@ -445,12 +445,14 @@ def test_the_method_is_always_named(tmp_path):
         (["--method", "located"], ["--method", "paper"]),
         (["--method", "paper", "--dt", "1 us"], ["dt = 1e-06 s", "paper"]),
         (["--want", "speed"], ["--want", "front_speed"]),
-        (["--tolerance", "0"], ["--tolerance", "0<x<=1"]),
+        (["--tolerance", "0"], ["--tolerance = 0.0", "> 0 and <= 1"]),
         (["--tolerance", "nan"], ["tolerance = nan"]),
         (["--fidelity", "hybrid", "--energies"], ["energies = True", "dynamic"]),
         (["--fidelity", "quasistatic", "--energies"], ["energies = True", "quasistatic"]),
-        (["--fidelity", "quasistatic", "--dt", "1 us"], ["dt = 1e-06 s", "no steps"]),
+        (["--fidelity", "quasistatic", "--dt", "1 us"], ["dt = 1e-06 s", "no time steps"]),
         (["--fidelity", "quasistatic", "--geometry", "finite"], ["geometry", "linear"]),
+        (["--fidelity", "equilibrium", "--verify", "full"], ["verify = 'full'", "no event"]),
+        (["--fidelity", "hybrid", "--accuracy", "2"], ["--accuracy = 2.0", "<= 1"]),
     ],
 )
 def test_refused_fidelity(arguments, texts, monkeypatch):

@@ -15,7 +15,7 @@ from pyfric.engines.cost import (
     work,
     work_so_far,
 )
-from pyfric.engines.declared import Option
+from pyfric.engines.declared import Ends, Option, YesNo
 from pyfric.engines.dynamic import DYNAMIC, Run, RunError
 from pyfric.engines.engine import ENGINES, Engine
 from pyfric.engines.hybrid import HYBRID, HybridRun

@@ -115,6 +115,8 @@ METHOD_PAPER = {"stepper": ("rk4",), "switching": (None, "step_end"), "dt": ("au
 
 @part
 class Options:
+    """How a run is made; these are the keyword arguments of `pyfric.simulate`."""
+
     fidelity: Annotated[Fidelity, EngineName()] = option(
         "auto",
         "plan",
@@ -237,10 +239,10 @@ class Options:
     stop_when: Annotated[str | tuple[str, ...] | None, Ends()] = option(
         None,
         "run",
-        """one or several conditions, of which the first that holds ends the run before t_end:
-        "arrested", "at_rest", "reached = 50 mm", "L_p = 0.5", "precursors = 3", "main_events = 1",
-        "system_size", "slow = 1 um/s, 1 ms". It ends at the next point of the curve
-        (`pyfric.engines.stopping`). () means none.""",
+        """one or several conditions (on the command line one each), of which the first that holds
+        ends the run before t_end: "arrested", "at_rest", "reached = 50 mm", "L_p = 0.5",
+        "precursors = 3", "main_events = 1", "system_size", "slow = 1 um/s, 1 ms". It ends at the
+        next point of the curve (`pyfric.engines.stopping`). () means none.""",
         unless="the conditions of the scene",
     )
     threads: Annotated[int | None, Count(MAX_THREADS)] = option(
@@ -370,7 +372,7 @@ def check_steps(t_begin: float, t_end: float, dt: float) -> None:
 
 
 Options.__doc__ = documented(
-    "How a run is made; these are the keyword arguments of `pyfric.simulate`.",
+    Options.__doc__ or "",
     Options.declared(),
     "    Raises:\n        SceneError: a value is refused; its message says what is allowed.",
 )

@@ -24,6 +24,7 @@ from pyfric.engines import (
     full_work,
     kept,
     machine_speed,
+    owned,
     step_size,
     work,
 )
@@ -165,8 +166,9 @@ def check_run(scene: Scene, options: Options, given: Mapping[str, Any] | None = 
     `given` are the options that a user named; None: those that differ from their defaults.
     """
     named = options.fidelity != "auto" and options.verify in (None, "none")
+    of_plan = owned("plan") - {"fidelity"}
     for name, value in (options.given() if given is None else given).items():
-        if named and name in ("want", "tolerance"):
+        if named and name in of_plan and value is not None:
             allowed = f"none with fidelity = {options.fidelity!r}: it chooses a model, or judges "
             allowed += "errors that verify measures"
             raise SceneError(name, value, "", allowed, "has no effect")

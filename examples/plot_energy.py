@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 import pyfric
 
 scene = pyfric.preset("fig1", l=5e-3, V=0.02)
-record = pyfric.simulate(scene, 0.03, fidelity="dynamic", budget=True, progress=False)
+record = pyfric.simulate(scene, 0.03, fidelity="dynamic", energies=True, progress=False)
 curve = record.curve
 
 figure, axes = plt.subplots(layout="constrained")

@@ -80,7 +80,6 @@ if TYPE_CHECKING:
 __all__ = [
     "MATERIALS",
     "PRESETS",
-    "Level",
     "DistributedLoad",
     "Driver",
     "Equilibrium",
@@ -88,6 +87,7 @@ __all__ = [
     "Interface",
     "Job",
     "JobError",
+    "Level",
     "Material",
     "Method",
     "Options",

@@ -117,7 +117,7 @@ def run(scene: pyfric.Scene, t_end: float, engine: str, geometry: str, **how: An
         fidelity=engine,
         geometry=geometry,
         switching="located",
-        budget=False,
+        energies=False,
         threads=1,
         progress=False,
         **how,

@@ -126,7 +126,7 @@ def crack(which: Crack, **options: Any) -> tuple[pd.DataFrame, Record]:
     state = loaded_state(scene).state(scene, step_size(scene))
     state.mode[:first], state.s_0[:first] = 1, which.d_c
     t_end = which.a_end / (0.75 * material.c_S) + 1.5
-    how = {"fidelity": "dynamic", "switching": "located", "budget": False, "t_gap": 1e3}
+    how = {"fidelity": "dynamic", "switching": "located", "energies": False, "t_gap": 1e3}
     how |= {"initial": state, "dt": state.dt, "progress": False, "threads": 1}
     record = simulate(scene, t_end, **how | options)
     t = record.rupture_times[0]

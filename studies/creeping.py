@@ -90,7 +90,7 @@ def slab_job(rows: int, tau_bar: float, alpha: float, t_w: float = 0.0) -> Job:
     scene = pyfric.overstressed(scene, x=0.0, length=4 * rows * L, excess=0.01)
     slowest = min(overdamped(tau_bar) / (10 * rows * alpha), 0.1) if alpha else 0.02
     t_end = BLOCKS * L / (c * slowest)
-    options = {"fidelity": "dynamic", "budget": False, "verify": "none", "sample": t_end / 2000}
+    options = {"fidelity": "dynamic", "energies": False, "verify": "none", "sample": t_end / 2000}
     ends = ("arrested", f"reached = {(BLOCKS - 1) * L!r}")
     return Job(scene=scene, t_end=t_end, options=options | {"stop_when": ends})
 
@@ -99,7 +99,7 @@ def slider_job(alpha: float) -> Job:
     """Return the run of the Fig. 1 slider with viscosity alpha."""
     scene = preset("fig1")
     scene = scene.replace({"interface.alpha": alpha * lumped(scene)[1]})
-    options = {"fidelity": "dynamic", "geometry": "linear", "budget": False, "verify": "none"}
+    options = {"fidelity": "dynamic", "geometry": "linear", "energies": False, "verify": "none"}
     return Job(scene=scene, t_end=T_END, options=options | {"stop_when": "system_size"})
 
 

@@ -81,7 +81,7 @@ def fidelity(*, progress: bool = False) -> pd.DataFrame:
             asked = {"threads": 1}
         record, seconds = _timed(
             lambda engine=engine, asked=asked: simulate(
-                scene, T_END, fidelity=engine, budget=False, progress=False, **asked
+                scene, T_END, fidelity=engine, energies=False, progress=False, **asked
             )
         )
         if engine == "dynamic":

@@ -48,7 +48,7 @@ def _measured(l: float, t_end: float, threads: int | None) -> dict[str, float]:
         t_end,
         fidelity="hybrid",
         geometry="linear",
-        budget=False,
+        energies=False,
         threads=threads,
         progress=False,
     )

@@ -172,8 +172,8 @@ def event_points(
                 row = {"scene": "event", "engine": "dynamic", "share": share, **options}
                 try:
                     runs = [
-                        _event_run(scene, start.state, start.t_end, budget=budget, **options)
-                        for budget in (True, *(repeats * [False]))
+                        _event_run(scene, start.state, start.t_end, energies=kept, **options)
+                        for kept in (True, *(repeats * [False]))
                     ]
                 except (SceneError, RunError) as error:
                     yield row | {"status": str(error)}
@@ -202,13 +202,15 @@ def _before_event(scene: Scene, event: int, geometry: Geometry) -> tuple[State, 
     return record.final_state, t_start + AFTER
 
 
-def _event_run(scene: Scene, state: State, t_end: float, budget: bool = True, **how: Any) -> Record:
+def _event_run(
+    scene: Scene, state: State, t_end: float, energies: bool = True, **how: Any
+) -> Record:
     return simulate(
         scene,
         t_end,
         fidelity="dynamic",
         initial=state,
-        budget=budget,
+        energies=energies,
         sample=(t_end - state.t) / 4,
         threads=1,
         progress=False,

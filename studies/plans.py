@@ -207,7 +207,7 @@ def trial(
         dt=min(fine * stability_limit(scene)[0], (made.method.dt or math.inf) / SHORTER),
         switching="located",
         t_gap=made.method.t_gap,
-        budget=False,
+        energies=False,
         progress=False,
     )
     end = time.process_time()

@@ -46,7 +46,7 @@ class Case(NamedTuple):
 
     def run(self) -> Record:
         """Make the run on one thread."""
-        fixed = {"fidelity": self.engine, "budget": False, "progress": False, "threads": 1}
+        fixed = {"fidelity": self.engine, "energies": False, "progress": False, "threads": 1}
         if self.engine != "quasistatic":
             fixed["geometry"] = self.geometry
         return pyfric.simulate(self.scene, self.t_end, **(fixed | self.more))

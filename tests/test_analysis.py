@@ -277,7 +277,7 @@ def test_numbers_that_a_run_does_not_have_are_refused():
     for largest in (-1e-3, np.nan):
         with pytest.raises(pyfric.SceneError, match="largest_shift"):
             analysis.compare_curve(record, t, F_T, largest_shift=largest)
-    with pytest.raises(pyfric.SceneError, match="budget = True"):
+    with pytest.raises(pyfric.SceneError, match="energies = True"):
         analysis.budget_error(record.curve)
 
 

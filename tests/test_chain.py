@@ -402,7 +402,7 @@ def front_speed(taubar, eta, share, switching="located"):
         dt=state.dt,
         initial=state,
         switching=switching,
-        budget=eta is None,
+        energies=eta is None,
         t_gap=1.0,
         progress=False,
     )

@@ -66,7 +66,7 @@ def test_a_push_over_a_time_ends():
 def test_energy_of_a_push():
     """Its work is that of the forces from outside: the budget closes."""
     scene = pushed((1, 30.0, 0.0, 2e-5))
-    record = pyfric.simulate(scene, 1e-4, fidelity="dynamic", budget=True)
+    record = pyfric.simulate(scene, 1e-4, fidelity="dynamic", energies=True)
     assert pyfric.record.budget_error(record.curve) < 1e-5
     assert record.curve["work_load"].max() > 0
 

@@ -245,7 +245,7 @@ def test_run_shows_progress_and_summary(tmp_path, monkeypatch):
 
 def test_options_reach_the_run(tmp_path):
     out = tmp_path / "a.nc"
-    how = "--geometry linear --dt 1us --sample 10us --t-gap 0.002 --threads 1 --no-budget --quiet"
+    how = "--geometry linear --dt 1us --sample 10us --t-gap 0.002 --threads 1 --no-energies --quiet"
     assert dynamic(*how.split(), "--out", out, t_end="0.0012").output == ""
     method = pyfric.Record.load(out).method
     assert (method.geometry, method.dt, method.sample) == ("linear", 1e-6, 10)
@@ -355,7 +355,7 @@ def test_resume_of_a_complete_run_does_nothing(record_file, monkeypatch):
         "--dt=1 us",
         "--sample=1 ms",
         "--t-gap=2 ms",
-        "--no-budget",
+        "--no-energies",
         "--stepper=verlet",
         "--switching=step_end",
         "--fidelity=hybrid",
@@ -418,7 +418,7 @@ def test_auto_says_what_it_took():
     assert summary["counts"]["block_evaluations"] == 0
     text = run("--want", "motion").stdout
     assert "note: planned for motion within 0.01: dynamic, finite geometry" in text
-    result = run("--tolerance", "0.1", "--budget", "--json")
+    result = run("--tolerance", "0.1", "--energies", "--json")
     assert json.loads(result.stdout)["method"]["engine"] == "dynamic"
 
 
@@ -445,12 +445,14 @@ def test_the_method_is_always_named(tmp_path):
         (["--method", "located"], ["--method", "paper"]),
         (["--method", "paper", "--dt", "1 us"], ["dt = 1e-06 s", "paper"]),
         (["--want", "speed"], ["--want", "front_speed"]),
-        (["--tolerance", "0"], ["--tolerance", "0<x<=1"]),
+        (["--tolerance", "0"], ["--tolerance = 0.0", "> 0 and <= 1"]),
         (["--tolerance", "nan"], ["tolerance = nan"]),
-        (["--fidelity", "hybrid", "--budget"], ["budget = True", "dynamic"]),
-        (["--fidelity", "quasistatic", "--budget"], ["budget = True", "quasistatic"]),
-        (["--fidelity", "quasistatic", "--dt", "1 us"], ["dt = 1e-06 s", "no steps"]),
+        (["--fidelity", "hybrid", "--energies"], ["energies = True", "dynamic"]),
+        (["--fidelity", "quasistatic", "--energies"], ["energies = True", "quasistatic"]),
+        (["--fidelity", "quasistatic", "--dt", "1 us"], ["dt = 1e-06 s", "no time steps"]),
         (["--fidelity", "quasistatic", "--geometry", "finite"], ["geometry", "linear"]),
+        (["--fidelity", "equilibrium", "--verify", "full"], ["verify = 'full'", "no event"]),
+        (["--fidelity", "hybrid", "--accuracy", "2"], ["--accuracy = 2.0", "<= 1"]),
     ],
 )
 def test_refused_fidelity(arguments, texts, monkeypatch):

@@ -78,7 +78,7 @@ def rod(**changes):
 
 @functools.cache
 def full(t_end, **changes):
-    how = {"fidelity": "dynamic", "budget": False, "progress": False, "geometry": "linear"}
+    how = {"fidelity": "dynamic", "energies": False, "progress": False, "geometry": "linear"}
     return pyfric.simulate(rod(**changes), t_end, **how)
 
 
@@ -147,7 +147,7 @@ def test_plans_keep_their_promise_whatever_work_costs(priced):
             plan = choice.choose(scene, options, t_end)
             plans[plan.fidelity, plan.geometry, plan.dt, plan.accuracy] = plan
     assert {plan.fidelity for plan in plans.values()} == {"hybrid", "dynamic"}
-    how = {"fidelity": "dynamic", "geometry": "finite", "budget": False, "progress": False}
+    how = {"fidelity": "dynamic", "geometry": "finite", "energies": False, "progress": False}
     known = pyfric.simulate(scene, t_end, **how)
     for plan in plans.values():
         named = {"fidelity": plan.fidelity, "geometry": plan.geometry, "dt": plan.dt}

@@ -30,7 +30,7 @@ def run(scene, t_end, fidelity, **how):
 def test_stable_slip_is_full_dynamics():
     """Stable slip for 4 ms, an event, stable slip once more, of two parts of the interface."""
     scene, t_end = rod(side="right"), 0.048
-    a = run(scene, t_end, "dynamic", budget=False)
+    a = run(scene, t_end, "dynamic", energies=False)
     b = run(scene, t_end, "hybrid")
     assert len(a.events) == len(b.events) > 1
     for name in ("first_block", "last_block", "nucleation_block", "n_blocks", "L_p_over_L"):

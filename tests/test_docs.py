@@ -13,11 +13,13 @@ from pathlib import Path
 from typing import get_args
 
 import accuracy
+import click
 import pandas as pd
 import pytest
 
 import pyfric
 from pyfric.cli.commands import main
+from pyfric.cli.options import ELSEWHERE
 
 ROOT = Path(__file__).parents[1]
 ROWS = [
@@ -173,8 +175,12 @@ def test_options_are_typed_by_their_names():
     keywords = pyfric.engines.options.Keywords.__annotations__
     assert list(keywords) == [one.name for one in dataclasses.fields(pyfric.Options)]
     assert get_args(pyfric.engines.options.StepperName) == tuple(pyfric.core.STEPPERS)
-    (stepper,) = (one.type for one in main.commands["run"].params if one.name == "stepper")
+    command = main.commands["run"]
+    params = command.get_params(click.Context(command))
+    (stepper,) = (one.type for one in params if one.name == "stepper")
     assert tuple(stepper.choices) == tuple(pyfric.core.STEPPERS)
+    assert get_args(pyfric.engines.Fidelity) == ("auto", *pyfric.engines.ENGINES)
+    assert set(keywords) <= {one.name for one in params} | {*ELSEWHERE}
 
 
 def test_blocks_of_a_page_keep_their_lines():

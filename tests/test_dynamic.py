@@ -259,7 +259,7 @@ def test_points_of_the_curve_are_those_of_the_state(kind):
     assert last["dissipated_bonds"] == pytest.approx(state.dissipated.sum(), rel=1e-12)
     assert last["work_driver"] == state.work[0]
     assert budget_error(record) < 1e-3
-    bare = simulate(scene, 3e-3, sample=1e-5, budget=False, progress=False).curve
+    bare = simulate(scene, 3e-3, sample=1e-5, energies=False, progress=False).curve
     assert bare.equals(record.curve[["t", "F_T"]])
 
 
@@ -328,7 +328,7 @@ def test_record_says_what_was_run(tmp_path):
 
 
 def test_curve_without_budget():
-    record = simulate(small(), 1e-4, budget=False, progress=False)
+    record = simulate(small(), 1e-4, energies=False, progress=False)
     assert list(record.curve) == ["t", "F_T"]
 
 
@@ -496,7 +496,7 @@ def fig1_record(request):
     dt = 0.9 * stability_limit(scene)[0]
     t_end = 0.85 * preset("fig1").driver.V / scene.driver.V
     return simulate(
-        scene, t_end, geometry="linear", dt=dt, sample=1e-4, budget=False, progress=False
+        scene, t_end, geometry="linear", dt=dt, sample=1e-4, energies=False, progress=False
     )
 
 
@@ -526,7 +526,7 @@ def test_fig1_does_not_hang_on_the_step():
     limit = stability_limit(scene)[0]
     ladders = []
     for share in (0.5, 0.25):
-        record = simulate(scene, 0.9, dt=share * limit, budget=False, progress=False)
+        record = simulate(scene, 0.9, dt=share * limit, energies=False, progress=False)
         main = record.events[record.events["is_main"]]
         ladders.append(main[["L_p_over_L", "F_T_start"]].to_numpy())
     assert len(ladders[0]) == len(ladders[1])

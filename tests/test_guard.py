@@ -48,7 +48,7 @@ def test_the_bound_of_energy_holds_without_its_margin(name, share, monkeypatch):
     dt = share * stability_limit(scene)[0]
     calls = (1000,) if share == 0.5 else (1000, 20)  # short calls and, near the limit, long ones
     for every in (t_end / n for n in calls):
-        how = {"geometry": "linear", "budget": False, "progress": False}
+        how = {"geometry": "linear", "energies": False, "progress": False}
         record = pyfric.simulate(
             scene, t_end, fidelity="dynamic", dt=dt, sample=every, switching="step_end", **how
         )

@@ -43,7 +43,7 @@ def links(**changes):
 run = functools.partial(pyfric.simulate, progress=False, threads=1)
 STEPS = {"switching": "step_end"}  # as many evaluations in each; located: test_location
 jump = functools.partial(run, fidelity="hybrid", **STEPS)
-step = functools.partial(run, fidelity="dynamic", budget=False, **STEPS)
+step = functools.partial(run, fidelity="dynamic", energies=False, **STEPS)
 
 
 def both(scene, t_end, geometry, **options):
@@ -515,7 +515,7 @@ def test_a_slider_that_never_rests_is_noted():
 
 def test_a_budget_is_refused():
     with pytest.raises(SceneError, match="dynamic"):
-        jump(rod(), 0.01, budget=True)
+        jump(rod(), 0.01, energies=True)
 
 
 def test_fig1_takes_few_steps():

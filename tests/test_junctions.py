@@ -258,7 +258,7 @@ def test_runs_go_on_in_the_middle_of_a_rupture(switching, tmp_path):
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_energy_is_conserved_with_the_work_of_the_stiffness(geometry, switching):
     """k_j follows p: without that work, the budget misses more."""
-    how = {"fidelity": "dynamic", "geometry": geometry, "switching": switching, "budget": True}
+    how = {"fidelity": "dynamic", "geometry": geometry, "switching": switching, "energies": True}
     how |= {"dt": 1e-7, "verify": "none", "sample": 1e-6}
     record = pyfric.simulate(small("rod"), 3e-4, **how)
     assert record.final_state.breaks.min() >= 1

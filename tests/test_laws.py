@@ -111,7 +111,7 @@ def test_energy_closes_with_every_kind(name):
     how = {"fidelity": "dynamic", "geometry": "linear", "sample": 2e-5, "progress": False}
     left = []
     for dt in (8e-7, 4e-7):
-        record = pyfric.simulate(scene, 1.2e-3, dt=dt, budget=True, **how)
+        record = pyfric.simulate(scene, 1.2e-3, dt=dt, energies=True, **how)
         left.append(budget_error(record) / record.curve["work_driver"].iloc[-1])
     assert left[1] < 2e-8
     assert left[0] > 5 * left[1]

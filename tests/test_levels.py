@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 
 import pyfric
 from pyfric import core
-from pyfric.core import STEPPERS
 from pyfric.engines import Options, cost, step_size
 from pyfric.engines.cost import (
     CALL,
@@ -92,7 +91,9 @@ def test_levels_of_the_fig1_scene():
         [{}, {"dt": 1e-7}, {"geometry": "linear"}, {"switching": "step_end"}, {"stepper": "verlet"}]
     ),
 )
-def test_levels_differ_in_everything_that_the_answer_hangs_on(scene, tolerance, want, given_options):
+def test_levels_differ_in_everything_that_the_answer_hangs_on(
+    scene, tolerance, want, given_options
+):
     found = [one for one in of(scene, tolerance=tolerance, want=want, **given_options) if one.dt]
     assert len(found) >= 2
     for a, b in itertools.pairwise(found):
@@ -116,7 +117,7 @@ def test_options_that_were_given_hold_for_what_is_returned():
         ("accuracy", 1e-4),
         ("stepper", "rk4_opposite"),
         ("stepper", "verlet"),
-        ("energies" if hasattr(Options(), "energies") else "budget", True),
+        ("energies", True),
     ):
         found = [one for one in of(scene, tolerance=0.1, **{name: value}) if one.answers]
         for one in found if name != "geometry" else found[-2:]:
@@ -188,7 +189,8 @@ def test_orders_of_magnitude_are_those_of_runs(name, changes, t_end):
     scene, how = preset(name, **changes), {"progress": False}
     static = simulate(scene, t_end, fidelity="quasistatic", **how)
     linear, finite = (
-        simulate(scene, t_end, fidelity="hybrid", geometry=one, **how) for one in ("linear", "finite")
+        simulate(scene, t_end, fidelity="hybrid", geometry=one, **how)
+        for one in ("linear", "finite")
     )
     off = [pyfric.record.differences(a, finite).errors()["start"] for a in (static, linear)]
     assert STATIC / 4 < off[0] < 4 * STATIC

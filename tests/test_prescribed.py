@@ -180,7 +180,7 @@ def test_half_a_slider_is_half_of_the_whole_one():
     half = small(9, tau=dome, walls={"left": "mirrored"}, **rest)
     middle = 8.5 * half.slider.l
     whole = small(18, tau=lambda x: dome(x - middle), **rest)
-    runs = [simulate(scene, 6e-5, switching="located", budget=True) for scene in (half, whole)]
+    runs = [simulate(scene, 6e-5, switching="located", energies=True) for scene in (half, whole)]
     one, both = (run.final_state for run in runs)
     size = np.abs(both.y[0, 0]).max()
     assert 2 <= (one.y[0, 0] > 0).sum() <= 9

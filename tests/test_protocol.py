@@ -366,7 +366,7 @@ def test_a_held_driver_holds_its_force_and_a_load_arrives():
     """After all changes the slider rests: F_T, sum p and sum tau are those of the end."""
     scene = driven(setup2(L=0.02, H=0.006, V=0.02, eta=120.0), ((3e-4, 0.0),))
     scene = loaded(scene, protocol=((2e-4, 500.0),), T=2.0, T_protocol=((2e-4, 30.0),))
-    record = simulate(scene, 2e-3, budget=False, sample=4e-6)
+    record = simulate(scene, 2e-3, energies=False, sample=4e-6)
     state, k_f = record.final_state, scene.k_f
     assert record.curve["F_T"].iloc[-1] == pytest.approx(record.curve["F_T"].iloc[-100], rel=1e-4)
     p = -k_f * state.y[0, 1]
@@ -385,7 +385,7 @@ def test_a_rod_is_pushed_at_any_height():
     """Pushed at the rod itself or below, the stuck slider takes up K X less what it yields."""
     for h in (2.5e-3, 12.5e-3):
         scene = driven(small("rod", h=h, V=0.05, eta=120.0), ((2e-4, 0.0),))
-        state = simulate(scene, 4e-3, budget=False).final_state
+        state = simulate(scene, 4e-3, energies=False).final_state
         rest = pyfric.StaticSolver(scene, "finite").solve(state.y[0, 0], scene.drive(4e-3))
         assert rest.F_T > 10
         u_h = state.y[scene.j_h, 0, scene.i_h]
@@ -440,7 +440,7 @@ def test_the_ladder_climbs_and_descends_as_full_dynamics_does():
     V, T = 4e-3, 20e-3
     back = ((T, V), (T, 0.0), (1.2 * T, 0.0), (1.2 * T, -V), (4 * T, -V))
     scene = driven(setup1(L=0.02, H=0.0125, F_N=400.0), back, V=V)
-    how = {"sample": 1e-4, "budget": False}
+    how = {"sample": 1e-4, "energies": False}
     ladder = pyfric.simulate(scene, 2.5 * T, fidelity="quasistatic")
     run = simulate(scene, 2.5 * T, geometry="linear", **how)
     t = np.linspace(0, 2.5 * T, 300)
@@ -470,7 +470,7 @@ def varied(kind):
 def test_jumps_follow_speed_and_loads_as_full_dynamics_does(kind):
     """Measured 2e-7 F_N. "free" makes 0.53 of all steps, for errors of rates."""
     scene, t_end = varied(kind)
-    how = {"geometry": "linear", "budget": False}
+    how = {"geometry": "linear", "energies": False}
     a, b = (pyfric.simulate(scene, t_end, fidelity=one, **how) for one in ("hybrid", "dynamic"))
     assert len(a.events) == len(b.events) > 1
     np.testing.assert_array_equal(a.switches["block"], b.switches["block"])
@@ -487,7 +487,7 @@ def test_jumps_follow_speed_and_loads_in_finite_geometry():
     T, V = 8e-3, 10e-3
     scene = driven(setup1(L=0.02, H=0.0125, F_N=400.0, V=V), ((0.8 * T, 2 * V), (T, 0.0)))
     scene = loaded(scene, protocol=((0.4 * T, 400.0), (1.1 * T, 300.0), (1.6 * T, 450.0)))
-    how = {"geometry": "finite", "budget": False}
+    how = {"geometry": "finite", "energies": False}
     a = pyfric.simulate(scene, 2 * T, fidelity="hybrid", accuracy=1e-3, **how)
     b = pyfric.simulate(scene, 2 * T, fidelity="dynamic", **how)
     for name in ("F_T_start", "F_T_arrest", "n_blocks"):

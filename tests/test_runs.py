@@ -185,7 +185,7 @@ def test_an_error_names_its_job_and_others_are_kept(tmp_path, workers):
 def test_records_and_errors_come_back_in_order(tmp_path, workers):
     """In this process and in others: what `simulate` gives, and an error in place of its record."""
     coarse = job(options=HYBRID | {"dt": 1.0}, name="too coarse")
-    dense = {"fidelity": "dynamic", "dt": 2e-6, "stepper": "rk4", "budget": False}
+    dense = {"fidelity": "dynamic", "dt": 2e-6, "stepper": "rk4", "energies": False}
     heavy = job(2e-5, dense, F_N=9e6, name="folds")
     good = job(options=HYBRID | {"sample": 1e-5}, h=5e-3)
     todo = [coarse, good, heavy, dataclasses.replace(coarse, scene=small(name="again"))]

@@ -14,7 +14,7 @@ from tolerances import SPLIT
 
 import pyfric
 from pyfric.core import State, StateError
-from pyfric.engines import RunError, integration, quasistatic, step_size
+from pyfric.engines import ENGINES, HybridRun, RunError, integration, quasistatic, step_size
 from pyfric.planning import choice, plan, simulation
 from pyfric.record import Record, budget_error
 from pyfric.scene import SceneError, chain, setup1, setup2
@@ -35,6 +35,11 @@ def small(**changes):
 def slow(**changes):
     """A scene of which full dynamics is not cheap, up to its first main events."""
     return setup1(**{"L": 0.03, "H": 0.015} | changes)
+
+
+def follows(monkeypatch, name, follow):
+    """Let an engine run scenes by another function."""
+    monkeypatch.setitem(ENGINES, name, dataclasses.replace(ENGINES[name], follow=follow))
 
 
 @pytest.fixture
@@ -98,7 +103,7 @@ def test_a_named_engine_has_no_plan(fidelity, monkeypatch):
         ({}, "dynamic"),
         ({"geometry": "linear"}, "dynamic"),
         ({"threads": 1, "sample": 1e-4}, "dynamic"),
-        ({"budget": True}, "dynamic"),
+        ({"energies": True}, "dynamic"),
         ({"dt": 1e-6}, "dynamic"),
         ({"initial": State}, "dynamic"),
     ],
@@ -111,7 +116,7 @@ def test_options_of_a_plan_are_kept(options, engine):
     method = simulate(scene, 5e-4, tolerance=0.1, **options).method
     assert method.engine == engine
     assert method.geometry == options.get("geometry", "finite")
-    assert method.budget == bool(options.get("budget"))
+    assert method.budget == bool(options.get("energies"))
     assert method.dt == options.get("dt", plan(scene, tolerance=0.1, t_end=5e-4).dt)
 
 
@@ -195,7 +200,7 @@ def test_a_ladder_that_does_not_settle(monkeypatch):
     def fails(*arguments, **options):
         raise EquilibriumError("the event at t = 1 s does not settle", np.nan, 0.0, 1)
 
-    monkeypatch.setattr(simulation, "static_sequence", fails)
+    follows(monkeypatch, "quasistatic", fails)
     record = simulate(slow(), 0.7, tolerance=0.1)
     assert record.method.engine == "hybrid"
     (note,) = gave_way(record)
@@ -209,7 +214,7 @@ def test_creep(make):
     """With mu_s = mu_k slip grows continuously; dynamics follow it with the same force."""
     scene = make(mu_s=0.1, mu_k=0.1, V=0.02)
     creep = simulate(scene, 0.015, fidelity="quasistatic")
-    dynamic = simulate(scene, 0.015, fidelity="dynamic", geometry="linear", budget=False)
+    dynamic = simulate(scene, 0.015, fidelity="dynamic", geometry="linear", energies=False)
     F_T = np.interp(dynamic.curve["t"], creep.curve["t"], creep.curve["F_T"])
     assert np.abs(F_T - dynamic.curve["F_T"]).max() < 0.01 * scene.F_N
 
@@ -264,8 +269,8 @@ def test_a_failed_run_says_what_was_planned(monkeypatch):
         record = real(*arguments, **options)
         raise RunError("the motion is not finite", record)
 
-    real = simulation.integrate
-    monkeypatch.setattr(simulation, "integrate", fails)
+    real = ENGINES["dynamic"].follow
+    follows(monkeypatch, "dynamic", fails)
     with pytest.raises(RunError) as failure:
         simulate(small(), 1e-4)
     assert failure.value.record.notes[0].startswith("planned for precursors")
@@ -285,7 +290,9 @@ def test_a_failed_run_says_what_was_planned(monkeypatch):
         ("tolerance", "1", "a finite number"),
         ("geometry", "round", "'linear' or 'finite'"),
         ("stepper", "euler", "'rk4'"),
-        ("budget", "yes", "True, False or None"),
+        ("energies", "yes", "True, False or None"),
+        ("budget", True, "energies = True keeps the energy budget"),
+        ("budget", False, "energies = True keeps the energy budget"),
         ("sample", 0.0, "> 0 s"),
         ("threads", 0, "1 to 4096"),
         ("checkpoint_every", -1.0, "> 0 s"),
@@ -310,10 +317,10 @@ def test_refused_fidelity(fidelity):
 @pytest.mark.parametrize(
     ("fidelity", "name", "given_value", "text"),
     [
-        ("hybrid", "budget", True, "fidelity = 'dynamic'"),
-        ("quasistatic", "budget", True, "quasistatic"),
-        ("quasistatic", "dt", 1e-6, "makes no steps"),
-        ("quasistatic", "geometry", "finite", "is linear"),
+        ("hybrid", "energies", True, "fidelity = 'dynamic'"),
+        ("quasistatic", "energies", True, "quasistatic"),
+        ("quasistatic", "dt", 1e-6, "makes no time steps; allowed: 'auto', or"),
+        ("quasistatic", "geometry", "finite", "no geometry 'finite'; allowed: 'linear', or"),
     ],
 )
 def test_options_an_engine_lacks(fidelity, name, given_value, text):
@@ -324,7 +331,7 @@ def test_options_an_engine_lacks(fidelity, name, given_value, text):
 
 @settings(max_examples=50)
 @given(
-    st.sampled_from(["fidelity", "want", "tolerance", "t_end", "budget", "initial"]),
+    st.sampled_from(["fidelity", "want", "tolerance", "t_end", "energies", "initial"]),
     st.floats(max_value=-1e-6) | st.text(max_size=3) | st.lists(st.none()) | st.just(np.nan),
 )
 def test_broken_arguments(name, given_value):
@@ -416,12 +423,12 @@ def test_a_run_that_is_too_long_for_steps_is_refused_before_long_work(monkeypatc
 
 
 def test_there_is_no_error_to_measure_up_to_the_first_slip():
-    with pytest.raises(SceneError, match=r"verify = 'sample'.*allowed: 'none', because"):
+    with pytest.raises(SceneError, match=r"verify = 'sample'.*no event.*allowed: 'none', or"):
         simulate(small(), 1e-4, fidelity="equilibrium", verify="sample")
 
 
 def test_a_static_sequence_is_not_sampled():
-    with pytest.raises(SceneError, match=r"sample = 1e-05 s: .*allowed: nothing"):
+    with pytest.raises(SceneError, match=r"sample = 1e-05 s: .*no time steps; allowed: None, or"):
         simulate(small(), 1e-4, fidelity="quasistatic", sample=1e-5)
 
 
@@ -490,7 +497,7 @@ def test_a_hybrid_run_in_two_halves_in_finite_geometry(t_half, tmp_path):
 def test_chains(changes):
     scene, t_end = chain(L=0.03, V=7.875e-3, **changes), 0.035
     runs = {
-        name: simulate(scene, t_end, fidelity=name, budget=False)
+        name: simulate(scene, t_end, fidelity=name, energies=False)
         for name in ("quasistatic", "hybrid", "dynamic")
     }
     assert same_events(runs["hybrid"], runs["dynamic"], force=1e-4) >= 5
@@ -585,7 +592,7 @@ def test_steps_and_jumps_use_one_thread_of_blas(monkeypatch):
     """Two took five times as long to factorise the band of a large lattice."""
     scene, found = setup1(L=0.01, H=0.005, h=2.5e-3), []
 
-    class Looking(simulation.ENGINES["hybrid"]):
+    class Looking(HybridRun):
         def advance(self, *args):
             pools = threadpoolctl.threadpool_info()
             found.extend(one["num_threads"] for one in pools if one["user_api"] == "blas")

@@ -88,7 +88,7 @@ def test_energy_of_pushes(name, geometry):
     pushed = scene.replace(
         {"top.push": ((2, force, 0.0, 3e-5), (6, 0.0, 1e-5, 8e-5, force / 2e-5))}
     )
-    record = run_of(pushed, 1.5e-4, geometry=geometry, budget=True, dt=1e-7)
+    record = run_of(pushed, 1.5e-4, geometry=geometry, energies=True, dt=1e-7)
     assert budget_error(record.curve) < 1e-6
     moved = record.curve[["work_load", "dissipated_bonds"]].iloc[-1]
     assert moved["work_load"] > moved["dissipated_bonds"] > 0

@@ -379,7 +379,7 @@ def test_doubling_load_and_speed_doubles_every_bit(stepper, switching):
 # --- runs ----------------------------------------------------------------------------------------
 
 
-EVENTS = {"geometry": "linear", "t_gap": 2e-5, "budget": False}
+EVENTS = {"geometry": "linear", "t_gap": 2e-5, "energies": False}
 
 
 @pytest.fixture(scope="module")

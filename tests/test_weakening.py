@@ -211,7 +211,7 @@ def test_a_run_in_parts_is_the_whole_run(geometry, tmp_path):
 )  # fmt: skip
 def test_jumps_give_the_events_of_full_dynamics(scene, t_end, geometry):
     how = {"geometry": geometry, "progress": False}
-    a = pyfric.simulate(scene, t_end, fidelity="dynamic", budget=False, **how)
+    a = pyfric.simulate(scene, t_end, fidelity="dynamic", energies=False, **how)
     b = pyfric.simulate(scene, t_end, fidelity="hybrid", accuracy=1e-8, **how)  # slip grows
     assert len(a.events) > 1
     assert b.counts["steps_spared"] > 0.1 * a.counts["steps"]

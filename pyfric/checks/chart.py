@@ -166,7 +166,7 @@ def run(
     if dt is not None:
         how |= {"dt": dt, "geometry": method.geometry, "switching": method.switching, "threads": 1}
         how |= {"stepper": method.stepper}
-        how |= {"budget": False} if method.fidelity == "dynamic" else {}
+        how |= {"energies": False} if method.fidelity == "dynamic" else {}
     begin = time.process_time()
     record = simulate(scene, t_end, **how)
     return record, time.process_time() - begin

@@ -154,7 +154,7 @@ def _same(
 ) -> Observed:
     """Events of the hybrid engine, one by one, against full dynamics."""
     how = {"geometry": "linear"}
-    a = _run(scene(), t_end, fidelity="dynamic", budget=False, **how)
+    a = _run(scene(), t_end, fidelity="dynamic", energies=False, **how)
     # Slip that weakens grows before it ruptures, and with it what jumps leave.
     weakens = {"accuracy": 1e-8} if scene().law.weakens else {}
     b = _run(scene(), t_end, fidelity="hybrid", **weakens, **how)
@@ -172,7 +172,7 @@ def _same(
 
 def _continuous(scene: Callable[[], Scene], *, t_end: float) -> Observed:
     """Dynamics without a drop of friction against growth of the slipping zone in equilibrium."""
-    record = _run(scene(), t_end, fidelity="dynamic", geometry="linear", budget=False)
+    record = _run(scene(), t_end, fidelity="dynamic", geometry="linear", energies=False)
     curve = prediction_curve(scene()).curve
     within = (record.curve["t"] <= curve["t"].iloc[-1]).to_numpy()
     t, F_T = record.curve["t"][within], record.curve["F_T"][within]

@@ -175,7 +175,7 @@ def dynamic(known: Reference, event: int) -> Record:
     """Return full dynamics of one event of a set, from a hybrid state shortly before it."""
     about = known.events.loc[event]
     before = hybrid(known, about["t_start"] - BEFORE).final_state
-    how = {"fidelity": "dynamic", "switching": "located", "budget": False, "threads": 1}
+    how = {"fidelity": "dynamic", "switching": "located", "energies": False, "threads": 1}
     return _run(known, about["t_stop"] + AFTER, initial=before, dt=known.about["dt"], **how)
 
 

@@ -29,14 +29,14 @@ class _Listed:
         return " ".join((self.help or "").partition("\n\n")[0].split())
 
 
-class _Command(_Listed, click.Command):
+class Command(_Listed, click.Command):
     """A command of `Commands`."""
 
 
 class Commands(_Listed, click.Group):
     """A group of commands that returns `Exit` codes and lists its commands in sections."""
 
-    command_class = _Command
+    command_class = Command
     group_class = type
 
     def __init__(self, *given: Any, sections: Sequence[str] = ("Commands",), **more: Any) -> None:

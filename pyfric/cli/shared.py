@@ -211,20 +211,6 @@ set_option = click.option(
     "are SI.",
 )
 overwrite_option = click.option("--overwrite", is_flag=True, help="Replace files that exist.")
-want_option = click.option(
-    "--want",
-    type=click.Choice(["loading_curve", "precursors", "stress", "front_speed", "motion"]),
-    default="precursors",
-    show_default=True,
-    help="Question that the run answers.",
-)
-tolerance_option = click.option(
-    "--tolerance",
-    type=click.FloatRange(0, 1, min_open=True),
-    default=0.01,
-    show_default=True,
-    help="Accepted error over F_N; relative for front speeds.",
-)
 
 
 def running(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -15,8 +15,10 @@ from pyfric.engines.cost import (
     work,
     work_so_far,
 )
-from pyfric.engines.dynamic import Run, RunError
-from pyfric.engines.hybrid import HybridRun
+from pyfric.engines.declared import Ends, Option, YesNo, multiple
+from pyfric.engines.dynamic import DYNAMIC, Run, RunError
+from pyfric.engines.engine import ENGINES, Engine
+from pyfric.engines.hybrid import HYBRID, HybridRun
 from pyfric.engines.integration import folded, integrate, largest_strain
 from pyfric.engines.options import (
     ACCURACY,
@@ -31,17 +33,12 @@ from pyfric.engines.options import (
     check_steps,
     default_switching,
     kept,
-    multiple,
+    owned,
     step_size,
 )
 from pyfric.engines.pauses import coarser, longest_pause, pause_notes, relaxation_time
-from pyfric.engines.quasistatic import (
-    EquilibriumRun,
-    QuasistaticRun,
-    prediction_curve,
-    static_sequence,
-)
+from pyfric.engines.prediction import prediction_curve
+from pyfric.engines.quasistatic import EQUILIBRIUM, QUASISTATIC, QuasistaticRun
 from pyfric.engines.stopping import ended_by_condition, stopping_of
 
-ENGINES = {engine.name: engine for engine in (EquilibriumRun, QuasistaticRun, HybridRun, Run)}
-"""All engines by name, the cheapest first."""
+ENGINES.update({engine.name: engine for engine in (EQUILIBRIUM, QUASISTATIC, HYBRID, DYNAMIC)})

@@ -25,14 +25,17 @@ from pyfric import core
 from pyfric.core import State
 from pyfric.display import Progress
 from pyfric.engines.cost import work, work_so_far
+from pyfric.engines.engine import ENGINES, Engine
 from pyfric.engines.integration import (
     STEPS,
     Guard,
+    integrate,
     just_after,
     last_step,
     strain_notes,
     unfinished,
 )
+from pyfric.engines.options import owned
 from pyfric.record import (
     History,
     Method,
@@ -99,9 +102,6 @@ class Run:
     """A run of full dynamics in progress: the state, and the logs so far."""
 
     name = "dynamic"
-    models, leaves_out = "dynamics throughout", ()
-    keeps_budget, jumps = True, False
-    steppers: tuple[str, ...] = tuple(core.STEPPERS)
 
     def __init__(
         self,
@@ -141,6 +141,11 @@ class Run:
             self.t_begin = before.curve["t"].iloc[0]
             self._add_logs(before.switches, before.quiet)
             self.history.take(before, last=state.step % method.sample == 0)
+
+    @classmethod
+    def engine(cls) -> Engine:
+        """Return the engine that makes such runs."""
+        return ENGINES[cls.name]
 
     def before_call(self, last: int) -> None:
         """Do what an engine does instead of steps, up to step number `last`."""
@@ -448,3 +453,12 @@ class Run:
             status=status,
             final_state=state,
         )
+
+
+DYNAMIC = Engine(
+    name=Run.name,
+    models="dynamics throughout",
+    options=owned("run", "events", "steps", "energies"),
+    steppers=tuple(core.STEPPERS),
+    follow=functools.partial(integrate, Run),
+)

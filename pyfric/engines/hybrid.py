@@ -23,13 +23,16 @@ from pyfric.core import OPEN, STUCK
 from pyfric.engines.cost import set_up, work, work_of_step
 from pyfric.engines.creeping import Creeping
 from pyfric.engines.dynamic import Run
-from pyfric.engines.integration import just_after, last_step
+from pyfric.engines.engine import Engine
+from pyfric.engines.integration import integrate, just_after, last_step
 from pyfric.engines.jump import Jump, Landing, Outside, Stale, Wait, at, path_from, rest
 from pyfric.engines.modes import Modes, modes_of
+from pyfric.engines.options import owned
 from pyfric.engines.space import N_MODES, Space
-from pyfric.statics import Memory, RememberedStates, Static
+from pyfric.statics import Memory, RememberedStates, Static, check_rests, check_sticks
 
 if TYPE_CHECKING:
+    from pyfric.scene import Scene
     from pyfric.statics import Equilibrium, StaticSolver
 
 AMPLIFIED = 250.0
@@ -189,10 +192,6 @@ class HybridRun(Run):
     """A run that steps through events and jumps between them."""
 
     name = "hybrid"
-    models = "dynamics inside events, closed forms between them"
-    leaves_out = ("fast modes, once they have nearly decayed",)
-    keeps_budget, jumps = False, True
-    steppers = ("rk4", "rk4_opposite")
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
@@ -408,3 +407,20 @@ class HybridRun(Run):
         self.good = None
         self.made["jumps"] += 1
         self.made["steps_spared"] += n
+
+
+def check_scene(scene: Scene) -> None:
+    """Raise SceneError for a scene without rests to jump over."""
+    check_rests(scene)
+    check_sticks(scene)
+
+
+HYBRID = Engine(
+    name=HybridRun.name,
+    models="dynamics inside events, closed forms between them",
+    leaves_out=("fast modes, once they have nearly decayed",),
+    options=owned("run", "events", "steps", "jumps"),
+    steppers=("rk4", "rk4_opposite"),
+    check=check_scene,
+    follow=functools.partial(integrate, HybridRun),
+)

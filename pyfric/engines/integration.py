@@ -60,7 +60,7 @@ LINEAR = 0.1
 
 
 def integrate(
-    engine: type[Run],
+    kind: type[Run],
     scene: Scene,
     t_end: float,
     options: Options,
@@ -69,7 +69,7 @@ def integrate(
     progress: bool | Callable[[Progress], None] | None = None,
     enough: Callable[[Run], bool] | None = None,
 ) -> Record:
-    """Integrate a scene with an engine that makes time steps; see `pyfric.simulate`.
+    """Integrate a scene with a kind of run that makes time steps; see `pyfric.simulate`.
 
     The run ends with status "interrupted" as soon as `enough` returns true.
     """
@@ -81,7 +81,7 @@ def integrate(
         initial.check_physics(scene)
     t_begin = 0.0 if initial is None else initial.t
     t_end = check_number("t_end", t_end, "s", ge=t_begin)
-    method = options.settled(scene, engine, t_begin, t_end)
+    method = options.settled(scene, kind.engine(), t_begin, t_end)
 
     # One BLAS thread from here on: banded matrices and small products get slower with more.
     with run_bar(progress, scene.name, t_begin, t_end) as show, one_thread():
@@ -92,7 +92,7 @@ def integrate(
         stopping = stopping_of(options.stop_when, scene, method.t_gap, before, t_end)
         if stopping is not None and before is None:
             stopping.begin(state)
-        run = engine(scene, method, solver, state, before, stopping)
+        run = kind(scene, method, solver, state, before, stopping)
         run.timings["set-up"] = time.perf_counter() - start
         last = _last(scene, state, t_end)
         with answered() as stop:

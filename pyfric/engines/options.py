@@ -7,20 +7,32 @@ left open, for one scene. It returns a `Method`, which the record of the run kee
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import os
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypedDict
 
-import numpy as np
-
 from pyfric import core
 from pyfric.core import STEPPERS, Switching
 from pyfric.engines.cost import POINTS
+from pyfric.engines.declared import (
+    Budget,
+    Count,
+    Ends,
+    EngineName,
+    FilePath,
+    Option,
+    Owner,
+    Step,
+    YesNo,
+    documented,
+    is_auto,
+    option,
+)
 from pyfric.engines.pauses import longest_pause
 from pyfric.record import Method
 from pyfric.scene import (
     Annotation,
-    Conditions,
     Geometry,
     NotNegative,
     Positive,
@@ -29,20 +41,19 @@ from pyfric.scene import (
     annotations,
     check_geometry,
     check_number,
-    check_whole,
     condition,
     default_geometry,
     paper_step,
     part,
 )
-from pyfric.statics import check_rests, check_sticks, stability_limit
+from pyfric.statics import stability_limit
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from typing import Unpack
 
-    from pyfric.engines.dynamic import Run
-    from pyfric.scene import Number, Scene, SceneLike, Written
+    from pyfric.engines.engine import Engine
+    from pyfric.scene import Number, Scene, SceneLike
 
 AUTO_SHARE = 0.5
 """dt = "auto" is this share of the stability limit, rounded down to two digits.
@@ -74,44 +85,6 @@ StepperName = Literal["rk4", "rk4_opposite", "verlet", "symplectic_euler", "adap
 """The name of a stepper."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Step(Quantity):
-    """Annotation of a time step, or "auto"."""
-
-    unit: str = "s"
-    gt: float | None = 0.0
-    note: str = ", or 'auto'"
-
-    def check(self, value: Any, written: Written | None = None) -> Any:
-        return value if _is_auto(value) else super().check(value, written)
-
-
-@dataclasses.dataclass(frozen=True)
-class Cost(Quantity):
-    """Annotation of a processor time, or of a multiple of that of a run, such as "3 x"."""
-
-    unit: str = "s"
-    gt: float | None = 0.0
-    optional: bool = True
-    note: str = ", or a multiple such as '3 x'"
-
-    def check(self, value: Any, written: Written | None = None) -> Any:
-        times = multiple(value)
-        if times is None:
-            return super().check(value, written)
-        return f"{check_number('', times, '', ge=1.0):g} x"
-
-
-def multiple(cost: Any) -> float | None:
-    """Return the number of a multiple such as "3 x", None for anything else."""
-    if not (isinstance(cost, str) and cost.rstrip().endswith("x")):
-        return None
-    try:
-        return float(cost.rstrip()[:-1])
-    except ValueError:
-        return None
-
-
 class Keywords(TypedDict, total=False):
     """Keyword arguments of `Options`. Numbers may be text with a unit, such as "1 us"."""
 
@@ -120,14 +93,14 @@ class Keywords(TypedDict, total=False):
     want: Want
     tolerance: Number
     verify: Verify | None
-    cost: Number | None
+    budget: Number | None
     geometry: Geometry | None
     stepper: StepperName
     switching: Switching | None
     rtol: Number | None
     dt: Number
     accuracy: Number | None
-    budget: bool | None
+    energies: bool | None
     sample: Number | None
     t_gap: Number | None
     stop_when: str | Sequence[str] | None
@@ -136,86 +109,160 @@ class Keywords(TypedDict, total=False):
     checkpoint_every: Number
 
 
+METHOD_PAPER = {"stepper": ("rk4",), "switching": (None, "step_end"), "dt": ("auto",)}
+"""Values of options that method = "paper" leaves."""
+
+
 @part
 class Options:
-    """How a run is made; these are the keyword arguments of `pyfric.simulate`.
+    """How a run is made; these are the keyword arguments of `pyfric.simulate`."""
 
-    Args:
-        fidelity: the engine. "dynamic" integrates everything. "hybrid" integrates events and jumps
-            over the time between them. "quasistatic" leaves out inertia. "equilibrium" is the stuck
-            slider up to its first slip. "auto" makes the levels of `pyfric.plan` for `want` and
-            `tolerance`; options given below hold for the run that is returned.
-        method: "paper" means the method of the paper: RK4 with its uniform step (0.2 us in setup 1,
-            0.09 us in setup 2), contacts that switch at step ends, and full dynamics unless
-            `fidelity` is "hybrid". None means that the options below decide.
-        want: the quantity that the run is made for; see `pyfric.plan`. Refused for an engine that
-            is named, unless its errors are measured.
-        tolerance: accepted error; see `pyfric.plan`. Refused like `want`.
-        verify: how the errors in `Record.errors` are measured. "sample": the run is made at levels
-            (`pyfric.plan`) until two that follow each other agree within the tolerance; the finer
-            one is returned. A run whose engine is named is returned as it is, and compared with one
-            of half the step in finite geometry. "full": a level more, and a run whose driver is
-            faster by 1e-9 relative. "none": one run, without errors. None means "none" for a named
-            engine, and "sample" for fidelity = "auto".
-        cost: largest processor time of a run with its verification, in s, or a multiple of that of
-            the run alone, such as "3 x". A level that is expected to exceed it is not made, and the
-            record says so. The first two levels are made whatever they cost. None means "4 x".
-        geometry: "finite" (as in the paper) or "linear". None leaves the choice to the plan.
-            Without a plan None means "finite", or "linear" for a chain and for static engines.
-        stepper: "rk4": classical RK4, order 4 (the paper's). "rk4_opposite": order 4, with errors
-            opposite to those of "rk4". The limit of short steps lies between both, if steps are not
-            too long. "verlet": velocity Verlet with viscous forces at a predicted velocity, order
-            2. "symplectic_euler": semi-implicit Euler, order 1. "adaptive": RK4 with an error
-            estimate and sub-steps inside dt. The last three need full dynamics.
-        switching: "located": a contact switches inside the step, at the root of v_x, mu_s p - |f|
-            or u_z of a block, and the step continues from there. A double root within a sub-step is
-            found if the parabola through start, middle and end falls below zero. "step_end":
-            contacts switch at the end of a step, as in the paper, and are late by up to a step.
-            None means "located", or "step_end" with method = "paper" and on junctions. There a late
-            break changes the force of a block by 1/n_s of itself, for one step.
-        rtol: largest error of a sub-step, for the stepper "adaptive". Errors of displacements are
-            over F_N/(N_x s), those of velocities over F_N/(N_x sqrt(s m)), with s the largest of k,
-            k_f and k_top. None means 1e-6.
-        dt: time step in s, or "auto" (see `step_size`; with a plan, its step).
-        accuracy: error over F_N that jumps of the hybrid engine may cause in forces of events. None
-            means 1e-6, or that of the level (`pyfric.plan`).
-        budget: whether to keep the energy budget, as columns of the curve; full dynamics only. None
-            means yes for fidelity = "dynamic".
-        sample: time between two points of the loading curve, in s; None means 5000 points. Static
-            engines, which have points where something changes, refuse it.
-        t_gap: longest pause inside an event, in s. None means a value derived from the scene, 1 ms
-            in scenes of the paper (`pyfric.engines.pauses`).
-        stop_when: one or several conditions. The first that holds ends the run before t_end, at the
-            next point of the curve. Examples: "arrested", "at_rest", "reached = 50 mm",
-            "L_p = 0.5", "precursors = 3", "main_events = 1", "system_size", "slow = 1 um/s, 1 ms"
-            (`pyfric.engines.stopping`). None means the conditions of the scene, () none.
-        threads: largest number of threads; None means all. Small lattices use one.
-        checkpoint: file to which the run so far is saved as a record every `checkpoint_every` s.
-        checkpoint_every: time between two such saves, in s.
-
-    Raises:
-        SceneError: a value is refused; the message names it, its unit and what is allowed.
-    """
-
-    fidelity: Fidelity = "auto"
-    method: Literal["paper"] | None = None
-    want: Want = "precursors"
-    tolerance: Annotated[float, Positive("", le=1.0)] = 0.01
-    verify: Verify | None = None
-    cost: Annotated[float | str | None, Cost()] = None
-    geometry: Geometry | None = None
-    stepper: StepperName = "rk4"
-    switching: Switching | None = None
-    rtol: Annotated[float | None, Quantity("", ge=1e-12, le=1.0, optional=True)] = None
-    dt: Annotated[float | Literal["auto"], Step()] = "auto"
-    accuracy: Annotated[float | None, Quantity("F_N", ge=FINEST, le=1.0, optional=True)] = None
-    budget: bool | None = None
-    sample: Annotated[float | None, Positive("s", optional=True)] = None
-    t_gap: Annotated[float | None, NotNegative("s", optional=True)] = None
-    stop_when: str | tuple[str, ...] | None = None
-    threads: int | None = None
-    checkpoint: str | os.PathLike[str] | None = None
-    checkpoint_every: Annotated[float, Positive("s")] = 60.0
+    fidelity: Annotated[Fidelity, EngineName()] = option(
+        "auto",
+        "plan",
+        """the engine, or "auto" for the cheapest one that meets the tolerance. "dynamic" integrates
+        everything. "hybrid" integrates events and jumps over the time between them. "quasistatic"
+        leaves out inertia. "equilibrium" is the stuck slider up to its first slip. "auto" makes
+        the levels of `pyfric.plan` for `want` and `tolerance`. Options given below hold for the run
+        that is returned.""",
+    )
+    method: Literal["paper"] | None = option(
+        None,
+        "steps",
+        """"paper" for RK4 with steps of 0.2 us (setup 2: 0.09 us), contacts that switch at step
+        ends, and full dynamics unless `fidelity` is "hybrid". None means that the options below
+        decide.""",
+        kept=lambda method: None,
+    )
+    want: Want = option(
+        "precursors",
+        "plan",
+        """the quantity that the run is made for. See `pyfric.plan`. Refused for an engine that is
+        named, unless its errors are measured.""",
+    )
+    tolerance: Annotated[float, Positive("", le=1.0)] = option(
+        0.01,
+        "plan",
+        """accepted error over F_N, relative for front speeds. See `pyfric.plan`. Refused like
+        `want`.""",
+    )
+    verify: Verify | None = option(
+        None,
+        "events",
+        """how errors are measured, which `Record.errors` holds. "sample": the run is made at levels
+        (`pyfric.plan`) until two that follow each other agree within the tolerance, and the finer
+        one is returned. A run whose engine is named is returned as it is, and compared with one of
+        half the step in finite geometry. "full": a level more, and a run whose driver is faster by
+        1e-9 relative. "none": not at all.""",
+        unless='"none" for a named engine, "sample" for fidelity = "auto"',
+        nothing="none",
+    )
+    budget: Annotated[float | str | None, Budget()] = option(
+        None,
+        "plan",
+        """largest processor time of a run with its verification, in s, or a multiple of that of the
+        run alone, such as "3 x". A level that is expected to exceed it is not made, and the record
+        says so. The first two levels are made whatever they take.""",
+        unless='"4 x"',
+    )
+    geometry: Geometry | None = option(
+        None,
+        "run",
+        """bonds rotate ("finite", as in the paper) or do not ("linear"). A plan chooses, if it is
+        left open.""",
+        unless='"finite", or "linear" for a chain and for static engines',
+        kept=lambda method: method.geometry,
+    )
+    stepper: StepperName = option(
+        "rk4",
+        "steps",
+        """the stepper. "rk4": classical RK4, order 4 (the paper's). "rk4_opposite": order 4, with
+        errors opposite to those of "rk4". The limit of short steps lies between both, if steps are
+        not too long. "verlet": velocity Verlet with viscous forces at a predicted velocity, order
+        2. "symplectic_euler": semi-implicit Euler, order 1. "adaptive": RK4 with an error estimate
+        and sub-steps inside dt. The last three need full dynamics.""",
+        kept=lambda method: method.stepper or None,
+    )
+    switching: Switching | None = option(
+        None,
+        "steps",
+        """contacts switch at the end of a step ("step_end", as in the paper) or inside it
+        ("located"). "located": at the root of v_x, mu_s p - |f| or u_z of a block, and the step
+        continues from there. A double root within a sub-step is found if the parabola through
+        start, middle and end falls below zero. "step_end": late by up to a step. On junctions a
+        late break changes the force of a block by 1/n_s of itself, for one step.""",
+        unless='"located", or "step_end" with method = "paper" and on junctions',
+        kept=lambda method: method.switching or None,
+    )
+    rtol: Annotated[float | None, Quantity("", ge=1e-12, le=1.0, optional=True)] = option(
+        None,
+        "steps",
+        """largest error of a sub-step of the stepper "adaptive". Errors of displacements are over
+        F_N/(N_x s), those of velocities over F_N/(N_x sqrt(s m)), with s the largest of k, k_f and
+        k_top.""",
+        unless="1e-6",
+        kept=lambda method: method.rtol,
+    )
+    dt: Annotated[float | Literal["auto"], Step()] = option(
+        "auto",
+        "steps",
+        """time step in s, or "auto" for about half of the stability limit. See `step_size`; with a
+        plan, its step.""",
+        kept=lambda method: method.dt,
+    )
+    accuracy: Annotated[float | None, Quantity("F_N", ge=FINEST, le=1.0, optional=True)] = option(
+        None,
+        "jumps",
+        """error over F_N that jumps of the hybrid engine may cause in forces of events.""",
+        unless="1e-6, or that of the level (`pyfric.plan`)",
+        kept=lambda method: method.accuracy,
+    )
+    energies: Annotated[bool | None, YesNo()] = option(
+        None,
+        "energies",
+        """whether to keep the energy budget, as columns of the curve (full dynamics only).""",
+        unless='yes for fidelity = "dynamic"',
+        nothing=False,
+        kept=lambda method: method.budget,
+    )
+    sample: Annotated[float | None, Positive("s", optional=True)] = option(
+        None,
+        "steps",
+        """time between two points of the loading curve, in s. Static engines have points where
+        something changes.""",
+        unless="5000 points",
+        kept=lambda method: method.dt and method.sample * method.dt,
+    )
+    t_gap: Annotated[float | None, NotNegative("s", optional=True)] = option(
+        None,
+        "run",
+        """longest pause inside an event, in s. See `pyfric.engines.pauses`.""",
+        unless="a value derived from the scene, 1 ms in scenes of the paper",
+        kept=lambda method: method.t_gap,
+    )
+    stop_when: Annotated[str | tuple[str, ...] | None, Ends()] = option(
+        None,
+        "run",
+        """one or several conditions (on the command line one each), of which the first that holds
+        ends the run before t_end: "arrested", "at_rest", "reached = 50 mm", "L_p = 0.5",
+        "precursors = 3", "main_events = 1", "system_size", "slow = 1 um/s, 1 ms". It ends at the
+        next point of the curve (`pyfric.engines.stopping`). () means none.""",
+        unless="the conditions of the scene",
+    )
+    threads: Annotated[int | None, Count(MAX_THREADS)] = option(
+        None,
+        "machine",
+        """largest number of threads. Small lattices use one.""",
+        unless="as many as make the run faster",
+    )
+    checkpoint: Annotated[str | os.PathLike[str] | None, FilePath()] = option(
+        None,
+        "machine",
+        """file to which the run so far is saved as a record every `checkpoint_every` s.""",
+    )
+    checkpoint_every: Annotated[float, Positive("s")] = option(
+        60.0, "machine", "time between two such saves, in s."
+    )
 
     _section: ClassVar[str] = ""
 
@@ -228,23 +275,21 @@ class Options:
             raise SceneError("rtol", self.rtol, "", "None, or stepper = 'adaptive'")
         if self.method is not None:
             allowed = "none with method = 'paper', which is rk4, step ends and its own dt"
-            known = {"stepper": ("rk4",), "switching": (None, "step_end"), "dt": ("auto",)}
-            self._check_without(allowed, **known)
-        if not isinstance(self.budget, bool | np.bool | None):
-            raise SceneError("budget", self.budget, "", "True, False or None")
-        if self.stop_when is not None:
-            object.__setattr__(self, "stop_when", Conditions().check(self.stop_when))
-        if self.threads is not None:
-            check_whole("threads", self.threads, 1, MAX_THREADS, note=" or None")
-        if not isinstance(self.checkpoint, str | os.PathLike | None):
-            raise SceneError("checkpoint", self.checkpoint, "", "a path or None")
+            for name, values in METHOD_PAPER.items():
+                if (value := getattr(self, name)) not in values:
+                    raise SceneError(name, value, "s" if name == "dt" else "", allowed)
 
-    def _check_without(self, allowed: str, **known: tuple[Any, ...]) -> None:
-        """Raise SceneError unless each of these options has one of its values."""
-        for name, values in known.items():
-            value = getattr(self, name)
-            if value not in values:
-                raise SceneError(name, value, "s" if name in ("dt", "sample") else "", allowed)
+    @staticmethod
+    @functools.cache
+    def declared() -> dict[str, Option]:
+        """Return the declarations of all options, with the annotations of their values."""
+        marks = annotations(Options)
+        return {
+            field.name: dataclasses.replace(
+                field.metadata["option"], mark=marks.get(field.name, Annotation())
+            )
+            for field in dataclasses.fields(Options)
+        }
 
     def given(self) -> dict[str, Any]:
         """Return the options that differ from their defaults."""
@@ -292,24 +337,7 @@ class Options:
         """Return the number of calls of the core that points of the loading curve need."""
         return POINTS if self.stop_when or scene.law.junctions else 0
 
-    def check_static(self) -> None:
-        """Raise SceneError unless an engine without inertia can have these options."""
-        self._check_without(
-            f"nothing, because the {self.fidelity} engine is linear and makes no steps",
-            method=(None,),
-            geometry=(None, "linear"),
-            stepper=("rk4",),
-            switching=(None,),
-            dt=("auto",),
-            budget=(None, False),
-            accuracy=(None,),
-            sample=(None,),
-        )
-        if self.fidelity == "equilibrium":
-            allowed = "'none', because there is no event whose error could be measured"
-            self._check_without(allowed, verify=(None, "none"))
-
-    def settled(self, scene: Scene, engine: type[Run], t_begin: float, t_end: float) -> Method:
+    def settled(self, scene: Scene, engine: Engine, t_begin: float, t_end: float) -> Method:
         """Return the method of an engine with time steps for a run between two times, in s.
 
         Raises:
@@ -317,18 +345,8 @@ class Options:
         """
         if self.geometry is not None:
             check_geometry(self.geometry, scene)
-        if engine.name != "dynamic":
-            check_rests(scene)
-            check_sticks(scene)
-        if self.stepper not in engine.steppers:
-            known = " or ".join(map(repr, engine.steppers))
-            allowed = f"{known} with fidelity = {engine.name!r}"
-            raise SceneError("stepper", self.stepper, "", allowed)
-        if self.accuracy is not None and not engine.jumps:
-            raise SceneError("accuracy", self.accuracy, "F_N", "None, or fidelity = 'hybrid'")
-        if self.budget and not engine.keeps_budget:
-            allowed = "False, or fidelity = 'dynamic', which follows all motion"
-            raise SceneError("budget", self.budget, "", allowed)
+        engine.check(scene)
+        engine.check_options(self)
         dt, switching = self.steps_on(scene)
         if switching == "located":
             _check_located(scene, self.stepper, dt)
@@ -343,9 +361,9 @@ class Options:
             dt=dt,
             sample=max(1, round(every)),
             t_gap=longest_pause(scene) if self.t_gap is None else self.t_gap,
-            threads=core.useful_threads(scene.N_x * scene.N_z, self.threads and int(self.threads)),
+            threads=core.useful_threads(scene.N_x * scene.N_z, self.threads),
             variant=core.VARIANT,
-            budget=engine.keeps_budget if self.budget is None else bool(self.budget),
+            budget=engine.energies if self.energies is None else self.energies,
             accuracy=(self.accuracy or ACCURACY) if engine.jumps else None,
         )
 
@@ -357,19 +375,24 @@ def check_steps(t_begin: float, t_end: float, dt: float) -> None:
         raise SceneError("t_end", t_end, "s", allowed)
 
 
-def _is_auto(dt: Any) -> bool:
-    """Whether a time step is "auto"; an array is not."""
-    return isinstance(dt, str) and dt == "auto"
+Options.__doc__ = documented(
+    Options.__doc__ or "",
+    Options.declared(),
+    "    Raises:\n        SceneError: a value is refused; its message says what is allowed.",
+)
+
+
+def owned(*owners: Owner) -> frozenset[str]:
+    """Return the names of the options that belong to one of these owners."""
+    declared = Options.declared()
+    return frozenset(name for name in declared if declared[name].owner in owners)
 
 
 def kept(method: Method) -> dict[str, Any]:
     """Return the options that a continued run takes over from the method of its record."""
-    same: dict[str, Any] = {"geometry": method.geometry, "t_gap": method.t_gap, "method": None}
-    if method.dt is not None:
-        names = ("stepper", "switching", "rtol", "dt", "budget", "accuracy")
-        same |= {name: getattr(method, name) for name in names}
-        same["sample"] = method.sample * method.dt
-    return same
+    kept = {name: known for name, known in Options.declared().items() if known.kept is not None}
+    values = {name: known.kept(method) for name, known in kept.items()}
+    return {n: value for n, value in values.items() if value is not None or kept[n].default is None}
 
 
 def check_kept(scene: Scene, method: Method, given: Mapping[str, Any]) -> None:
@@ -383,7 +406,7 @@ def check_kept(scene: Scene, method: Method, given: Mapping[str, Any]) -> None:
     for name, held in {"fidelity": method.engine, **kept(method)}.items():
         if given.get(name) is None:
             continue
-        mark = annotations(Options).get(name, Annotation())
+        mark = Options.declared()[name].mark
         value = mark.check(given[name])
         if name == "method":
             paper = ("rk4", "step_end", paper_step(scene))
@@ -397,7 +420,7 @@ def check_kept(scene: Scene, method: Method, given: Mapping[str, Any]) -> None:
         if not same:
             allowed = "what the record that is continued was made with, or no such option"
             raise SceneError(name, value, mark.unit, allowed, "cannot change")
-    for name in ("want", "tolerance", "verify", "cost"):
+    for name in sorted(owned("plan", "events") - {"fidelity"}):
         if given.get(name) not in (None, "none"):
             allowed = "none: a run that goes on keeps its model, and its errors are not measured"
             raise SceneError(name, given[name], "", allowed, "has no effect")
@@ -424,7 +447,7 @@ def step_size(
         SceneError: dt is not a number, not positive, or above the limit.
     """
     limit, _ = stability_limit(scene, stepper)
-    if _is_auto(dt):
+    if is_auto(dt):
         digit = 10.0 ** (math.floor(math.log10(AUTO_SHARE * limit)) - 1)
         return float(f"{math.floor(AUTO_SHARE * limit / digit) * digit:.1e}")
     dt = check_number("dt", dt, "s", gt=0.0, note=", or 'auto'")

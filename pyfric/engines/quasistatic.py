@@ -11,7 +11,7 @@ blocks. Without overshoot, events are shorter.
 For mu_s = mu_k slip grows continuously. It is followed exactly: between two changes of contact
 state all quantities are linear in the drive. The signs of the rates decide which blocks at their
 threshold slip and which stick. A sequence with negligible mu_s - mu_k is treated in the same way,
-because it would have too many events. `prediction_curve` treats any scene in this way.
+because it would have too many events. `pyfric.engines.prediction` treats any scene in this way.
 
 Source: PRL 107, 074301 (2011), for the model, and for arrest lengths with mu_s = mu_k.
 """
@@ -19,10 +19,10 @@ Source: PRL 107, 074301 (2011), for the model, and for arrest lengths with mu_s 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import math
 import time
-import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,7 +31,9 @@ import pandas as pd
 from pyfric.core import CORNER_SHARE, OPEN, STUCK, StateError
 from pyfric.display import Progress, run_bar
 from pyfric.engines.dynamic import kept_notes
+from pyfric.engines.engine import Engine
 from pyfric.engines.integration import strain_notes
+from pyfric.engines.options import owned
 from pyfric.engines.pauses import loading_notes, longest_pause
 from pyfric.engines.stopping import stopping_of
 from pyfric.record import (
@@ -44,24 +46,25 @@ from pyfric.record import (
     versions,
     zone_notes,
 )
-from pyfric.scene import check_number, naming
-from pyfric.signals import answered, at_once
+from pyfric.scene import check_number
+from pyfric.signals import answered
 from pyfric.statics import (
     LEAST_DEFINITENESS,
-    Contact,
     ContactProblem,
     EquilibriumError,
     Stretch,
-    bends,
-    one_thread_if_small,
+    check_ladder,
+    check_statics,
     stretches,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from pyfric.core import State
+    from pyfric.engines.options import Options
     from pyfric.engines.stopping import Stopping
-    from pyfric.scene import Scene, SceneLike
+    from pyfric.scene import Scene
     from pyfric.statics import Values
 
 GROWTH = 60
@@ -90,8 +93,6 @@ class QuasistaticRun:
     """
 
     name = "quasistatic"
-    models = "a sequence of static states; events by a rule without inertia"
-    leaves_out = ("inertia, waves, ring-down", "rotation of bonds")
 
     def __init__(
         self, scene: Scene, t_gap: float | None = None, stopping: Stopping | None = None
@@ -361,7 +362,6 @@ class EquilibriumRun(QuasistaticRun):
     """The stuck slider under the driver up to the first slip. Blocks may open and close."""
 
     name = "equilibrium"
-    models = "static states up to the first slip"
 
     def _event(self, i: int, direction: int, stop: Callable[[], bool]) -> None:
         scene, F_T = self.scene, self.contact.values().F_T
@@ -376,13 +376,12 @@ class EquilibriumRun(QuasistaticRun):
 
 
 def static_sequence(
-    engine: type[QuasistaticRun],
+    kind: type[QuasistaticRun],
     scene: Scene,
     t_end: float,
+    options: Options,
     *,
-    initial: Record | None = None,
-    t_gap: float | None = None,
-    stop_when: tuple[str, ...] | None = None,
+    initial: State | Record | None = None,
     progress: bool | Callable[[Progress], None] | None = None,
     enough: Callable[[QuasistaticRun], bool] | None = None,
 ) -> Record:
@@ -393,11 +392,11 @@ def static_sequence(
     `enough` returns true.
     """
     if not isinstance(initial, Record | None):
-        raise StateError(f"initial: the {engine.name} engine continues records only")
+        raise StateError(f"initial: the {kind.name} engine continues records only")
     begin = 0.0 if initial is None else float(initial.curve["t"].iloc[-1])
     t_end = check_number("t_end", t_end, "s", ge=begin)
-    gap = longest_pause(scene) if t_gap is None else t_gap
-    run = engine(scene, gap, stopping_of(stop_when, scene, gap, initial, t_end))
+    gap = longest_pause(scene) if options.t_gap is None else options.t_gap
+    run = kind(scene, gap, stopping_of(options.stop_when, scene, gap, initial, t_end))
     run.begin = begin
     with run_bar(progress, scene.name, 0.0, t_end) as bar, answered() as stop:
 
@@ -412,79 +411,21 @@ def static_sequence(
     return dataclasses.replace(record, notes=(*kept_notes(initial), *record.notes))
 
 
-@at_once()
-@one_thread_if_small
-def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
-    """Return the growth of the slipping zone with mu_s = mu_k, up to sliding.
-
-    The speed of the driver does not matter: t is its displacement over V, or over 1 m/s if it never
-    moves. Protocols are followed. If the driver moves back, blocks slip back.
-
-    Args:
-        scene: the scene, the name of a preset, or the path of a scene file; its friction
-            coefficients are replaced.
-        mu: the friction coefficient; None means the scene's mu_k.
-
-    Returns:
-        A record of engine "prediction". Each row of its curve is a change of contact state, with
-        columns t (s), F_T (N), drive (m) and L_p_over_L. L_p is the length from the trailing edge
-        over which all blocks have slipped or are open. The curve ends when all blocks slip, when no
-        further block can slip, or when the solution may not be unique; a note then says so.
-
-    Raises:
-        SceneError: mu is not a number >= 0.
-        EquilibriumError: no equilibrium was found.
-
-    Warns:
-        RuntimeWarning: mu is so large that the solution may not be unique.
-
-    Source: PRL 107, 074301 (2011), Fig. 2.
-
-    >>> curve = pyfric.prediction_curve(pyfric.chain()).curve
-    >>> F_T = np.interp(0.5, curve["L_p_over_L"], curve["F_T"])
-    >>> round(float(F_T / curve["F_T"].iloc[-1]), 2)  # half the interface slips at half the force
-    0.5
-    """
-    mu = scene.interface.mu_k if mu is None else check_number("mu", mu, "", ge=0.0)
-    if (error := bends(scene)) is not None:
-        raise error
-    V = scene.driver.V if scene.driver.fastest or scene.load_at(0.0) else 1.0
-    interface = dataclasses.replace(scene.interface.coulomb(), mu_s=mu, mu_k=mu)
-    driver = dataclasses.replace(scene.driver, V=V)
-    with naming(where="mu_s = mu_k here"):
-        scene = dataclasses.replace(scene, interface=interface, driver=driver)
-    run = QuasistaticRun(scene, t_gap=math.inf)  # no pause divides one growth
-    _warn_if_ambiguous(run.contact)
-    start = time.perf_counter()
-    contact, order = run.contact, np.argsort(scene.n_of_i)
-    slipped = np.zeros(scene.N_x, dtype=bool)
-    reached: list[float] = []
-
-    def note(*_: Any) -> None:
-        nonlocal slipped
-        slipped |= contact.slip != 0
-        over = (slipped | ~contact.closed)[order]
-        length = scene.N_x if over.all() else int(np.argmin(over))
-        reached.append(length / scene.N_x)
-
-    run.sample()
-    note()
-    run.follow(math.inf, lambda: False, note)
-    run.timings["path"] = time.perf_counter() - start
-    drive = [scene.drive(t) for t in run.history.curve()["t"]]
-    return run.record("complete", "prediction", drive=drive, L_p_over_L=reached)
-
-
-def _warn_if_ambiguous(contact: Contact) -> None:
-    """Warn if the solution for slip may not be unique."""
-    mu, found = contact.law.mean.mu_k, contact.definiteness_of_sliding()
-    if found >= LEAST_DEFINITENESS:
-        return
-    sure = mu * (1 - LEAST_DEFINITENESS) / (1 - found)  # the definiteness falls linearly in mu
-    warnings.warn(
-        f"mu = {mu:g}: the solution may not be the only one. If all blocks slip one way, the "
-        f"definiteness of the slip operator is {found:.3g}, below {LEAST_DEFINITENESS:g}. The "
-        f"curve ends where a second solution appears. Up to mu = {sure:.3g} the solution is unique",
-        RuntimeWarning,
-        stacklevel=3,
-    )
+QUASISTATIC = Engine(
+    name=QuasistaticRun.name,
+    models="a sequence of static states; events by a rule without inertia",
+    leaves_out=("inertia, waves, ring-down", "rotation of bonds"),
+    options=owned("run", "events"),
+    geometries=("linear",),
+    check=check_ladder,
+    follow=functools.partial(static_sequence, QuasistaticRun),
+)
+EQUILIBRIUM = Engine(
+    name=EquilibriumRun.name,
+    models="static states up to the first slip",
+    leaves_out=QUASISTATIC.leaves_out,
+    options=owned("run"),
+    geometries=("linear",),
+    check=check_statics,
+    follow=functools.partial(static_sequence, EquilibriumRun),
+)

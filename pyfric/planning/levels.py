@@ -35,7 +35,6 @@ from pyfric.engines import (
     FINEST,
     RTOL,
     Options,
-    QuasistaticRun,
     check_steps,
     coarser,
     default_switching,
@@ -45,7 +44,6 @@ from pyfric.engines import (
     located,
     machine_speed,
     set_up,
-    static_sequence,
     step_size,
     work,
 )
@@ -70,8 +68,8 @@ LONGEST = 0.9
 """Longest step over the stability limit, which is that of the lattice at rest. Forces and switches
 leave a tenth."""
 STATIC, ROTATION = 0.01, 0.2
-"""Errors of forces over F_N without inertia, and without rotation of bonds over the strain: orders of
-magnitude. A level whose error exceeds the tolerance is left out."""
+"""Errors of forces over F_N without inertia, and without rotation of bonds over the strain: orders
+of magnitude. A level whose error exceeds the tolerance is left out."""
 HALVED = 2
 """Levels with half the step of the one before: a policy."""
 PHASE = 1 / 120
@@ -131,8 +129,8 @@ class Level:
         for name in ("switching", "accuracy", "rtol"):
             how[name] = getattr(self, name)
         if self.dt is None:
-            return dataclasses.replace(asked, **how, sample=None, budget=None)
-        return dataclasses.replace(asked, **how, budget=bool(asked.budget))
+            return dataclasses.replace(asked, **how, sample=None, energies=None)
+        return dataclasses.replace(asked, **how, energies=bool(asked.energies))
 
 
 class Way(NamedTuple):
@@ -160,7 +158,7 @@ def levels(scene: Scene, options: Options, *, begun: bool = False) -> tuple[Leve
         found = [Level(engine="hybrid", geometry=own, cannot=moves)]
     else:
         cannot = "it starts from the loaded slider" * begun or _no_statics(scene, options)
-        alike = not _needs_steps(options)
+        alike = ENGINES["quasistatic"].lacks(dataclasses.replace(options, verify=None)) is None
         found = [Level(engine="quasistatic", geometry="linear", cannot=cannot, answers=alike)]
     linear_first = not moves and own == "finite" and rotation(scene) <= options.tolerance
     geometries: list[Geometry] = [*["linear"] * linear_first, *[own] * (1 + HALVED)]
@@ -184,7 +182,7 @@ def of_named(scene: Scene, options: Options) -> tuple[Level, ...]:
         options: options of the run, on this scene.
     """
     engine, own = options.fidelity, default_geometry(scene)
-    if engine in ("quasistatic", "equilibrium"):
+    if not ENGINES[engine].steps:
         more = dataclasses.replace(options, fidelity="auto", geometry=own)
         rest = [level for level in levels(scene, more) if level.dt is not None and not level.cannot]
         named = Level(engine=engine, geometry="linear")
@@ -205,7 +203,7 @@ def _ways(scene: Scene, options: Options, geometries: Sequence[Geometry]) -> lis
     Steppers alternate with their opposites, if contacts switch within steps and an eighth of the
     step is stable with the opposite one. A step that is given belongs to the stepper that is given;
     otherwise the second level has that stepper, unless the opposite one needs a far shorter step.
-    The step is halved where neither geometry nor stepper change, and where the geometry is the same.
+    The step is halved where the geometry is the same, or where steppers do not alternate.
     """
     given, dt = options.dt != "auto", longest_step(scene, options)
     opposite, own = STEPPERS["rk4"].opposite, options.stepper
@@ -213,7 +211,7 @@ def _ways(scene: Scene, options: Options, geometries: Sequence[Geometry]) -> lis
         opposite = ""
     stable = LONGEST * stability_limit(scene, opposite)[0] if opposite else 0.0
     turns = stable >= dt / 8
-    first = given and geometries[0] == geometries[-1] or stable < dt / 2
+    first = (given and geometries[0] == geometries[-1]) or stable < dt / 2
     ways: list[Way] = []
     for n, geometry in enumerate(geometries):
         before, step = ways[-1] if ways else None, dt
@@ -245,21 +243,6 @@ def _of_way(
     )
 
 
-def cannot(engine: str, scene: Scene) -> str:
-    from pyfric.scene import SceneError
-    from pyfric.statics import beyond_ladder, check_rests, check_sticks, check_ladder
-    try:
-        check_rests(scene); check_sticks(scene)
-        if engine == "quasistatic": check_ladder(engine, scene)
-    except SceneError as error:
-        return error.reason or str(error)
-    return ""
-
-
-def _needs_steps(options: Options) -> bool:
-    return bool(options.given().keys() & {"dt","switching","accuracy","sample","stepper","rtol","budget"} or options.geometry == "finite")
-
-
 def rotation(scene: Scene) -> float:
     """Return the order of magnitude of what linear geometry leaves out, over F_N."""
     return ROTATION * largest_strain(scene, float(np.max(scene.law.mean.mu_k)) * scene.F_N)
@@ -269,11 +252,11 @@ def _moves(scene: Scene, options: Options) -> str:
     """Return why only full dynamics can answer, "" if jumps can."""
     if options.want == "motion":
         return "motion between events is wanted, which only full dynamics has"
-    if options.budget:
+    if options.energies:
         return "the energy budget follows all motion"
     if options.stepper not in ENGINES["hybrid"].steppers:
         return f"its steps are not those of {options.stepper!r}"
-    return cannot("hybrid", scene)
+    return ENGINES["hybrid"].cannot(scene)
 
 
 def _no_statics(scene: Scene, options: Options) -> str:
@@ -282,7 +265,7 @@ def _no_statics(scene: Scene, options: Options) -> str:
         return "it has no front speed"
     if options.tolerance < STATIC:
         return f"its error is of the order of {STATIC:g} F_N"
-    return cannot("quasistatic", scene)
+    return ENGINES["quasistatic"].cannot(scene)
 
 
 def longest_step(scene: Scene, options: Options) -> float:
@@ -398,21 +381,23 @@ def work_done(record: Record) -> float:
 
 @functools.lru_cache(maxsize=16)
 def pilot(scene: Scene, t_end: float, stop_when: tuple[str, ...] = ()) -> Record | None:
-    """Return the quasi-static sequence of a scene to t_end (s), with larger blocks if there are many.
+    """Return the quasi-static sequence of a scene to t_end (s), or None where there is none.
 
-    None is returned where there is none.
+    A scene of many blocks has larger ones.
     """
     small = coarser(scene)
     small = dataclasses.replace(small, interface=small.interface.coulomb())
 
-    def enough(run: QuasistaticRun) -> bool:
+    def enough(run: Any) -> bool:
         return work(small, "linear", run.counts) > PILOT
 
-    if cannot("hybrid", scene) or cannot("quasistatic", small):
+    if ENGINES["hybrid"].cannot(scene) or ENGINES["quasistatic"].cannot(small):
         return None
-    how = {"stop_when": stop_when, "enough": enough, "progress": False}
+    options = Options(stop_when=stop_when)
     try:
-        return static_sequence(QuasistaticRun, small, t_end, **how)
+        return ENGINES["quasistatic"].follow(
+            small, t_end, options, initial=None, progress=False, enough=enough
+        )
     except EquilibriumError:
         return None
 

@@ -14,9 +14,8 @@ Source: P. J. Roache, J. Fluids Eng. 116, 405 (1994), factors of safety for two 
 from __future__ import annotations
 
 import dataclasses
-import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from pyfric.engines import ended_by_condition
 from pyfric.record import Errors, differences, statistics

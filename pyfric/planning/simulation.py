@@ -19,15 +19,12 @@ from pyfric.engines import (
     Run,
     RunError,
     check_kept,
-    check_memory,
     check_steps,
     full_work,
-    integrate,
     kept,
     machine_speed,
     multiple,
-    pause_notes,
-    static_sequence,
+    owned,
     step_size,
     work,
 )
@@ -47,7 +44,6 @@ from pyfric.scene import (
 from pyfric.signals import forget, raise_if_asked
 from pyfric.statics import (
     EquilibriumError,
-    check_ladder,
     check_sticks,
     loaded_state,
     one_thread_if_small,
@@ -64,8 +60,8 @@ if TYPE_CHECKING:
 
 STATIC_SHARE = 0.25
 """Largest work of a quasi-static sequence over that of full dynamics: a policy."""
-COST = "4 x"
-"""Default of the option `cost`: a policy."""
+BUDGET = "4 x"
+"""Default of the option `budget`: a policy."""
 LONG = 600.0
 """Expected duration above which a run prints a note before it starts, in s."""
 
@@ -83,7 +79,7 @@ def simulate(
     """Simulate a scene from the loaded slider, or continue another run.
 
     A `Record` as `initial` continues its run, and the result holds the whole run. Engine, geometry,
-    stepper, switching, step, rtol, accuracy, budget, sampling and t_gap are kept; other values of
+    stepper, switching, step, rtol, accuracy, energies, sampling and t_gap are kept; other values of
     these options are refused. So are `want`, `tolerance` and `verify`: no model is chosen, and no
     errors are measured. The speed of the driver or the loads may differ from then on; the scene of
     the result then has a protocol that joins both. The driver continues from its position, so that
@@ -177,16 +173,18 @@ def check_run(scene: Scene, options: Options, given: Mapping[str, Any] | None = 
     `given` are the options that a user named; None: those that differ from their defaults.
     """
     named = options.fidelity != "auto" and options.verify in (None, "none")
+    of_plan = owned("plan") - {"fidelity"}
     for name, value in (options.given() if given is None else given).items():
-        if named and name in ("want", "tolerance", "cost"):
+        if named and name in of_plan and value is not None:
             allowed = f"none with fidelity = {options.fidelity!r}: it chooses a model, or judges "
             allowed += "errors that verify measures"
             raise SceneError(name, value, "", allowed, "has no effect")
     if options.geometry is not None:
         check_geometry(options.geometry, scene)
-    if options.fidelity != "auto" and not issubclass(ENGINES[options.fidelity], Run):
-        options.check_static()
-        check_ladder(options.fidelity, scene)
+    if options.fidelity != "auto":
+        engine = ENGINES[options.fidelity]
+        engine.check_options(options)
+        engine.check(scene)
 
 
 def _going_on(before: Record, options: Options) -> Options:
@@ -198,7 +196,7 @@ def _going_on(before: Record, options: Options) -> Options:
         raise StateError(
             f"initial: the record is from the {engine} engine, not from {options.fidelity}"
         )
-    if issubclass(ENGINES[engine], Run) and not isinstance(before.final_state, State):
+    if ENGINES[engine].steps and not isinstance(before.final_state, State):
         raise StateError("initial: this record holds no state of the dynamics to go on from")
     return options
 
@@ -229,22 +227,15 @@ def _run(
     enough: Callable[[Run], bool] | None = None,
 ) -> Record:
     """Run one engine. `enough` can end the run of an engine with time steps."""
-    how: dict[str, Any] = {"initial": initial, "progress": progress}
-    engine = ENGINES[options.fidelity]
-    if issubclass(engine, Run):
+    engine, said = ENGINES[options.fidelity], []
+    if engine.name == "dynamic":
         begin = _begin(initial)
         method = options.settled(scene, engine, begin, t_end)
-        check_memory(scene, method.engine, method.geometry)
         made = full_work(scene, method.geometry, method.dt, t_end - begin, method.stepper)
-        said = []
-        if method.engine == "dynamic" and made * SLOWEST > LONG:
-            said = _said(scene, "dynamic", made * machine_speed(), progress)
-        record = integrate(engine, scene, t_end, options, enough=enough, **how)
-        return _with_notes(record, *pause_notes(record), *said)
-    check_memory(scene, engine.name, "linear")
-    how |= {"t_gap": options.t_gap, "stop_when": options.stop_when}
-    record = static_sequence(engine, scene, t_end, **how, enough=enough)
-    return _with_notes(record, *pause_notes(record))
+        if made * SLOWEST > LONG:
+            said = _said(scene, engine.name, made * machine_speed(), progress)
+    how: dict[str, Any] = {"initial": initial, "progress": progress, "enough": enough}
+    return _with_notes(engine.run(scene, t_end, options, **how), *said)
 
 
 def _said(scene: Scene, engine: str, seconds: float, progress: object) -> list[str]:
@@ -277,10 +268,10 @@ def _begin(initial: State | Record | None) -> float:
 
 def _most(asked: Asked, level: Level, before: Record) -> float:
     """Return the largest work of all runs, in s; a multiple is of a run of this engine alone."""
-    cost = asked.options.cost or COST
-    times = multiple(cost)
+    budget = asked.options.budget or BUDGET
+    times = multiple(budget)
     if times is None:
-        return float(cost) / machine_speed()
+        return float(budget) / machine_speed()
     alone = dataclasses.replace(level, stepper="rk4", dt=step_size(asked.scene))
     return times * expected_work(asked.scene, alone, asked.t_end - asked.t_begin, before)
 
@@ -325,7 +316,7 @@ def leveled(asked: Asked, of: tuple[Level, ...], progress: object = None) -> Rec
                 seconds = [f"{one * machine_speed():.2g} s" for one in (expected, spent, most)]
                 notes.append(
                     f"not made: {level}, which would take about {seconds[0]}: {seconds[1]} of "
-                    f"{seconds[2]} are spent (option cost)"
+                    f"{seconds[2]} are spent (option budget)"
                 )
                 break
         if level.engine == "hybrid":

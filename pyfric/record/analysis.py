@@ -71,7 +71,7 @@ def budget_left(curve: pd.DataFrame) -> pd.Series:
     """Return the residual of an energy budget since its start, in J: 0 except for errors of steps.
 
     Args:
-        curve: the loading curve of a run with budget = True.
+        curve: the loading curve of a run with energies = True.
 
     Raises:
         SceneError: it has no budget.
@@ -86,7 +86,7 @@ def budget_error(curve: pd.DataFrame) -> float:
     If almost none was exchanged, it is taken over the stored energy.
 
     Args:
-        curve: the loading curve of a run with budget = True.
+        curve: the loading curve of a run with energies = True.
 
     Raises:
         SceneError: it has no budget.
@@ -103,7 +103,7 @@ def _energies(curve: pd.DataFrame) -> list[str]:
 def _moved(curve: pd.DataFrame) -> tuple[pd.Series, pd.Series, pd.Series]:
     """Return the energy stored since the start, the work done, and what was lost, in J."""
     if "work_driver" not in curve:
-        raise SceneError("curve", ", ".join(curve), "", "that of a run with budget = True")
+        raise SceneError("curve", ", ".join(curve), "", "that of a run with energies = True")
     stored = curve[_energies(curve)].sum(axis=1)
     work = curve["work_driver"] + curve["work_load"]
     if "stiffness_work" in curve:

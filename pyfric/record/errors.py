@@ -5,10 +5,10 @@ event of the other one (`pairing`), also with one that begins after the shorter 
 event that the other run has not had at its end differs by at least the force that this one has
 reached meanwhile; by how much more is not known, so that the comparison ends where that event
 begins. It ends also where an event begins in which blocks slip again and again, in both runs at
-other times (`AGAIN`). One that begins while the last event of the other run goes on to the end is part of that: a
-pause near `t_gap` parts them. What goes on in one of the runs is compared as far as both know it:
-forces on the way in place of arrests, front speeds where both runs know the five rupture times of a
-block. A prescribed interface has no forces: its rupture times are compared. Where nothing slips in
+other times (`AGAIN`). One that begins while the last event of the other run goes on to the end is
+part of that: a pause near `t_gap` parts them. What goes on in one of the runs is compared as far as
+both know it: forces on the way in place of arrests, front speeds where both runs know the five
+rupture times of a block. A prescribed interface has no forces: its rupture times are compared. Where nothing slips in
 either run, their loading curves are.
 
 What was not measured is None, which is never taken for 0: where nothing was compared, nothing is

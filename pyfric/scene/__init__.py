@@ -9,6 +9,7 @@ from pyfric.scene.checked import (
     NotNegative,
     Positive,
     Quantity,
+    Words,
     Written,
     annotations,
     part,

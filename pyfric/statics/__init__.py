@@ -16,7 +16,14 @@ from pyfric.statics.rest import (
     check_rests,
     check_sticks,
 )
-from pyfric.statics.routes import Stretch, bends, beyond_ladder, check_ladder, stretches
+from pyfric.statics.routes import (
+    Stretch,
+    bends,
+    beyond_ladder,
+    check_ladder,
+    check_statics,
+    stretches,
+)
 from pyfric.statics.stability import stability_limit
 from pyfric.statics.starts import check_pushes, forced, overstressed, ramped
 from pyfric.statics.system import System

@@ -13,7 +13,7 @@ import numpy as np
 
 from pyfric.scene import Leg, SceneError, legs
 from pyfric.statics.complementarity import Route
-from pyfric.statics.rest import check_sticks
+from pyfric.statics.rest import check_rests, check_sticks
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene
@@ -37,12 +37,18 @@ class Stretch(NamedTuple):
     route: Route | None = None
 
 
-def check_ladder(engine: str, scene: Scene) -> None:
-    """Raise SceneError if an engine without inertia cannot follow a scene."""
+def check_statics(scene: Scene) -> None:
+    """Raise SceneError if static states cannot follow a scene."""
     if (error := bends(scene)) is not None:
         raise error
+    check_rests(scene)
     check_sticks(scene)
-    if engine == "quasistatic" and (error := beyond_ladder(scene)) is not None:
+
+
+def check_ladder(scene: Scene) -> None:
+    """Raise SceneError if the quasi-static sequence cannot follow a scene."""
+    check_statics(scene)
+    if (error := beyond_ladder(scene)) is not None:
         raise error
 
 

@@ -150,7 +150,7 @@ def chain_job(alpha: float, tau_bar: float, blocks: int = BLOCKS) -> Job:
     slow = 3 * (1 - tau_bar) / tau_bar + 4 * blocks
     t_end = blocks * (20 + alpha * slow) * math.sqrt(m / k)
     end = f"reached = {(blocks - 1) * l!r}"
-    options = {"fidelity": "dynamic", "budget": False, "verify": "none", "sample": t_end / 1000}
+    options = {"fidelity": "dynamic", "energies": False, "verify": "none", "sample": t_end / 1000}
     dt = min(STEP, 2 / alpha) * math.sqrt(m / k)
     return Job(
         scene=scene, t_end=t_end, options=options | {"dt": dt, "stop_when": ("arrested", end)}

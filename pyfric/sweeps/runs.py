@@ -48,10 +48,8 @@ from pyfric.signals import at_once, saved_first
 from pyfric.sweeps.store import MAX_BYTES, Cache, Store
 from pyfric.sweeps.workers import InThisProcess, Workers
 
-ELSEWHERE = ("threads", "checkpoint", "checkpoint_every")
-"""Options that do not change what a run gives; jobs leave them to `run_all`."""
-OPTIONS = tuple(known.name for known in dataclasses.fields(Options) if known.name not in ELSEWHERE)
-"""Options that a job may have."""
+OPTIONS = tuple(name for name, known in Options.declared().items() if known.owner != "machine")
+"""Options that a job may have. Those of the machine do not change what a run gives."""
 DEFAULTS = Options()
 ROOMS = ("scene", "theory", "core", "statics", "record", "engines", "planning")
 """Rooms whose code determines what a run gives."""

@@ -16,7 +16,6 @@ from pyfric.scene import (
     Quantity,
     SceneError,
     SceneLike,
-    annotations,
     as_scene,
     check_number,
     check_whole,
@@ -134,11 +133,10 @@ def drawn(spans: Sequence[Span], kind: str, n: int, seed: int) -> list[list[floa
 
 def varied(scene: SceneLike) -> dict[str, Annotation]:
     """Return all that may vary, with annotations; those of options are of their numbers only."""
-    marks = annotations(Options)
-    units = {name: mark.unit for name, mark in marks.items() if isinstance(mark, Quantity)}
+    marks = {name: Options.declared()[name].mark for name in OPTIONS}
     options = {
-        f"options.{name}": Quantity(units[name]) if name in units else Annotation()
-        for name in OPTIONS
+        f"options.{name}": Quantity(mark.unit) if isinstance(mark, Quantity) else Annotation()
+        for name, mark in marks.items()
     }
     return {"t_end": Quantity("s", ge=0.0)} | scene_fields(as_scene(scene)) | options
 

@@ -13,6 +13,7 @@ import click
 from click.core import ParameterSource
 
 from pyfric.cli.app import main
+from pyfric.cli.options import OptionsCommand
 from pyfric.cli.shared import (
     EXIT_CODES,
     Exit,
@@ -33,8 +34,6 @@ from pyfric.cli.shared import (
     stop,
     stop_unless_complete,
     telling,
-    tolerance_option,
-    want_option,
 )
 
 if TYPE_CHECKING:
@@ -61,13 +60,10 @@ def scene(scene: str, changes: tuple[str, ...], out: Path | None, overwrite: boo
         click.echo(text, nl=False)
 
 
-@main.command(section="Simulate")
+@main.command(section="Simulate", cls=OptionsCommand, options=("want", "tolerance", "stop_when"))
 @click.argument("scene", type=SceneName())
 @click.option("--t-end", type=Seconds(), default=1.0, help="End time. [default: 1 s]")
 @set_option
-@want_option
-@tolerance_option
-@click.option("--stop-when", multiple=True, metavar="CONDITION", help="As in pyfric run.")
 @telling
 def plan(
     scene: str,
@@ -89,85 +85,12 @@ def plan(
     tell.result(dataclasses.asdict(found) | {"assumptions": listed}, lambda: str(found))
 
 
-@main.command(section="Simulate", epilog=EXIT_CODES)
+@main.command(section="Simulate", epilog=EXIT_CODES, cls=OptionsCommand, before="out")
 @click.argument("scene", type=SceneName())
 @click.option(
     "--t-end", type=Seconds(), required=True, help="End time, such as '900 ms'; a number is in s."
 )
 @set_option
-@click.option(
-    "--fidelity",
-    type=click.Choice(["auto", "equilibrium", "quasistatic", "hybrid", "dynamic"]),
-    default="auto",
-    show_default=True,
-    help="Model; auto takes the cheapest that meets the tolerance (see pyfric plan).",
-)
-@click.option(
-    "--method",
-    type=click.Choice(["paper"]),
-    help="As in the paper: RK4, steps of 0.2 us (setup 2: 0.09 us), stick-slip transitions at "
-    "step ends; "
-    "full dynamics unless --fidelity hybrid.",
-)
-@want_option
-@tolerance_option
-@click.option(
-    "--geometry",
-    type=click.Choice(["finite", "linear"]),
-    help="Bonds rotate (finite, as in the paper) or do not (linear). "
-    "[default: finite; linear for a chain]",
-)
-@click.option(
-    "--stepper",
-    type=click.Choice(["rk4", "rk4_opposite", "verlet", "symplectic_euler", "adaptive"]),
-    default="rk4",
-    show_default=True,
-    help="Stepper; all but rk4 need full dynamics.",
-)
-@click.option(
-    "--switching",
-    type=click.Choice(["step_end", "located"]),
-    help="Stick-slip transitions at the end of a step, as in the paper, or located within it. "
-    "[default: located]",
-)
-@click.option(
-    "--rtol", type=float, help="Error of a sub-step of --stepper adaptive. [default: 1e-6]"
-)
-@click.option(
-    "--dt",
-    type=Seconds("auto"),
-    default="auto",
-    show_default=True,
-    help="Time step: '0.2 us', s, or auto, about half the stability limit.",
-)
-@click.option(
-    "--sample",
-    type=Seconds(),
-    help="Time between two points of the curve. [default: 1/5000 of the run]",
-)
-@click.option(
-    "--t-gap",
-    type=Seconds(),
-    help="Longest pause inside an event. [default: from the scene; 1 ms in the paper's]",
-)
-@click.option(
-    "--stop-when",
-    multiple=True,
-    metavar="CONDITION",
-    help="End the run as soon as a condition holds: 'arrested', 'at_rest', 'reached = 50 mm', "
-    "'L_p = 0.5', 'precursors = 3', 'main_events = 1', 'system_size', 'slow = 1 um/s, 1 ms'. "
-    "Repeatable: the first condition that holds ends the run.",
-)
-@click.option(
-    "--threads",
-    type=click.IntRange(1, 4096),
-    help="Largest number of threads. [default: as many as make the run faster]",
-)
-@click.option(
-    "--budget/--no-budget",
-    default=None,
-    help="Record the energy budget (full dynamics only). [default: with --fidelity dynamic]",
-)
 @file_option(
     "--out", metavar="FILE", help="Save the record here, also once a minute during the run."
 )

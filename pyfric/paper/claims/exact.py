@@ -306,7 +306,7 @@ def _chain_front(taubar: float) -> float:
         dt=state.dt,
         initial=state,
         switching="located",
-        budget=False,
+        energies=False,
         t_gap=1.0,
         progress=False,
     )

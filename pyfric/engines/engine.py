@@ -1,0 +1,154 @@
+"""An engine is a value: what it models and leaves out, the options that it uses, and its run.
+
+    DYNAMIC = Engine(name="dynamic", models="dynamics throughout", options=..., follow=...)
+
+Options say to whom they belong (`pyfric.engines.options`). An engine that is asked for what it does
+not have refuses it, by one rule: the error names the option, and the engines that have it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, Any, Protocol
+
+from pyfric.core import State
+from pyfric.engines.cost import check_memory
+from pyfric.engines.pauses import pause_notes
+from pyfric.scene import SceneError, default_geometry
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pyfric.display import Progress
+    from pyfric.engines.dynamic import Run
+    from pyfric.engines.options import Options
+    from pyfric.record import Record
+    from pyfric.scene import Geometry, Scene
+
+
+class Follow(Protocol):
+    """Function that runs a scene to t_end (s) with options that its engine has."""
+
+    def __call__(
+        self,
+        scene: Scene,
+        t_end: float,
+        options: Options,
+        *,
+        initial: State | Record | None,
+        progress: bool | Callable[[Progress], None] | None,
+        enough: Callable[[Run], bool] | None,
+    ) -> Record: ...
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Engine:
+    """An engine.
+
+    Args:
+        name: its name, the value of the option `fidelity`.
+        models: what it models.
+        leaves_out: what it leaves out.
+        options: options that it uses. With "verify" it finds events whose errors can be measured.
+        geometries: geometries of bonds that it has.
+        steppers: steppers that it has; none if it makes no time steps.
+        check: function that raises SceneError for a scene that the engine cannot run.
+        follow: function that runs a scene.
+    """
+
+    name: str
+    models: str
+    leaves_out: tuple[str, ...] = ()
+    options: frozenset[str]
+    geometries: tuple[Geometry, ...] = ("finite", "linear")
+    steppers: tuple[str, ...] = ()
+    check: Callable[[Scene], None] = lambda scene: None
+    follow: Follow
+
+    @property
+    def steps(self) -> bool:
+        """Whether it makes time steps, so that its runs go on from a `State`."""
+        return bool(self.steppers)
+
+    @property
+    def jumps(self) -> bool:
+        """Whether it jumps over time, with an accuracy."""
+        return "accuracy" in self.options
+
+    @property
+    def energies(self) -> bool:
+        """Whether it can keep the energy budget."""
+        return "energies" in self.options
+
+    def cannot(self, scene: Scene) -> str:
+        """Return why the engine cannot run a scene, or "" if it can."""
+        try:
+            self.check(scene)
+        except SceneError as error:
+            return error.reason
+        return ""
+
+    def has(self, name: str, value: Any) -> bool:
+        """Return whether the engine has an option with this value, or none is asked for."""
+        if name in self._values:
+            return value is None or value in self._values[name]
+        return name in self.options
+
+    @property
+    def _values(self) -> dict[str, tuple[str, ...]]:
+        """Options of which it has some values."""
+        values = {"geometry": self.geometries, "stepper": self.steppers}
+        return {name: known for name, known in values.items() if name in self.options}
+
+    def lacks(self, options: Options) -> SceneError | None:
+        """Return the error for a first option that the engine does not have, or None."""
+        for name, option in options.declared().items():
+            value = getattr(options, name)
+            if option.of_engine and option.asks(value) and not self.has(name, value):
+                others = [e.name for e in ENGINES.values() if e.has(name, value)]
+                known = self._values.get(name)
+                allowed = " or ".join(map(repr, known or (option.nothing,)))
+                if others:
+                    allowed += f", or fidelity = {' or '.join(map(repr, others))}"
+                lack = f"has no {name} {value!r}" if known else option.lack
+                reason = f"the {self.name} engine {lack}"
+                return SceneError(name, value, option.mark.unit, allowed, reason)
+        return None
+
+    def check_options(self, options: Options) -> None:
+        """Raise SceneError if the engine does not have an option."""
+        if (error := self.lacks(options)) is not None:
+            raise error
+
+    def run(
+        self,
+        scene: Scene,
+        t_end: float,
+        options: Options,
+        *,
+        initial: State | Record | None = None,
+        progress: bool | Callable[[Progress], None] | None = None,
+        enough: Callable[[Run], bool] | None = None,
+    ) -> Record:
+        """Run a scene to t_end (s); see `pyfric.simulate`.
+
+        The run of an engine with time steps ends as soon as `enough` returns true.
+
+        Raises:
+            SceneError: the engine does not have the scene or an option, or needs more memory than
+                is available.
+        """
+        self.check(scene)
+        self.check_options(options)
+        geometry = options.geometry or default_geometry(scene)
+        check_memory(
+            scene, self.name, geometry if geometry in self.geometries else self.geometries[0]
+        )
+        how = {"initial": initial, "progress": progress, "enough": enough}
+        record = self.follow(scene, t_end, options, **how)
+        new = [note for note in pause_notes(record) if note not in record.notes]
+        return dataclasses.replace(record, notes=(*record.notes, *new)) if new else record
+
+
+ENGINES: dict[str, Engine] = {}
+"""All engines by name, the cheapest first; `pyfric.engines` fills it."""

@@ -1,4 +1,4 @@
-"""Levels of a scene: what each differs in, what is left out, what they cost, and how they are said."""
+"""Levels of a scene: what each differs in, what is left out, and what they cost."""
 
 import dataclasses
 import itertools
@@ -91,9 +91,7 @@ def test_levels_of_the_fig1_scene():
         [{}, {"dt": 1e-7}, {"geometry": "linear"}, {"switching": "step_end"}, {"stepper": "verlet"}]
     ),
 )
-def test_levels_differ_in_everything_that_the_answer_hangs_on(
-    scene, tolerance, want, given_options
-):
+def test_levels_differ_in_what_the_answer_hangs_on(scene, tolerance, want, given_options):
     found = [one for one in of(scene, tolerance=tolerance, want=want, **given_options) if one.dt]
     assert len(found) >= 2
     for a, b in itertools.pairwise(found):
@@ -349,7 +347,7 @@ def test_front_speeds_that_need_a_finer_lattice():
     ],
 )
 def test_expected_work_is_that_of_runs(scene, t_end, tolerance):
-    """Of the hybrid engine, from the events of a quasi-static sequence, within a factor of three."""
+    """Of the hybrid engine, from events of a quasi-static sequence, within a factor of three."""
     found = plan(scene, tolerance=tolerance, t_end=t_end)
     options = Options(tolerance=tolerance).on(scene)
     for level, seconds in zip(found.levels[1:3], found.seconds[1:3], strict=True):

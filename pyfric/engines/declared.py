@@ -159,6 +159,35 @@ class YesNo(Annotation):
 
 
 @dataclasses.dataclass(frozen=True)
+class Budget(Quantity):
+    """Annotation of a processor time, or of a multiple of that of a run, such as "3 x"."""
+
+    unit: str = "s"
+    gt: float | None = 0.0
+    optional: bool = True
+    note: str = ", or a multiple such as '3 x'"
+
+    def check(self, value: Any, written: Written | None = None) -> Any:
+        if isinstance(value, bool | np.bool):
+            allowed = f"{self.allowed}; energies = True keeps the energy budget"
+            raise SceneError("", value, "", allowed)
+        times = multiple(value)
+        if times is None:
+            return super().check(value, written)
+        return f"{check_number('', times, '', ge=1.0):g} x"
+
+
+def multiple(budget: Any) -> float | None:
+    """Return the number of a multiple such as "3 x", None for anything else."""
+    if not (isinstance(budget, str) and budget.rstrip().endswith("x")):
+        return None
+    try:
+        return float(budget.rstrip()[:-1])
+    except ValueError:
+        return None
+
+
+@dataclasses.dataclass(frozen=True)
 class Count(Annotation):
     """Annotation of a whole number from 1 to a largest one, or None."""
 

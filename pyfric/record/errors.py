@@ -8,8 +8,8 @@ begins. It ends also where an event begins in which blocks slip again and again,
 other times (`AGAIN`). One that begins while the last event of the other run goes on to the end is
 part of that: a pause near `t_gap` parts them. What goes on in one of the runs is compared as far as
 both know it: forces on the way in place of arrests, front speeds where both runs know the five
-rupture times of a block. A prescribed interface has no forces: its rupture times are compared. Where nothing slips in
-either run, their loading curves are.
+rupture times of a block. A prescribed interface has no forces: its rupture times are compared.
+Where nothing slips in either run, their loading curves are.
 
 What was not measured is None, which is never taken for 0: where nothing was compared, nothing is
 promised.

@@ -13,7 +13,7 @@ PAGE = ROOT / "docs" / "explanation" / "numbers.md"
 MOST_FITTED = 15
 KINDS = {
     "definition": {
-        "choice": "LONGEST SHARE SPARES MOVING",
+        "levels": "ALONE HALVED LONGEST LOOSEST MOVING PILOT SHARE STRICTER",
         "cost": "POINTS TIMED FASTEST SLOWEST",
         "dynamic": "CALL_SECONDS STATIC_SECONDS STATIC_SHARE SHOWN OPEN_BUDGET",
         "jump": "CORRECTED",
@@ -22,16 +22,14 @@ KINDS = {
         "options": "ACCURACY AUTO_SHARE FINEST LONGEST_LOCATED MAX_STEPS MAX_THREADS RTOL",
         "pauses": "DRIVER_SHARE RING_DOWN AT_REST BLOCKS COLUMNS",
         "stopping": "TRANSITS",
-        "pilot": "EVENTS CHANGES MOST_EVENTS PART DEAR LONGEST",
-        "simulation": "LONG",
+        "pairs": "PERTURBATION SAFETY",
+        "simulation": "LONG STATIC_SHARE",
         "starts": "EXCESS",
         "contact": "LEAST_DEFINITENESS",
-        "price": "PLAIN CHEAP RATIOS USABLE",
-        "verification": "DYNAMICS SAFETY TURNED LOOSEST LADDER STRICTER FEW MOST PERTURBATION",
         "analysis": "BINS SHIFTS PER_BIN",
         "catalogue": "T_GAP MAIN_EVENT_BLOCKS",
         "classes": "FROM_BLOCK SLOW LAST",
-        "errors": "SAME COVERED",
+        "errors": "AGAIN COVERED SAME",
         "layout": "SCHEMA",
         "quasistatic": "BENDS",
         "rupture": "AVERAGED SLOWEST",
@@ -53,11 +51,10 @@ KINDS = {
         "growth": "ROUNDING",
     },
     "derived": {
-        "choice": "PHASE OVERDAMPED",
+        "levels": "PHASE",
         "cost": "BEYOND",
         "creeping": "APART",
         "space": "LANCZOS SLOWEST",
-        "pilot": "NEARBY",
         "pauses": "SLOWEST",
         "lattice": "DIRECTIONS",
         "growth": "SPEEDS",
@@ -90,10 +87,9 @@ double precision leaves."""
 
 FORMULAS = {
     "cost": (2e-7, 500.0),  # the step of the paper; bytes for each unknown
-    "choice": (1e-6, 0.01, 0.25, 2.5),  # no drop of mu; default tolerance; an order; a stiffness
     "errors": (0.95,),  # a quantile
-    "pilot": (1e-6,),  # no event so far
-    "simulation": (1e5,),  # bytes of a record without events
+    # no drop of mu; default tolerance; an order; a stiffness; bytes of a record without events
+    "levels": (1e-6, 0.01, 0.25, 2.5, 1e5),
     "operators": (1.5,),  # impedances of P and S waves
     "zones": (0.75,),  # 3 pi/4
 }

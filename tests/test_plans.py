@@ -32,21 +32,21 @@ def test_a_promise_is_judged_by_the_real_error(ladder, real, measured, broken, d
     events.loc[main[3], "F_T_start"] += real * F_N
     truth = dataclasses.replace(ladder, events=events)
     own = Errors(want="stress", tolerance=0.01, start=measured, stress=0.0)
-    row = plans.judged(dataclasses.replace(ladder, errors=own), truth, 1e-3)
+    row = plans.judged(dataclasses.replace(ladder, errors=own), truth)
     assert row["real"] == pytest.approx(real)
     assert (row["beyond_tolerance"], row["beyond_measured"]) == (broken, dishonest)
     assert row["said"] == (measured > 0.01)
     late = dataclasses.replace(own, until=float(events["t_start"][main[2]]), covered=1.5)
-    row = plans.judged(dataclasses.replace(ladder, errors=late), truth, 1e-3)
+    row = plans.judged(dataclasses.replace(ladder, errors=late), truth)
     holds = measured <= 0.01  # otherwise no event is left out
     assert row["beyond_tolerance"] == (broken and not holds)
     assert (row["trusted"] < row["events"]) == holds
     none = Errors(want="stress", tolerance=0.01, start=measured)
-    row = plans.judged(dataclasses.replace(ladder, errors=none), truth, 1e-3)
+    row = plans.judged(dataclasses.replace(ladder, errors=none), truth)
     assert (row["not_measured"], row["said"], row["beyond_measured"]) == (True, True, False)
     assert not row["no_front_speed"]
     fast = dataclasses.replace(none, want="front_speed")  # a static state has no front speed
-    row = plans.judged(dataclasses.replace(ladder, errors=fast), truth, 1e-3)
+    row = plans.judged(dataclasses.replace(ladder, errors=fast), truth)
     assert (row["not_measured"], row["no_front_speed"]) == (True, True)
 
 
@@ -66,7 +66,7 @@ def test_promises_hold_where_jumps_decide_the_order_of_events(seed, n, low, trus
 
 
 def test_the_table_counts():
-    row = {"want": "stress", "said": True, "refined": 0, "until": np.nan, "trusted": 3, "events": 4}
+    row = {"want": "stress", "said": True, "levels": 2, "until": np.nan, "trusted": 3, "events": 4}
     row |= {"no_front_speed": False}
     verdicts = [(True, True, False), (False, True, False), (False, False, True)]
     names = ("beyond_tolerance", "beyond_measured", "not_measured")

@@ -20,7 +20,6 @@ from helpers import WATCHED, same_run, small
 import pyfric
 from pyfric.checks import regimes
 from pyfric.cli.commands import main
-from pyfric.planning import pilot
 from pyfric.scene import written
 from pyfric.signals import (
     SIGNALS,
@@ -72,17 +71,21 @@ def test_other_calls_end_a_loop_too(call):
     call()
 
 
-def test_planning_ends_at_once(monkeypatch):
-    """A pilot run is part of no result."""
-    work = pilot.work_so_far
+def test_a_coarser_run_is_not_lost():
+    """Ctrl-C in the second level: the first one is complete, and is compared as far as it goes."""
+    levels = []
 
-    def pressed(run):
-        press()
-        return work(run)
+    def progress(shown):
+        levels.append(shown.t)
+        if len(levels) > 1 and shown.t < levels[-2] and len(set(levels)) > 3:
+            press()
 
-    monkeypatch.setattr(pilot, "work_so_far", pressed)
+    record = pyfric.simulate("fig1", 0.4, tolerance=0.1, progress=progress)
+    assert record.status == "complete"
+    assert record.method.engine == "quasistatic"
+    assert record.errors is None or record.errors.holds is not True
     with pytest.raises(KeyboardInterrupt):
-        pyfric.simulate("fig1", 0.4, tolerance=0.01, progress=False)
+        pyfric.plan(small())
 
 
 def test_an_interrupted_record_goes_on():

@@ -2,6 +2,7 @@
 
 from pyfric.display import Progress
 from pyfric.engines.cost import (
+    EVENT_STEPS,
     POINTS,
     RUN,
     SLOWEST,

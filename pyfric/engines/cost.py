@@ -44,6 +44,9 @@ LANDING = {"linear": (1.5e-3, 6e-7), "finite": (2.4e-3, 1.5e-6)}
 the calls of the core around the jump."""
 SLIDE = 1.25e-2
 """Time of one attempt to jump over stable slip, in s."""
+EVENT_STEPS = 800.0
+"""Work of the hybrid engine for each main event, in steps: 500 to 2000 in 40 scenes, whatever their
+size and step."""
 POINTS = 5000
 """Default number of points of the loading curve."""
 RUN = 0.015

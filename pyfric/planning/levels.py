@@ -32,6 +32,7 @@ from pyfric.display import html
 from pyfric.engines import (
     ACCURACY,
     ENGINES,
+    EVENT_STEPS,
     FINEST,
     RTOL,
     Options,
@@ -48,7 +49,7 @@ from pyfric.engines import (
     work,
 )
 from pyfric.record import blocks_needed, zone_of_scene
-from pyfric.scene import check_number, default_geometry
+from pyfric.scene import SceneError, check_number, default_geometry
 from pyfric.signals import at_once
 from pyfric.statics import EquilibriumError, one_thread_if_small, stability_limit
 
@@ -83,9 +84,6 @@ ROTATION_OF_BONDS = "rotation of bonds"
 MOVING = 0.8
 """Front speed over the limiting one, c_R or the speed of sound in a chain, at which plans state the
 length of the cohesive zone, too: a definition."""
-EVENT_STEPS = 800.0
-"""Work of the hybrid engine for each main event, in steps: 500 to 2000 in 40 scenes, whatever their
-size and step."""
 PILOT = 0.5
 """Largest work of the sequence by which costs are expected, in s: a policy."""
 
@@ -528,9 +526,14 @@ def _lattice(scene: Scene, options: Options, seconds: float) -> str:
 def expected_cost(scene: Scene, t_end: float, options: Options) -> tuple[float, float]:
     """Return the expected time of a run to t_end (s) in s, and the size of its record in bytes.
 
-    A planned run is expected to make all levels up to that of its tolerance, at least two.
+    A planned run is expected to make all levels up to that of its tolerance, at least two. A run
+    that would be refused costs nothing.
     """
     options = options.on(scene)
+    try:
+        check_steps(0.0, t_end, longest_step(scene, options))
+    except SceneError:
+        return 0.0, 0.0
     first = pilot(scene, t_end, options.stop_when)
     if first is not None and first.done:
         t_end = min(t_end, float(first.curve["t"].iloc[-1]))

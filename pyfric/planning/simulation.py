@@ -296,7 +296,7 @@ def leveled(asked: Asked, of: tuple[Level, ...], progress: object = None) -> Rec
     run whose driver is faster by `PERTURBATION`.
 
     Raises:
-        RunError, EquilibriumError: no level could be made.
+        RunError, EquilibriumError: no level could be made, or the motion of all left the model.
     """
     options, todo = asked.options, [level for level in of if not level.cannot]
     notes = [f"left out: {level.engine} ({level.cannot})" for level in of if level.cannot]
@@ -341,7 +341,8 @@ def leveled(asked: Asked, of: tuple[Level, ...], progress: object = None) -> Rec
             enough = errors.measured() is None and not errors.partly  # finer ones tell no more
             if enough or (agreed and options.verify != "full"):
                 break
-    if not runs:
+    alone_is_enough = options.verify == "none" or not isinstance(failed, RunError)
+    if not runs or (len(runs) == 1 and runs[0].record.done and not alone_is_enough):
         if isinstance(failed, RunError):
             failed.record = _with_notes(failed.record, *notes)
         raise failed

@@ -74,15 +74,14 @@ def plan(
     stop_when: tuple[str, ...],
     tell: Tell,
 ) -> None:
-    """Choose a model of SCENE that meets a tolerance, and print the reasons and the cost."""
+    """Print the levels at which SCENE is run until two agree within a tolerance, and their cost."""
     import dataclasses
 
     import pyfric
 
     how = {"t_end": t_end, "stop_when": stop_when or None}
     found = pyfric.plan(scene_of(scene, changes), want, tolerance, **how)
-    listed = [need._asdict() | {"holds": need.holds} for need in found.assumptions]
-    tell.result(dataclasses.asdict(found) | {"assumptions": listed}, lambda: str(found))
+    tell.result(dataclasses.asdict(found), lambda: str(found))
 
 
 @main.command(section="Simulate", epilog=EXIT_CODES, cls=OptionsCommand, before="out")

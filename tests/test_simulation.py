@@ -23,8 +23,6 @@ from pyfric.sweeps import Sweep
 
 simulate = functools.partial(pyfric.simulate, progress=False, verify="none")
 """Runs that measure no errors, which takes a second run: see test_measured_errors."""
-GAPING, T_GAPING = setup2(theta=1.0, l=2e-3, V=0.9e-3), 0.175
-"""A gap has opened in the interior before that time, in s."""
 
 
 def small(**changes):
@@ -242,7 +240,7 @@ def test_a_failed_run_says_what_was_left_out(monkeypatch):
     follows(monkeypatch, "dynamic", fails)
     with pytest.raises(RunError) as failure:
         simulate(small(), 1e-4)
-    assert failure.value.record.notes[0].startswith("planned for precursors")
+    assert failure.value.record.notes[0].startswith("left out: dynamic, finite geometry")
 
 
 # --- refusals ------------------------------------------------------------------------------------

@@ -155,7 +155,7 @@ def scenes(*, quick: bool = False, progress: bool = False) -> pd.DataFrame:
         processes included), gain (over one worker).
     """
     t_end, heights = (0.01 if quick else 0.25), 2.5e-3 * np.arange(1, 5 if quick else 9)
-    how = {"fidelity": "dynamic", "geometry": "linear", "budget": False}
+    how = {"fidelity": "dynamic", "geometry": "linear", "energies": False}
     jobs = [Job(scene=preset("fig1", h=float(h)), t_end=t_end, options=how) for h in heights]
     most = core.useful_threads(10**9)
     rows = []

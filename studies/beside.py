@@ -148,7 +148,7 @@ def slider_points(say: Callable[[str], None] = lambda _: None) -> Iterator[dict[
                     switching=switching,
                     dt=share * limit,
                     sample=SLIDER_END,
-                    budget=False,
+                    energies=False,
                     progress=False,
                 )
                 for _ in range(REPEATS)

@@ -30,6 +30,7 @@ from pyfric.engines import (
 )
 from pyfric.planning.levels import alone, as_made, expected_work, levels, of_named, work_done
 from pyfric.planning.pairs import Asked, Made, finest
+from pyfric.planning.points import levels_of
 from pyfric.record import Record
 from pyfric.scene import (
     SceneError,
@@ -137,6 +138,9 @@ def simulate(
             raise StateError(f"initial: a record of the {engine} engine cannot be continued")
         keywords = {**keywords, **kept(initial.method)}
     options = dataclasses.replace(options or Options(), **keywords).on(scene)
+    if options.verify == "shared":
+        allowed = "'sample' for a single run; runs share a verification in run_all and in sweeps"
+        raise SceneError("verify", "shared", "", allowed)
     notes: tuple[str, ...] = ()
     if isinstance(initial, Record):
         options = _going_on(initial, options)
@@ -154,6 +158,9 @@ def simulate(
     if options.fidelity == "auto":
         of = levels(scene, options, begun=initial is not None)
         _check_steps(of, asked)
+        if options.verify == "none":
+            single = alone(of, options.tolerance)
+            of = tuple(level for level in of if level.cannot) + of[of.index(single) :]
         return leveled(asked, of, progress)
     if options.verify not in (None, "none"):
         return leveled(asked, of_named(scene, options))
@@ -292,16 +299,14 @@ class _Slower:
 def leveled(asked: Asked, of: tuple[Level, ...], progress: object = None) -> Record:
     """Make levels until two that follow each other agree, and return the finest that may be.
 
-    With verify = "none" one level is made. With "full" a level more is made than otherwise, and a
-    run whose driver is faster by `PERTURBATION`.
+    With verify = "none" the first level that can be made is the only one. With "full" a level more
+    is made than otherwise, and a run whose driver is faster by `PERTURBATION`.
 
     Raises:
         RunError, EquilibriumError: no level could be made.
     """
     options, todo = asked.options, [level for level in of if not level.cannot]
     notes = [f"left out: {level.engine} ({level.cannot})" for level in of if level.cannot]
-    if options.verify == "none":
-        todo = todo[todo.index(alone(of, options.tolerance)) :]
     runs: list[Made] = []
     agreed, failed = False, None
     for asked_level in todo:
@@ -370,6 +375,41 @@ def _answer(asked: Asked, runs: list[Made], notes: list[str]) -> Record:
     elif options.verify != "none" and record.done:
         notes.append("errors were not measured: no other level could be made")
     return _with_notes(record.with_late_columns(), *notes)
+
+
+@one_thread_if_small
+def simulate_point(
+    scene: Scene,
+    t_end: float,
+    options: Options,
+    *,
+    first: int = 0,
+    count: int | None = None,
+    progress: bool | Callable[[Progress], None] | None = None,
+) -> Record:
+    """Return the run of a point among others that share one verification.
+
+    Args:
+        scene: the scene.
+        t_end: time of the end, in s.
+        options: options of all points.
+        first: number of the first level that is made, from 0, among those that can be.
+        count: how many levels are made; with 1 no error is measured. None: until two agree.
+        progress: as in `simulate`.
+
+    Raises:
+        SceneError, EquilibriumError, RunError: as `simulate`.
+    """
+    raise_if_asked()
+    check_run(scene, options)
+    options = dataclasses.replace(options, verify="none" if count == 1 else "sample").on(scene)
+    run = functools.partial(_run, initial=None, progress=progress)
+    asked = Asked(scene=scene, t_begin=0.0, t_end=t_end, options=options, run=run)
+    of = levels_of(scene, options)
+    last = None if count in (None, 1) else first + count
+    able = [level for level in of if not level.cannot][first:last]
+    _check_steps(of, asked)
+    return leveled(asked, (*(level for level in of if level.cannot), *able), progress)
 
 
 def released(scene: SceneLike, blocks: int) -> State:

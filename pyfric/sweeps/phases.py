@@ -189,7 +189,8 @@ def phase_diagram(
         label: a function of a record that labels the run, or several by name. None means kind and
             pace of `Record.rupture_class`, "nothing slipped" without events.
         t_end: end of the runs of a scene, s; None for the chain and for a function.
-        options: options of the runs of a scene; None for the chain and for a function.
+        options: options of the runs of a scene, as in a `Sweep`; None for the chain and for a
+            function.
         changes: names of other fields of a scene to values; None for the chain and for a function.
         lines: whether to find the lines on which labels change, along y.
         tolerance: largest error of lines, in decades if y is spaced logarithmically, else over the

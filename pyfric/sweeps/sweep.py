@@ -100,7 +100,8 @@ class Sweep:
         points: "grid", "list", "random", "sobol", "halton" or "latin"; see the module.
         n: number of points that are drawn.
         seed: seed of drawn points; the same seed gives the same points.
-        options: options of all runs, as `Options` or a mapping.
+        options: options of all runs, as `Options` or a mapping. Planned ones share a verification
+            (`Shared`) unless `verify` says otherwise.
         max_hours, max_GB: a sweep with a larger estimate is refused; None means no limit.
 
     Raises:

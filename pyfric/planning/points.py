@@ -1,7 +1,7 @@
 """What a run at one point tells of the levels that other points need.
 
-The difference of two runs is the error of the coarser one. Reported errors are at most that, so
-that the coarser level keeps a tolerance only where the whole difference is within it.
+The difference of two runs is the error of the coarser one. Where it is within the tolerance, the
+coarser level suffices, although the finer run is returned.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ class Told(NamedTuple):
         level: the level of the record.
         needs: the cheapest level that keeps the tolerance, as far as was measured. It is beyond
             both levels that were compared where they do not agree.
-        errors: errors of levels, where they were measured, of all events or of those before the
-            first one that differs.
+        errors: errors of the levels that were compared, of all events or of those before the first
+            one that differs.
         holds: whether the record keeps the tolerance; None where not all was measured.
     """
 
@@ -55,7 +55,5 @@ def told(record: Record, of: Sequence[Level]) -> Told:
     if error is None:
         return Told(own, own, {}, None)
     other = numbers[errors.by[0]]
-    coarse, further = min(own, other), max(own, other) + 1
-    found = {own: error, coarse: error / min(errors.factor, 1.0)}
-    kept = [level for level in found if errors.holds and found[level] <= errors.tolerance]
-    return Told(own, min(kept, default=further), found, errors.holds)
+    needs = min(own, other) if errors.holds else max(own, other) + 1
+    return Told(own, needs, {own: error, other: error}, errors.holds)

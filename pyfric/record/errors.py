@@ -161,7 +161,8 @@ class Errors:
             none = self.want == "front_speed" and self.events
             why = "no front has a speed" if none else "nothing was compared"
             why += f" up to {self.covered:.6g} s" * (none and self.partly)
-            why = f"its level was chosen at {self.chosen_at} other points" if self.chosen_at else why
+            if self.chosen_at:
+                why = f"its level was chosen at {self.chosen_at} other points"
             return f"for {self.want} within {self.tolerance:g}: NOT MEASURED, {why}"
         said = "does not hold, BEYOND" if self.holds is False else "within"
         text = f"for {self.want}: measured {self.measured():.2g}, {said} {self.tolerance:g}"

@@ -133,13 +133,11 @@ class _Together:
 
     @property
     def level(self) -> int | None:
-        """Number of the level of the other points; None where none was chosen."""
-        last = max((number for number, level in enumerate(self.of) if level.answers), default=0)
-        return (
-            min(max(point.needs for point in self.calibration.values()), last)
-            if self.calibration
-            else None
-        )
+        """Number of the level of the other points, which was made; None where none was chosen."""
+        if not self.calibration:
+            return None
+        points = self.calibration.values()
+        return min(max(point.needs for point in points), max(point.level for point in points))
 
     def choose_calibration(self, jobs: Mapping[str, Job]) -> dict[str, Point]:
         """Return the points that choose the level, evenly spaced, first and last among them."""
@@ -213,8 +211,8 @@ class Shared:
             (record,) = run_all([job], progress=False, shared=shared)
             return "precursors" if len(analysis.precursors(record)) else "none"
 
-    The first `CALIBRATION` jobs then choose the level. Of those that follow, the first two and later
-    one in twenty are checks. ``str(shared)`` is the report.
+    The first `CALIBRATION` jobs then choose the level. Of those that follow, the first two and
+    later one in twenty are checks. ``str(shared)`` is the report.
     """
 
     def __init__(self) -> None:

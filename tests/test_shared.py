@@ -237,6 +237,15 @@ def test_points_that_were_not_measured_are_within_the_tolerance(tmp_path):
     assert what.status(None).report == ""
 
 
+def test_other_processes_make_the_same(tmp_path):
+    found = swept(8).run(tmp_path, workers=2, progress=False).outcomes
+    for record, other in zip(found, run_all(swept(8).jobs, 1, cache=False), strict=True):
+        assert record.events.equals(other.events)
+        assert record.method.engine == other.method.engine
+        assert record.errors.chosen_at == other.errors.chosen_at
+    assert sum(bool(record.errors.chosen_at) for record in found) == 8 - measured(8) == 1
+
+
 def test_sweeps_share_a_verification_unless_they_say_otherwise():
     assert {job.options.verify for job in swept(2).jobs} == {"shared"}
     others = ({"verify": "sample"}, {"verify": "none"}, {"fidelity": "hybrid"}, {"method": "paper"})

@@ -16,7 +16,7 @@ from pyfric.planning import simulate, simulate_point, told
 from pyfric.record import Errors
 from pyfric.scene import Spread
 from pyfric.sweeps import Job, Shared, Sweep, phase_diagram, run_all, shared
-from pyfric.sweeps.shared import able, measured, upper_limit
+from pyfric.sweeps.shared import able, lower_limit, measured
 
 T_END, TOLERANCE = 1.2e-3, 0.05
 OPTIONS = {"tolerance": TOLERANCE, "verify": "shared"}
@@ -110,8 +110,9 @@ def test_an_error_beyond_the_tolerance_at_a_check_is_said_and_nothing_is_made_ag
     assert records[bad].errors.holds is False
     lines = str(memory).splitlines()
     assert "measured at 7 points and are within the tolerance at 6; the largest is 0.3" in lines[1]
-    assert "quasistatic, linear geometry is at 1 of 2 checks, by errors of at most 0.3" in lines[2]
-    assert "at most 97% of them are beyond the tolerance (95% confidence)" in lines[2]
+    level = str(able(small(), pyfric.Options(**OPTIONS))[0])
+    assert f"33 were not measured: {level} keeps the tolerance at 1 of 2 checks" in lines[2]
+    assert "errors of at most 0.01, and so at 3% of the others or more (95% confidence)" in lines[2]
 
 
 def test_points_without_errors_say_so(made):
@@ -127,11 +128,11 @@ def test_points_without_errors_say_so(made):
 
 
 def test_limits_of_shares_are_those_of_binomial_tails():
-    """c checks find at most b points with a chance of 5 % where the share is at the limit."""
-    for beyond, checks in ((0, 2), (0, 50), (3, 50), (49, 50)):
-        share = upper_limit(beyond, checks)
-        assert scipy.stats.binom.cdf(beyond, checks, share) == pytest.approx(0.05)
-    assert upper_limit(0, 0) == upper_limit(4, 4) == 1.0
+    """So many checks keep the tolerance with a chance of 5 % where the share is at the limit."""
+    for kept, checks in ((2, 2), (50, 50), (47, 50), (1, 50)):
+        share = lower_limit(kept, checks)
+        assert scipy.stats.binom.sf(kept - 1, checks, share) == pytest.approx(0.05)
+    assert lower_limit(0, 0) == lower_limit(0, 4) == 0.0
 
 
 def test_points_with_other_options_choose_for_themselves(made):

@@ -158,9 +158,6 @@ def simulate(
     if options.fidelity == "auto":
         of = levels(scene, options, begun=initial is not None)
         _check_steps(of, asked)
-        if options.verify == "none":
-            single = alone(of, options.tolerance)
-            of = tuple(level for level in of if level.cannot) + of[of.index(single) :]
         return leveled(asked, of, progress)
     if options.verify not in (None, "none"):
         return leveled(asked, of_named(scene, options))
@@ -299,14 +296,16 @@ class _Slower:
 def leveled(asked: Asked, of: tuple[Level, ...], progress: object = None) -> Record:
     """Make levels until two that follow each other agree, and return the finest that may be.
 
-    With verify = "none" the first level that can be made is the only one. With "full" a level more
-    is made than otherwise, and a run whose driver is faster by `PERTURBATION`.
+    With verify = "none" one level is made, with "shared" the first one that can be. With "full" a
+    level more is made than otherwise, and a run whose driver is faster by `PERTURBATION`.
 
     Raises:
         RunError, EquilibriumError: no level could be made.
     """
     options, todo = asked.options, [level for level in of if not level.cannot]
     notes = [f"left out: {level.engine} ({level.cannot})" for level in of if level.cannot]
+    if options.verify == "none":
+        todo = todo[todo.index(alone(of, options.tolerance)) :]
     runs: list[Made] = []
     agreed, failed = False, None
     for asked_level in todo:
@@ -338,7 +337,7 @@ def leveled(asked: Asked, of: tuple[Level, ...], progress: object = None) -> Rec
             notes.append(f"left out: {level} (events without end: it takes too long)")
             continue
         runs.append(Made(level, record, time.perf_counter() - start))
-        if not record.done or options.verify == "none" or agreed:
+        if not record.done or options.verify in ("none", "shared") or agreed:
             break
         if len(runs) > 1:
             errors = finest(asked, runs).errors()
@@ -372,7 +371,7 @@ def _answer(asked: Asked, runs: list[Made], notes: list[str]) -> Record:
         record, notes = pair.answer.record, notes + more
         timings = {**record.timings, "verification": seconds}
         record = dataclasses.replace(record, errors=errors, timings=timings).with_late_columns()
-    elif options.verify != "none" and record.done:
+    elif options.verify not in ("none", "shared") and record.done:
         notes.append("errors were not measured: no other level could be made")
     return _with_notes(record.with_late_columns(), *notes)
 
@@ -402,7 +401,7 @@ def simulate_point(
     """
     raise_if_asked()
     check_run(scene, options)
-    options = dataclasses.replace(options, verify="none" if count == 1 else "sample").on(scene)
+    options = dataclasses.replace(options, verify="shared" if count == 1 else "sample").on(scene)
     run = functools.partial(_run, initial=None, progress=progress)
     asked = Asked(scene=scene, t_begin=0.0, t_end=t_end, options=options, run=run)
     of = levels_of(scene, options)

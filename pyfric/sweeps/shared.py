@@ -6,9 +6,9 @@ tolerance at all of them. A share of the rest is made at the next level, too, an
 run. Its difference checks the level where it was not chosen. A check beyond the tolerance is said;
 no other point is made again.
 
-Points belong together if their options are equal and their scenes have the same models. What c
-checks, b of them beyond the tolerance, tell of the points that were not measured is an upper
-confidence limit of the share that is beyond it.
+Points belong together if their options are equal and their scenes have the same models. What checks
+tell of the points that were not measured is a confidence limit of the share that keeps the
+tolerance.
 
 Source: C. Clopper, E. Pearson, Biometrika 26, 404 (1934), for that limit.
 """
@@ -177,22 +177,22 @@ class _Together:
         )
         if len(known) < len(found):
             checks = [point for point in self.others.values() if point.errors]
-            beyond = sum(point.needs > level for point in checks)
-            worst = max((point.errors.get(level, 0.0) for point in checks), default=math.nan)
-            share = upper_limit(beyond, len(checks))
+            kept = [point.errors.get(level, 0.0) for point in checks if point.needs <= level]
+            share = lower_limit(len(kept), len(checks))
             lines.append(
-                f"the other {len(found) - len(known)} were not measured: at most {share:.0%} of "
-                f"them are beyond the tolerance ({CONFIDENCE:.0%} confidence), as {self.of[level]} "
-                f"is at {beyond} of {len(checks)} checks, by errors of at most {worst:.2g}"
+                f"the other {len(found) - len(known)} were not measured: {self.of[level]} keeps "
+                f"the tolerance at {len(kept)} of {len(checks)} checks, with errors of at most "
+                f"{max(kept, default=math.nan):.2g}, and so at {share:.0%} of the others or more "
+                f"({CONFIDENCE:.0%} confidence)"
             )
         return "\n".join(lines)
 
 
-def upper_limit(beyond: int, checks: int) -> float:
-    """Return the upper confidence limit of a share, of which checks have found so many."""
-    if beyond == checks:
-        return 1.0
-    return float(scipy.stats.beta.ppf(CONFIDENCE, beyond + 1, checks - beyond))
+def lower_limit(kept: int, checks: int) -> float:
+    """Return the lower confidence limit of a share, of which checks have found so many."""
+    if kept == 0:
+        return 0.0
+    return float(scipy.stats.beta.ppf(1 - CONFIDENCE, kept, checks - kept + 1))
 
 
 def _joined(parts: Iterable[dict[str, Point]]) -> dict[str, Point]:

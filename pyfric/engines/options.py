@@ -79,7 +79,7 @@ Fidelity = Literal["auto", "equilibrium", "quasistatic", "hybrid", "dynamic"]
 """The engine, or "auto" for the cheapest one that is accurate enough."""
 Want = Literal["loading_curve", "precursors", "stress", "front_speed", "motion"]
 """The quantity that a run is made for."""
-Verify = Literal["none", "sample", "full"]
+Verify = Literal["none", "sample", "full", "shared"]
 """How errors are measured."""
 StepperName = Literal["rk4", "rk4_opposite", "verlet", "symplectic_euler", "adaptive"]
 """The name of a stepper."""
@@ -153,8 +153,9 @@ class Options:
         (`pyfric.plan`) until two that follow each other agree within the tolerance, and the finer
         one is returned. A run whose engine is named is returned as it is, and compared with one of
         half the step in finite geometry. "full": a level more, and a run whose driver is faster by
-        1e-9 relative. "none": not at all.""",
-        unless='"none" for a named engine, "sample" for fidelity = "auto"',
+        1e-9 relative. "shared": at some of many runs, which choose the level of all
+        (`pyfric.Shared`). A single run refuses it. "none": not at all.""",
+        unless='"none" for a named engine, "sample" for fidelity = "auto", in sweeps "shared"',
         nothing="none",
     )
     budget: Annotated[float | str | None, Budget()] = option(

@@ -30,6 +30,7 @@ from pyfric.engines import (
 )
 from pyfric.planning.levels import alone, as_made, expected_work, levels, of_named, work_done
 from pyfric.planning.pairs import Asked, Made, finest
+from pyfric.planning.points import levels_of
 from pyfric.record import Record
 from pyfric.scene import (
     SceneError,
@@ -137,6 +138,9 @@ def simulate(
             raise StateError(f"initial: a record of the {engine} engine cannot be continued")
         keywords = {**keywords, **kept(initial.method)}
     options = dataclasses.replace(options or Options(), **keywords).on(scene)
+    if options.verify == "shared":
+        allowed = "'sample' for a single run; runs share a verification in run_all and in sweeps"
+        raise SceneError("verify", "shared", "", allowed)
     notes: tuple[str, ...] = ()
     if isinstance(initial, Record):
         options = _going_on(initial, options)
@@ -292,8 +296,8 @@ class _Slower:
 def leveled(asked: Asked, of: tuple[Level, ...], progress: object = None) -> Record:
     """Make levels until two that follow each other agree, and return the finest that may be.
 
-    With verify = "none" one level is made. With "full" a level more is made than otherwise, and a
-    run whose driver is faster by `PERTURBATION`.
+    With verify = "none" one level is made, with "shared" the first one that can be. With "full" a
+    level more is made than otherwise, and a run whose driver is faster by `PERTURBATION`.
 
     Raises:
         RunError, EquilibriumError: no level could be made, or the motion of all left the model.
@@ -333,7 +337,7 @@ def leveled(asked: Asked, of: tuple[Level, ...], progress: object = None) -> Rec
             notes.append(f"left out: {level} (events without end: it takes too long)")
             continue
         runs.append(Made(level, record, time.perf_counter() - start))
-        if not record.done or options.verify == "none" or agreed:
+        if not record.done or options.verify in ("none", "shared") or agreed:
             break
         if len(runs) > 1:
             errors = finest(asked, runs).errors()
@@ -368,9 +372,44 @@ def _answer(asked: Asked, runs: list[Made], notes: list[str]) -> Record:
         record, notes = pair.answer.record, notes + more
         timings = {**record.timings, "verification": seconds}
         record = dataclasses.replace(record, errors=errors, timings=timings).with_late_columns()
-    elif options.verify != "none" and record.done:
+    elif options.verify not in ("none", "shared") and record.done:
         notes.append("errors were not measured: no other level could be made")
     return _with_notes(record.with_late_columns(), *notes)
+
+
+@one_thread_if_small
+def simulate_point(
+    scene: Scene,
+    t_end: float,
+    options: Options,
+    *,
+    first: int = 0,
+    count: int | None = None,
+    progress: bool | Callable[[Progress], None] | None = None,
+) -> Record:
+    """Return the run of a point among others that share one verification.
+
+    Args:
+        scene: the scene.
+        t_end: time of the end, in s.
+        options: options of all points.
+        first: number of the first level that is made, from 0, among those that can be.
+        count: how many levels are made; with 1 no error is measured. None: until two agree.
+        progress: as in `simulate`.
+
+    Raises:
+        SceneError, EquilibriumError, RunError: as `simulate`.
+    """
+    raise_if_asked()
+    check_run(scene, options)
+    options = dataclasses.replace(options, verify="shared" if count == 1 else "sample").on(scene)
+    run = functools.partial(_run, initial=None, progress=progress)
+    asked = Asked(scene=scene, t_begin=0.0, t_end=t_end, options=options, run=run)
+    of = levels_of(scene, options)
+    last = None if count in (None, 1) else first + count
+    able = [level for level in of if not level.cannot][first:last]
+    _check_steps(of, asked)
+    return leveled(asked, (*(level for level in of if level.cannot), *able), progress)
 
 
 def released(scene: SceneLike, blocks: int) -> State:

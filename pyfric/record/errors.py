@@ -94,6 +94,8 @@ class Errors:
             wanted.
         statistics: what holds for the events after that, together: name to value and error.
         by: what the run was compared with.
+        chosen_at: number of other points whose errors have chosen the level, where those of this
+            run were not measured; otherwise 0.
     """
 
     want: str | None = None
@@ -114,6 +116,7 @@ class Errors:
     until: float | None = None
     statistics: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     by: tuple[str, ...] = ()
+    chosen_at: int = 0
 
     __pydantic_config__: ClassVar[Any] = {"extra": "forbid"}  # of files
 
@@ -158,6 +161,8 @@ class Errors:
             none = self.want == "front_speed" and self.events
             why = "no front has a speed" if none else "nothing was compared"
             why += f" up to {self.covered:.6g} s" * (none and self.partly)
+            if self.chosen_at:
+                why = f"its level was chosen at {self.chosen_at} other points"
             return f"for {self.want} within {self.tolerance:g}: NOT MEASURED, {why}"
         said = "does not hold, BEYOND" if self.holds is False else "within"
         text = f"for {self.want}: measured {self.measured():.2g}, {said} {self.tolerance:g}"
@@ -169,7 +174,7 @@ class Errors:
 
     def __str__(self) -> str:
         said, unknown = [], []
-        for name, unit in UNITS.items():
+        for name, unit in {} if self.chosen_at else UNITS.items():
             over = f" over {self.compared[name]}" if name in self.compared else ""
             value = getattr(self, name)
             if value is None:

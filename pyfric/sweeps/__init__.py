@@ -4,6 +4,7 @@ from pyfric.sweeps.boundaries import boundary, label_map
 from pyfric.sweeps.phases import PhaseDiagram, chain_job, even_scale, phase_diagram
 from pyfric.sweeps.results import Results
 from pyfric.sweeps.runs import Job, JobError, run_all, side_by_side
+from pyfric.sweeps.shared import Shared
 from pyfric.sweeps.spacings import Resolution, resolve
 from pyfric.sweeps.store import MAX_BYTES, Entry, Store
 from pyfric.sweeps.sweep import Estimate, Sweep

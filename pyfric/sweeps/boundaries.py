@@ -91,7 +91,8 @@ def boundary(
     Args:
         f: a function of a value along and a value over. It returns a label that can be compared,
             such as text or a truth value; NaN is one, too. If it makes its runs with `run_all`,
-            they are kept, and a line that was stopped goes on.
+            they are kept, and a line that was stopped goes on. They may share one verification
+            (`pyfric.Shared`).
         along: ends of the range that is searched, the lower one first.
         over: values at which the line is wanted, rising or falling.
         scale: scale of the range, "log" or "linear".

@@ -15,6 +15,7 @@ Source: K. Thøgersen et al., Phys. Rev. E 100, 043004 (2019), for the chain and
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
@@ -41,6 +42,7 @@ from pyfric.scene import (
 from pyfric.signals import at_once
 from pyfric.sweeps.boundaries import boundary
 from pyfric.sweeps.runs import Job, run_all
+from pyfric.sweeps.shared import Shared, sharing
 from pyfric.sweeps.store import Cache
 from pyfric.sweeps.varied import Scale
 
@@ -94,6 +96,8 @@ class PhaseDiagram:
             and its values ``below`` and ``above``; the fields, with y in the middle of the last
             bracket; the ends ``low`` and ``high`` of this bracket; and the number of ``runs``.
         units: SI units of the fields; "" without one, and for the numbers of a function.
+        report: how many runs were made by which level, and what was measured; "" if they share no
+            verification (`pyfric.Shared`).
     """
 
     x: str
@@ -101,6 +105,7 @@ class PhaseDiagram:
     table: pd.DataFrame
     lines: pd.DataFrame
     units: tuple[str, str] = ("", "")
+    report: str = ""
 
     def __repr__(self) -> str:
         runs = len(self.table) + int(self.lines["runs"].sum())
@@ -184,7 +189,8 @@ def phase_diagram(
         label: a function of a record that labels the run, or several by name. None means kind and
             pace of `Record.rupture_class`, "nothing slipped" without events.
         t_end: end of the runs of a scene, s; None for the chain and for a function.
-        options: options of the runs of a scene; None for the chain and for a function.
+        options: options of the runs of a scene, as in a `Sweep`; None for the chain and for a
+            function.
         changes: names of other fields of a scene to values; None for the chain and for a function.
         lines: whether to find the lines on which labels change, along y.
         tolerance: largest error of lines, in decades if y is spaced logarithmically, else over the
@@ -206,7 +212,8 @@ def phase_diagram(
         if name in (taken := (x_name, y_name, *MEASURED)):
             raise SceneError("label", name, "", f"a name other than {', '.join(taken)}")
     points = [(a, b) for a in xs for b in ys]
-    records = run_all([job(a, b) for a, b in points], cache=cache, **how)
+    shared = Shared()
+    records = run_all([job(a, b) for a, b in points], cache=cache, shared=shared, **how)
     rows: dict[tuple[float, float], Row] = {}
 
     def enter(a: float, b: float, record: Record) -> None:
@@ -221,7 +228,7 @@ def phase_diagram(
 
     def run(a: float, b: float) -> Row:
         if (a, b) not in rows:
-            enter(a, b, *run_all([job(a, b)], 1, cache, progress=False))
+            enter(a, b, *run_all([job(a, b)], 1, cache, progress=False, shared=shared))
         return rows[a, b]
 
     def line(name: str, pair: Pair, cells: Mapping[float, tuple[float, float]]) -> pd.DataFrame:
@@ -270,7 +277,7 @@ def phase_diagram(
         found += [line(name, pair, changes[pair]) for pair in sorted(changes, key=str)]
     columns = ["label", "below", "above", x_name, y_name, "low", "high", "runs"]
     joined = pd.concat([pd.DataFrame(columns=columns), *found], ignore_index=True)
-    return PhaseDiagram(x_name, y_name, table, joined[columns].infer_objects(), units)
+    return PhaseDiagram(x_name, y_name, table, joined[columns].infer_objects(), units, str(shared))
 
 
 def _jobs(
@@ -307,7 +314,8 @@ def _jobs(
 
     def job(a: float, b: float) -> Job:
         given = once([*(changes or {}).items(), *zip(names, (a, b), strict=True)])
-        return Job(scene=as_scene(base, given), t_end=t_end, options=options or Options())
+        found = Job(scene=as_scene(base, given), t_end=t_end, options=options or Options())
+        return dataclasses.replace(found, options=sharing(found.options))
 
     example = as_scene(base, changes)
     fields = scene_fields(example)

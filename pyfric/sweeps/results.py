@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from pyfric.planning import level_of
 from pyfric.record import Record, analysis
 from pyfric.scene import SceneError, unknown, written
 from pyfric.sweeps.runs import Job, JobError
+from pyfric.sweeps.shared import Shared
 from pyfric.sweeps.varied import varied
 
 if TYPE_CHECKING:
@@ -30,6 +32,7 @@ MEASURED = {
     "F_max": ("N", "largest force of the loading curve"),
     "L_p_max": ("1", "longest precursor before the first system-size event, over L"),
     "t_slide": ("s", "start of the first system-size event"),
+    "error": ("1", "measured error that the tolerance bounds; NaN where it was not measured"),
     "seconds": ("s", "processor time of the run"),
 }
 """Column -> unit and meaning."""
@@ -54,7 +57,7 @@ class Results:
 
     @property
     def table(self) -> pd.DataFrame:
-        """One row for each point: its fields, status, reason, engine, key, and `MEASURED`."""
+        """One row for each point: its fields, status, reason, engine, level, key, `MEASURED`."""
         keys = [job.key if isinstance(job, Job) else "" for job in self.sweep.jobs]
         rows = [
             {**_status(outcome), "key": key, **_measured(outcome)}
@@ -62,6 +65,18 @@ class Results:
         ]
         table = pd.DataFrame(rows, index=self.sweep.rows.index)
         return pd.concat([self.sweep.rows.infer_objects(), table], axis=1)
+
+    @property
+    def report(self) -> str:
+        """How many points were made by which level, and what was measured, if they share that."""
+        jobs, found = {job.key: job for job in self.sweep.in_order}, {}
+        for job, outcome in zip(self.sweep.jobs, self.outcomes, strict=True):
+            if isinstance(job, Job):
+                found[job.key] = outcome
+        shared = Shared()
+        for _ in shared.stages(jobs, found):
+            pass
+        return str(shared)
 
     @property
     def failed(self) -> pd.DataFrame:
@@ -153,20 +168,22 @@ def _plain(column: pd.Series) -> np.ndarray:
 
 
 def _status(outcome: Any) -> dict[str, str]:
-    """Return status and reason of an outcome, and the engine of a record."""
+    """Return status and reason of an outcome, and engine and level of a record."""
+    found = dict.fromkeys(("status", "reason", "engine", "level"), "")
     if isinstance(outcome, Record):
         engine = f"{outcome.method.engine}, {outcome.method.geometry}"
-        return {"status": outcome.status, "reason": "", "engine": engine}
+        return found | {"status": outcome.status, "engine": engine, "level": str(level_of(outcome))}
     if outcome is None:
-        return {"status": "waiting", "reason": "", "engine": ""}
+        return found | {"status": "waiting"}
     if isinstance(outcome, JobError):
-        return {"status": "failed", "reason": outcome.reason, "engine": ""}
-    return {"status": "refused", "reason": str(outcome), "engine": ""}
+        return found | {"status": "failed", "reason": outcome.reason}
+    return found | {"status": "refused", "reason": str(outcome)}
 
 
 def _measured(outcome: Any) -> dict[str, float]:
     if not isinstance(outcome, Record):
         return dict.fromkeys(MEASURED, math.nan)
+    error = None if outcome.errors is None else outcome.errors.measured()
     main = outcome.events[outcome.events["is_main"]]
     lengths, sliding = analysis.precursor_lengths(outcome), analysis.system_size_events(outcome)
     return {
@@ -177,5 +194,6 @@ def _measured(outcome: Any) -> dict[str, float]:
         "F_max": float(outcome.curve["F_T"].max()),
         "L_p_max": float(lengths["L_p_over_L"].max()),
         "t_slide": float(sliding["t_start"].iloc[0]) if len(sliding) else math.nan,
+        "error": math.nan if error is None else error,
         "seconds": float(outcome.timings.get("processor", math.nan)),
     }

@@ -45,6 +45,7 @@ from pyfric.scene import (
     unknown,
 )
 from pyfric.signals import at_once, saved_first
+from pyfric.sweeps.shared import Point, Shared
 from pyfric.sweeps.store import MAX_BYTES, Cache, Store
 from pyfric.sweeps.workers import InThisProcess, Workers
 
@@ -121,9 +122,20 @@ class Job:
         options = "".join(f", {name} = {value}" for name, value in self.options.given().items())
         return f"{self.scene.name or 'scene'} to t = {self.t_end:g} s{options}"
 
+    def made(self, progress: Callable[..., None]) -> Record:
+        """Return its run."""
+        return simulate(self.scene, self.t_end, self.options, threads=1, progress=progress)
+
+    def answered(self, _: Record) -> bool:
+        """Return whether a stored record will do."""
+        return True
+
     @property
     def key(self) -> str:
-        """Hash of all that determines the record: scene (not its name), end, options, code."""
+        """Hash of all that determines the record: scene (not its name), end, options, code.
+
+        How many other points have chosen the level of a point does not count; its record says that.
+        """
         scene = dataclasses.replace(self.scene, name="").to_toml()
         options = {name: getattr(self.options, name) for name in OPTIONS}
         content = json.dumps([scene, self.t_end, options, code_version()], sort_keys=True)
@@ -155,6 +167,7 @@ def run_all(
     progress: bool | Callable[[int, int], None] | None = None,
     errors: Literal["raise"] = "raise",
     executor: Any = None,
+    shared: Shared | None = None,
 ) -> list[Record]: ...
 
 
@@ -167,6 +180,7 @@ def run_all(
     *,
     errors: Literal["return"],
     executor: Any = None,
+    shared: Shared | None = None,
 ) -> list[Record | JobError]: ...
 
 
@@ -178,6 +192,7 @@ def run_all(
     progress: bool | Callable[[int, int], None] | None = None,
     errors: Literal["raise", "return"] = "raise",
     executor: Any = None,
+    shared: Shared | None = None,
 ) -> Any:
     """Run jobs side by side, in their order, each on one thread of a process of its own.
 
@@ -199,6 +214,8 @@ def run_all(
             `distributed.Client` or `submitit.AutoExecutor`. The executor stays open. All its
             machines must see the folder of `cache`, through which a run that has begun can be
             stopped. Without a cache, runs that have begun continue to their end.
+        shared: what earlier jobs with the option verify = "shared" have told. Those of this call
+            share their verification among themselves, and with them.
 
     Returns:
         The records, in the order of the jobs. `timings["processor"]` is the processor time of the
@@ -222,26 +239,37 @@ def run_all(
         raise SceneError("executor", executor, "", "an object with submit, or None")
     if executor is not None and workers is not None:
         raise SceneError("workers", workers, "", "None with an executor, which makes the runs")
+    if not isinstance(shared, Shared | None):
+        raise SceneError("shared", shared, "", "a pyfric.Shared, or None")
     _count(workers)
     store = Store.at(cache)
     by_key = {job.key: job for job in jobs}
     found: dict[str, Any] = {key: store.load(key, job.scene) for key, job in by_key.items()}
-    todo = {key: job for key, job in by_key.items() if found[key] is None}
+    stage = {key: job for key, job in by_key.items() if job.options.verify != "shared"}
+    done = 0
     with jobs_bar(progress, len(by_key)) as show:
-        done = len(by_key) - len(todo)
-        show(done, len(by_key))
-        with closing(_outcomes(todo, workers, store, executor)) as outcomes:
-            for key, made in outcomes:
-                if isinstance(made, Exception):
-                    error = JobError(todo[key], made)
-                    store.note_failure(key, error.reason)
-                    if errors == "raise":
-                        raise error from made
-                elif not made.done:
-                    raise KeyboardInterrupt
-                found[key] = made
-                done += 1
-                show(done, len(by_key))
+        for points in (shared or Shared()).stages(by_key, found):
+            stage |= points
+            todo = {
+                key: each
+                for key, each in stage.items()
+                if found[key] is None or not each.answered(found[key])
+            }
+            done += len(stage) - len(todo)
+            stage = {}
+            show(done, len(by_key))
+            with closing(_outcomes(todo, workers, store, executor)) as outcomes:
+                for key, made in outcomes:
+                    if isinstance(made, Exception):
+                        error = JobError(by_key[key], made)
+                        store.note_failure(key, error.reason)
+                        if errors == "raise":
+                            raise error from made
+                    elif not made.done:
+                        raise KeyboardInterrupt
+                    found[key] = made
+                    done += 1
+                    show(done, len(by_key))
     return [
         JobError(job, made)
         if isinstance(made := found[job.key], Exception)
@@ -250,7 +278,7 @@ def run_all(
     ]
 
 
-def side_by_side(jobs: Sequence[Job], workers: int | None) -> Workers | InThisProcess:
+def side_by_side(jobs: Sequence[Job | Point], workers: int | None) -> Workers | InThisProcess:
     """Return an executor for jobs and for what is done with their records."""
     count = min(_count(workers), len({job.key for job in jobs}))
     return Workers(count) if count > 1 else InThisProcess()
@@ -266,7 +294,7 @@ def _count(workers: int | None) -> int:
 
 
 def _outcomes(
-    todo: Mapping[str, Job], workers: int | None, store: Store, executor: Any
+    todo: Mapping[str, Job | Point], workers: int | None, store: Store, executor: Any
 ) -> Iterator[tuple[str, Any]]:
     """Yield key and record, or what went wrong, of each job as it ends.
 
@@ -308,7 +336,7 @@ class Unwanted(Exception):
     """Nobody wants this run any more."""
 
 
-def _made(job: Job, store: Store, key: str, wanted: str) -> Record:
+def _made(job: Job | Point, store: Store, key: str, wanted: str) -> Record:
     """Return the record of a job from the store, or make it and keep it there.
 
     `wanted` is the key of a lock file that is there as long as the run is wanted; "": always.
@@ -321,10 +349,10 @@ def _made(job: Job, store: Store, key: str, wanted: str) -> Record:
     look()
     with store.reserved(key, str(job), look):
         record = store.load(key, job.scene)
-        if record is None:
+        if record is None or not job.answered(record):
             with saved_first():
                 start = time.process_time()
-                record = simulate(job.scene, job.t_end, job.options, threads=1, progress=look)
+                record = job.made(look)
                 took = {"processor": time.process_time() - start}
                 record = dataclasses.replace(record, timings={**record.timings, **took})
                 if record.done:

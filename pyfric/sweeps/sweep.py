@@ -53,6 +53,7 @@ from pyfric.scene import (
 )
 from pyfric.sweeps.results import Results
 from pyfric.sweeps.runs import DEFAULTS, Job, JobError, run_all
+from pyfric.sweeps.shared import measured, sharing
 from pyfric.sweeps.store import Cache, Store
 from pyfric.sweeps.varied import MAX_POINTS, Span, drawn, full_field, varied
 
@@ -99,7 +100,8 @@ class Sweep:
         points: "grid", "list", "random", "sobol", "halton" or "latin"; see the module.
         n: number of points that are drawn.
         seed: seed of drawn points; the same seed gives the same points.
-        options: options of all runs, as `Options` or a mapping.
+        options: options of all runs, as `Options` or a mapping. Planned ones share a verification
+            (`Shared`) unless `verify` says otherwise.
         max_hours, max_GB: a sweep with a larger estimate is refused; None means no limit.
 
     Raises:
@@ -211,7 +213,7 @@ class Sweep:
         names = [name for name in values if name.startswith("options.")]
         options = {name.removeprefix("options."): values.pop(name) for name in names}
         try:
-            options = dataclasses.replace(self.options, **options)
+            options = sharing(dataclasses.replace(self.options, **options))
             job = Job(scene=as_scene(self.scene, values), t_end=t_end, options=options)
             check_run(job.scene, job.options)
             return job
@@ -219,6 +221,12 @@ class Sweep:
             return error
 
     # --- running ---------------------------------------------------------------------------------
+
+    @property
+    def in_order(self) -> list[Job]:
+        """The jobs that are not refused, those with many blocks first."""
+        jobs = [job for job in self.jobs if isinstance(job, Job)]
+        return sorted(jobs, key=lambda job: -job.scene.N_x * job.scene.N_z)
 
     def estimate(self, cache: Cache = True) -> Estimate:
         """Return the cost of the sweep, estimated from a few of its points."""
@@ -228,7 +236,8 @@ class Sweep:
         pairs = zip(self.jobs, outcomes, strict=True)
         left = [job for job, found in pairs if not isinstance(found, Record | SceneError)]
         asked = left[:: math.ceil(len(left) / ASKED) or 1]
-        costs = [expected_cost(job.scene, job.t_end, job.options) for job in asked]
+        share = measured(len(left)) / max(len(left), 1)
+        costs = [_cost(job, share) for job in asked]
         seconds, size = np.mean(costs, axis=0) * len(left) if left else (0.0, 0.0)
         return Estimate(len(outcomes), refused, finished, seconds / 3600, size / 1e9)
 
@@ -263,8 +272,7 @@ class Sweep:
                 if limit is not None and value > limit:
                     allowed = f"at least {value:.2g}, which the sweep would take ({found})"
                     raise SceneError(f"limits.{name}", limit, "", allowed, "too little")
-        jobs = [job for job in self.jobs if isinstance(job, Job)]
-        jobs.sort(key=lambda job: -job.scene.N_x * job.scene.N_z)
+        jobs = self.in_order
         made = dict(zip(jobs, run_all(jobs, cache=cache, errors="return", **how), strict=True))
         return Results(self, tuple(made.get(job, job) for job in self.jobs))
 
@@ -278,6 +286,16 @@ class Sweep:
         if not isinstance(path, str | os.PathLike):
             raise SceneError("sweep", path, "", "the path of a sweep file")
         return cls(**_read(Path(path)))
+
+
+def _cost(job: Job, share: float) -> np.ndarray:
+    """Return the expected time (s) and size (bytes) of a job, whose errors this share measures."""
+    whole = np.array(expected_cost(job.scene, job.t_end, job.options))
+    if job.options.verify != "shared":
+        return whole
+    options = dataclasses.replace(job.options, verify="none")
+    single = np.array(expected_cost(job.scene, job.t_end, options))
+    return share * whole + (1 - share) * single
 
 
 def _as_in_scene(value: Any, mark: Annotation) -> Any:

@@ -80,8 +80,9 @@ def sweep(
     else:
         counts = table["status"].value_counts().to_dict()
         names = [] if out is None else [str(path) for path in results.save(out)]
-        lines = [", ".join(f"{count} {name}" for name, count in counts.items()), *names]
-        result = {"status": counts, "files": names}
+        said = results.report.splitlines()
+        lines = [", ".join(f"{count} {name}" for name, count in counts.items()), *said, *names]
+        result = {"status": counts, "report": said, "files": names}
     tell.result(result | {"failed": reasons}, lambda: "\n".join(lines))
     for n, row in failed.iterrows():
         where = ", ".join(f"{name} = {_short(row[name])}" for name in what.over)

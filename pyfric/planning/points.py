@@ -1,0 +1,59 @@
+"""What a run at one point tells of the levels that other points need.
+
+The difference of two runs is the error of the coarser one. Where it is within the tolerance, the
+coarser level suffices, although the finer run is returned.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from pyfric.planning.levels import Level, levels, of_named
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from pyfric.engines import Options
+    from pyfric.record import Record
+    from pyfric.scene import Scene
+
+
+class Told(NamedTuple):
+    """What a run tells of levels, by their numbers from 0.
+
+    Attributes:
+        level: the level of the record.
+        needs: the cheapest level that keeps the tolerance, as far as was measured. It is beyond
+            both levels that were compared where they do not agree.
+        errors: errors of the levels that were compared, of all events or of those before the first
+            one that differs.
+        holds: whether the record keeps the tolerance; None where not all was measured.
+    """
+
+    level: int
+    needs: int
+    errors: Mapping[int, float]
+    holds: bool | None
+
+
+def levels_of(scene: Scene, options: Options) -> tuple[Level, ...]:
+    """Return the levels of a run from the loaded slider, whether its engine is named or not."""
+    return (levels if options.fidelity == "auto" else of_named)(scene, options)
+
+
+def level_of(record: Record) -> Level:
+    """Return the level by which a record was made."""
+    names = ("engine", "geometry", "stepper", "dt", "switching", "accuracy", "rtol")
+    return Level(**{name: getattr(record.method, name) for name in names})
+
+
+def told(record: Record, of: Sequence[Level]) -> Told:
+    """Return what a record tells of the levels of its scene that can be made."""
+    numbers = {str(level): number for number, level in enumerate(of)}
+    own, errors = numbers[str(level_of(record))], record.errors
+    error = None if errors is None else errors.measured()
+    if error is None:
+        return Told(own, own, {}, None)
+    other = numbers[errors.by[0]]
+    needs = min(own, other) if errors.holds else max(own, other) + 1
+    return Told(own, needs, {own: error, other: error}, errors.holds)

@@ -1,0 +1,273 @@
+"""Many runs share one verification: errors are measured at some points, and tell of the others.
+
+A few points, spread over the list, are runs of `simulate`: levels are made until two agree.
+The most demanding of them decides the level of the rest, which is the cheapest one that keeps the
+tolerance at all of them. A share of the rest is made at the next level, too, and keeps this finer
+run. Its difference checks the level where it was not chosen. A check beyond the tolerance is said;
+no other point is made again.
+
+Points belong together if their options are equal and their scenes have the same models. What checks
+tell of the points that were not measured is a confidence limit of the share that keeps the
+tolerance.
+
+Source: C. Clopper, E. Pearson, Biometrika 26, 404 (1934), for that limit.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy
+
+from pyfric.display import html
+from pyfric.planning import Told, levels_of, simulate_point, told
+from pyfric.record import Errors, Record
+from pyfric.scene import SceneError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+
+    from pyfric.engines import Options
+    from pyfric.planning import Level
+    from pyfric.scene import Scene
+    from pyfric.sweeps.runs import Job
+
+CALIBRATION = 5
+"""Points that choose the level. A policy."""
+CHECKED, LEAST = 0.05, 2
+"""Share of the other points that are checked, and their least number. Policies."""
+CONFIDENCE = 0.95
+"""Of what is said of points that were not measured: a definition."""
+GOLDEN = (math.sqrt(5) - 1) / 2
+"""Multiples of it, less their whole parts, are spread evenly, and along no row of a grid."""
+
+
+def sharing(options: Options) -> Options:
+    """Return the options of one of many runs: planned ones share their verification by default."""
+    planned = options.fidelity == "auto" and options.method is None and options.verify is None
+    return dataclasses.replace(options, verify="shared") if planned else options
+
+
+def measured(count: int) -> int:
+    """Return at how many of so many points errors are measured."""
+    chosen = min(CALIBRATION, count)
+    return chosen + _checks(count - chosen)
+
+
+def _checks(rest: int) -> int:
+    return min(max(LEAST, math.ceil(CHECKED * rest)), rest)
+
+
+def able(scene: Scene, options: Options) -> tuple[Level, ...]:
+    """Return the levels that can be made; () where the run is refused."""
+    try:
+        of = levels_of(scene, options.on(scene))
+    except SceneError:
+        return ()
+    return tuple(level for level in of if not level.cannot)
+
+
+@dataclass(frozen=True)
+class Point:
+    """A job among others that share a verification, and the levels by which it is made.
+
+    Attributes:
+        job: the job.
+        first: number of its first level.
+        count: how many levels are made, 2 for a check; None: until two agree.
+        chosen_at: number of other points at which the level was chosen.
+    """
+
+    job: Job
+    first: int = 0
+    count: int | None = None
+    chosen_at: int = 0
+
+    def __str__(self) -> str:
+        return str(self.job)
+
+    @property
+    def scene(self) -> Scene:
+        """The scene of its job."""
+        return self.job.scene
+
+    @property
+    def key(self) -> str:
+        """The key of its job."""
+        return self.job.key
+
+    def made(self, progress: Callable[..., None]) -> Record:
+        """Return its run."""
+        job, options = self.job, dataclasses.replace(self.job.options, threads=1)
+        how = {"first": self.first, "count": self.count, "progress": progress}
+        record = simulate_point(job.scene, job.t_end, options, **how)
+        if self.count != 1:
+            return record
+        promise = {"want": options.want, "tolerance": options.tolerance}
+        return dataclasses.replace(record, errors=Errors(**promise, chosen_at=self.chosen_at))
+
+    def answered(self, record: Record) -> bool:
+        """Return whether a stored record will do: it needs errors, or at least this level."""
+        if record.errors is None or not record.errors.chosen_at:
+            return True
+        of = able(self.job.scene, self.job.options)
+        return self.count == 1 and told(record, of).level >= self.first
+
+
+@dataclass
+class _Together:
+    """Points of the same models and options, and what is known of them by keys of their jobs."""
+
+    options: Options
+    of: tuple[Level, ...]
+    calibration: dict[str, Told] = field(default_factory=dict)
+    others: dict[str, Told] = field(default_factory=dict)
+    points: dict[str, Point] = field(default_factory=dict)
+    count: int = 0
+    checks: int = 0
+
+    @property
+    def level(self) -> int | None:
+        """Number of the level of the other points, which was made; None where none was chosen."""
+        if not self.calibration:
+            return None
+        points = self.calibration.values()
+        return min(max(point.needs for point in points), max(point.level for point in points))
+
+    def choose_calibration(self, jobs: Mapping[str, Job]) -> dict[str, Point]:
+        """Return the points that choose the level, evenly spaced, first and last among them."""
+        keys, count = list(jobs), min(CALIBRATION - len(self.calibration), len(jobs))
+        numbers = np.linspace(0, len(keys) - 1, max(count, 0)).round().astype(int)
+        return {keys[number]: Point(jobs[keys[number]]) for number in numbers}
+
+    def choose_others(self, jobs: Mapping[str, Job]) -> dict[str, Point]:
+        """Return the other points, of which some are checks."""
+        if self.level is None:
+            return {key: Point(job) for key, job in jobs.items()}
+        self.count += len(jobs)
+        due = min(_checks(self.count) - self.checks, len(jobs))
+        checked = {int(len(jobs) * ((n + 0.5) * GOLDEN % 1)) for n in range(due)}
+        self.checks += len(checked)
+        single = {"first": self.level, "count": 1, "chosen_at": len(self.calibration)}
+        # The finest level is checked by the one before.
+        check = {"first": max(min(self.level, len(self.of) - 2), 0), "count": 2}
+        return {
+            key: Point(job, **(check if number in checked else single))
+            for number, (key, job) in enumerate(jobs.items())
+        }
+
+    def report(self) -> str:
+        """Return how many points there are by which level, and what was measured."""
+        found, level = [*self.calibration.values(), *self.others.values()], self.level
+        by = Counter(point.level for point in found)
+        levels = ", ".join(f"{by[number]} by {self.of[number]}" for number in sorted(by))
+        wanted = f"{self.options.want} within {self.options.tolerance:g}"
+        lines = [f"{wanted}: {len(found)} points, {levels}"]
+        known = [point for point in found if point.errors]
+        held = sum(bool(point.holds) for point in known)
+        largest = max((point.errors[point.level] for point in known), default=math.nan)
+        lines.append(
+            f"errors were measured at {len(known)} points and are within the tolerance at {held}; "
+            f"the largest is {largest:.2g}"
+        )
+        if len(known) < len(found):
+            checks = [point for point in self.others.values() if point.errors]
+            kept = [point.errors.get(level, 0.0) for point in checks if point.needs <= level]
+            share = lower_limit(len(kept), len(checks))
+            lines.append(
+                f"the other {len(found) - len(known)} were not measured: {self.of[level]} keeps "
+                f"the tolerance at {len(kept)} of {len(checks)} checks, with errors of at most "
+                f"{max(kept, default=math.nan):.2g}, and so at {share:.0%} of the others or more "
+                f"({CONFIDENCE:.0%} confidence)"
+            )
+        return "\n".join(lines)
+
+
+def lower_limit(kept: int, checks: int) -> float:
+    """Return the lower confidence limit of a share, of which checks have found so many."""
+    if kept == 0:
+        return 0.0
+    return float(scipy.stats.beta.ppf(1 - CONFIDENCE, kept, checks - kept + 1))
+
+
+def _joined(parts: Iterable[dict[str, Point]]) -> dict[str, Point]:
+    return {key: point for part in parts for key, point in part.items()}
+
+
+class Shared:
+    """What runs have told of the levels that other runs need; see the module.
+
+    `run_all` makes one for each call. If jobs come one by one, give it the same object each time:
+
+        shared = Shared()
+
+        def label(theta, h):
+            job = Job(scene=setup2(theta=theta, h=h), t_end=1.0, options={"verify": "shared"})
+            (record,) = run_all([job], progress=False, shared=shared)
+            return "precursors" if len(analysis.precursors(record)) else "none"
+
+    The first `CALIBRATION` jobs then choose the level. Of those that follow, the first two and
+    later one in twenty are checks. ``str(shared)`` is the report.
+    """
+
+    def __init__(self) -> None:
+        self._together: dict[Hashable, _Together] = {}
+
+    def stages(
+        self, jobs: Mapping[str, Job], found: Mapping[str, Any]
+    ) -> Iterator[dict[str, Point]]:
+        """Yield the points of the jobs that share a verification, those first that choose a level.
+
+        Args:
+            jobs: jobs by their keys.
+            found: records by the same keys, by the time when the next stage is asked for.
+        """
+        levels: dict[str, tuple[Level, ...]] = {}
+        new: dict[Hashable, dict[str, Job]] = {}
+        points: dict[Hashable, dict[str, Point]] = {}
+        for key, job in jobs.items():
+            if job.options.verify == "shared":
+                levels[key] = of = able(job.scene, job.options)
+                name = job.options, tuple((each.engine, each.geometry, each.answers) for each in of)
+                group = self._together.setdefault(name, _Together(job.options, of))
+                new.setdefault(name, {})
+                points[name] = points.get(name, {})
+                if key in group.points:
+                    points[name][key] = group.points[key]
+                else:
+                    new[name][key] = job
+
+        def results(of: Mapping[str, Point]) -> dict[str, Told]:
+            records = {key: found[key] for key in of if isinstance(found[key], Record)}
+            return {key: told(record, levels[key]) for key, record in records.items()}
+
+        first = {
+            name: self._together[name].choose_calibration(lacking) for name, lacking in new.items()
+        }
+        yield _joined([*points.values(), *first.values()])
+        second = {}
+        for name, lacking in new.items():
+            group = self._together[name]
+            group.calibration |= results(first[name])
+            second[name] = group.choose_others(
+                {k: j for k, j in lacking.items() if k not in first[name]}
+            )
+            group.points |= first[name] | second[name]
+        if any(second.values()):
+            yield _joined(second.values())
+        for name, group in ((name, self._together[name]) for name in new):
+            later = (points[name] | second[name]).items()
+            group.others |= results({k: point for k, point in later if k not in group.calibration})
+
+    def __str__(self) -> str:
+        groups = [group for group in self._together.values() if group.calibration]
+        return "\n".join(group.report() for group in groups)
+
+    __repr__ = __str__
+
+    _repr_html_ = html

@@ -349,13 +349,17 @@ def expected_work(scene: Scene, level: Level, lasts: float, before: Record | Non
     return first + work(scene, level.geometry, full if level.engine == "dynamic" else counts)
 
 
+def as_full(level: Level) -> Level:
+    """Return a level with full dynamics, which makes no jumps."""
+    return dataclasses.replace(level, engine="dynamic", accuracy=None)
+
+
 def as_made(scene: Scene, level: Level, lasts: float, before: Record | None) -> Level:
     """Return a level with full dynamics if jumps are not expected to spare work.
 
-    The arguments are those of `expected_work`. In scenes of a paper the hybrid engine takes
-    `EVENT_STEPS` steps for each main event.
+    The arguments are those of `expected_work`.
     """
-    full = dataclasses.replace(level, engine="dynamic", accuracy=None)
+    full = as_full(level)
     spares = level.engine != "hybrid" or expected_work(scene, level, lasts, before) < expected_work(
         scene, full, lasts, before
     )

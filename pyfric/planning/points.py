@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from pyfric.planning.levels import Level, levels, of_named
+from pyfric.planning.levels import Level, as_full, levels, of_named
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -49,7 +49,8 @@ def level_of(record: Record) -> Level:
 
 def told(record: Record, of: Sequence[Level]) -> Told:
     """Return what a record tells of the levels of its scene that can be made."""
-    numbers = {str(level): number for number, level in enumerate(of)}
+    numbers = {str(as_full(level)): number for number, level in enumerate(of) if level.dt}
+    numbers |= {str(level): number for number, level in enumerate(of)}
     own, errors = numbers[str(level_of(record))], record.errors
     error = None if errors is None else errors.measured()
     if error is None:

@@ -22,7 +22,8 @@ class Told(NamedTuple):
     """What a run tells of levels, by their numbers from 0.
 
     Attributes:
-        level: the level of the record.
+        made: the level of the record.
+        level: its number; full dynamics may be in the place of the hybrid engine.
         needs: the cheapest level that keeps the tolerance, as far as was measured. It is beyond
             both levels that were compared where they do not agree.
         errors: errors of the levels that were compared, of all events or of those before the first
@@ -30,6 +31,7 @@ class Told(NamedTuple):
         holds: whether the record keeps the tolerance; None where not all was measured.
     """
 
+    made: Level
     level: int
     needs: int
     errors: Mapping[int, float]
@@ -49,12 +51,14 @@ def level_of(record: Record) -> Level:
 
 def told(record: Record, of: Sequence[Level]) -> Told:
     """Return what a record tells of the levels of its scene that can be made."""
-    numbers = {str(as_full(level)): number for number, level in enumerate(of) if level.dt}
-    numbers |= {str(level): number for number, level in enumerate(of)}
-    own, errors = numbers[str(level_of(record))], record.errors
+    numbers: dict[str, int] = {}
+    for number, level in enumerate(of):
+        numbers |= {str(level): number, str(as_full(level)): number}
+    made, errors = level_of(record), record.errors
+    own = numbers[str(made)]
     error = None if errors is None else errors.measured()
     if error is None:
-        return Told(own, own, {}, None)
+        return Told(made, own, own, {}, None)
     other = numbers[errors.by[0]]
     needs = min(own, other) if errors.holds else max(own, other) + 1
-    return Told(own, needs, {own: error, other: error}, errors.holds)
+    return Told(made, own, needs, {own: error, other: error}, errors.holds)

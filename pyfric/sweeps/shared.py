@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -164,8 +163,10 @@ class _Together:
     def report(self) -> str:
         """Return how many points there are by which level, and what was measured."""
         found, level = [*self.calibration.values(), *self.others.values()], self.level
-        by = Counter(point.level for point in found)
-        levels = ", ".join(f"{by[number]} by {self.of[number]}" for number in sorted(by))
+        by: dict[tuple[int, str], list[Told]] = {}
+        for point in found:
+            by.setdefault((point.level, point.made.engine), []).append(point)
+        levels = ", ".join(f"{len(by[name])} by {by[name][0].made}" for name in sorted(by))
         wanted = f"{self.options.want} within {self.options.tolerance:g}"
         lines = [f"{wanted}: {len(found)} points, {levels}"]
         known = [point for point in found if point.errors]
@@ -175,12 +176,13 @@ class _Together:
             f"errors were measured at {len(known)} points and are within the tolerance at {held}; "
             f"the largest is {largest:.2g}"
         )
-        if len(known) < len(found):
+        single = [point for point in found if not point.errors]
+        if single:
             checks = [point for point in self.others.values() if point.errors]
             kept = [point.errors.get(level, 0.0) for point in checks if point.needs <= level]
             share = lower_limit(len(kept), len(checks))
             lines.append(
-                f"the other {len(found) - len(known)} were not measured: {self.of[level]} keeps "
+                f"the other {len(single)} were not measured: {single[0].made} keeps "
                 f"the tolerance at {len(kept)} of {len(checks)} checks, with errors of at most "
                 f"{max(kept, default=math.nan):.2g}, and so at {share:.0%} of the others or more "
                 f"({CONFIDENCE:.0%} confidence)"

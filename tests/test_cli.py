@@ -455,6 +455,8 @@ def test_the_method_is_always_named(tmp_path):
         (["--fidelity", "quasistatic", "--geometry", "finite"], ["geometry", "linear"]),
         (["--fidelity", "equilibrium", "--verify", "full"], ["verify = 'full'", "no event"]),
         (["--fidelity", "hybrid", "--accuracy", "2"], ["--accuracy = 2.0", "<= 1"]),
+        (["--budget", "true"], ["--budget = True", "energies = True"]),
+        (["--budget", "0.5 x"], ["--budget", ">= 1"]),
     ],
 )
 def test_refused_fidelity(arguments, texts, monkeypatch):

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from pyfric.scene import Annotation
 
-ELSEWHERE = ("budget", "checkpoint", "checkpoint_every")
+ELSEWHERE = ("checkpoint", "checkpoint_every")
 """Options without a word of their own: --out of `pyfric run` is the checkpoint."""
 
 

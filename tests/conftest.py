@@ -27,10 +27,10 @@ if hasattr(signal, "SIGHUP"):
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 LAPACK = (
-    *("banded", "chart", "choice", "claims", "coarse", "complementarity", "condensation"),
+    *("banded", "chart", "claims", "coarse", "complementarity", "condensation"),
     *("constants", "contact", "creep", "creeping", "crossing", "dashpots", "disorder"),
     *("equilibrium", "fields", "figures", "finer", "fronts", "guard", "hybrid", "jump", "lattice"),
-    *("laws", "measured_errors", "methods", "nucleation", "off_box", "operators", "pauses"),
+    *("laws", "measured_errors", "pairs", "methods", "nucleation", "off_box", "operators", "pauses"),
     *("prescribed", "protocol", "quasistatic", "reference", "regimes", "relaxation"),
     *("resolution", "simulation", "spacetime", "stability", "stopping", "theory"),
     *("weakening", "zones"),

@@ -3,8 +3,8 @@ How much to model
 =================
 
 The same question at two levels: the quasi-static sequence has no inertia and takes a fraction of
-the time; the hybrid engine solves the motion inside events. `plan` says which is enough for a
-tolerance.
+the time; the hybrid engine solves the motion inside events. `plan` says at which levels a run is
+made until two agree within a tolerance.
 """
 
 import time
@@ -28,7 +28,7 @@ axes.set(xlabel=r"$F_T/F_N$", ylabel=r"$L_p/L$")
 axes.legend()
 
 # %%
-# The planner's choice for two tolerances:
+# The levels for two tolerances:
 
 print(pyfric.plan(scene, tolerance=0.1, t_end=0.9))
 print(pyfric.plan(scene, tolerance=0.003, t_end=0.9))

@@ -30,8 +30,8 @@ LAPACK = (
     *("banded", "chart", "claims", "coarse", "complementarity", "condensation"),
     *("constants", "contact", "creep", "creeping", "crossing", "dashpots", "disorder"),
     *("equilibrium", "fields", "figures", "finer", "fronts", "guard", "hybrid", "jump", "lattice"),
-    *("laws", "measured_errors", "pairs", "methods", "nucleation", "off_box", "operators", "pauses"),
-    *("prescribed", "protocol", "quasistatic", "reference", "regimes", "relaxation"),
+    *("laws", "measured_errors", "methods", "nucleation", "off_box", "operators", "pairs"),
+    *("pauses", "prescribed", "protocol", "quasistatic", "reference", "regimes", "relaxation"),
     *("resolution", "simulation", "spacetime", "stability", "stopping", "theory"),
     *("weakening", "zones"),
 )

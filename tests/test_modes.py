@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy import linalg
 
+from pyfric.engines.hybrid import RestStates
 from pyfric.engines.modes import modes_of
 from pyfric.engines.space import Space
 from pyfric.scene import setup1, setup2
-from pyfric.statics import StaticSolver
+from pyfric.statics import EquilibriumError, StaticSolver
 
 SCENES = {
     "rod": (setup1(L=0.04, H=0.02), "linear"),
@@ -148,3 +149,17 @@ def test_modes_are_frozen():
                 getattr(modes, name)[...] = 0
     with pytest.raises(AttributeError):
         modes.rates = modes.growth
+
+
+def test_a_slider_that_one_block_holds_is_unstable_under_its_load():
+    """It turns over about that block, unless bonds cannot rotate."""
+    scene = setup2(L=0.012, H=0.006, F_N=84.9882, theta=0.550417, k_f=4.87537e7, mu_k=0.7)
+    stuck = np.arange(scene.N_x) == scene.N_x - 1
+    assert Space(StaticSolver(scene, "linear"), stuck).cut > 0
+    with pytest.raises(EquilibriumError, match="unstable"):
+        Space(StaticSolver(scene, "finite"), stuck)
+    made = {"modal_bases": 0}
+    rests = RestStates(StaticSolver(scene, "finite"), 1e-7, "rk4", made)
+    for _ in range(2):
+        assert rests.at(np.zeros(scene.N_x), stuck, 0.0, None, 1e-6) is None
+    assert made["modal_bases"] == 1  # it is not sought again

@@ -29,7 +29,14 @@ from pyfric.engines.jump import Jump, Landing, Outside, Stale, Wait, at, path_fr
 from pyfric.engines.modes import Modes, modes_of
 from pyfric.engines.options import owned
 from pyfric.engines.space import N_MODES, Space
-from pyfric.statics import Memory, RememberedStates, Static, check_rests, check_sticks
+from pyfric.statics import (
+    EquilibriumError,
+    Memory,
+    RememberedStates,
+    Static,
+    check_rests,
+    check_sticks,
+)
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene
@@ -86,6 +93,7 @@ class RestStates:
         paths = int(max(PATHS / (3 * 8 * len(solver.arm)), 1))
         self._rests: Memory[tuple[float, np.ndarray]] = Memory(paths)
         self._starts: Memory[Start] = Memory(paths)
+        self._unstable: set[bytes] = set()
 
     def modes(self, stuck: np.ndarray) -> Modes:
         """Return the modes of the slider at these contact states."""
@@ -135,7 +143,14 @@ class RestStates:
         The search starts on the path of a state with the same blocks at the same positions. If
         there is none, it starts at `near` (m), or at the latest state with the same contact states.
         """
-        modes, start, key = self.modes(stuck), self.start(stuck), stuck.tobytes()
+        key = stuck.tobytes()
+        if key in self._unstable:
+            return None
+        try:
+            modes, start = self.modes(stuck), self.start(stuck)
+        except EquilibriumError:
+            self._unstable.add(key)
+            return None
         held = modes.space.held
         place = key, u_x[held].tobytes()
         if place in self._rests:

@@ -83,7 +83,7 @@ class Space:
         decay: smallest possible decay rate of the truncated part, in 1/s.
 
     Raises:
-        EquilibriumError: all blocks are open.
+        EquilibriumError: all blocks are open, or the static state is unstable.
     """
 
     def __init__(
@@ -135,6 +135,9 @@ class Space:
             room = 1 + 3 * count // 2  # fewer solutions than with twice the modes
             squares, basis = eigsh(inverse, count, v0=root * driven, tol=LANCZOS, ncv=room)
             basis /= root[:, None]
+        if squares.min() <= 0:
+            what = "the static state is unstable: too few blocks hold a slider that is compressed"
+            raise EquilibriumError(what, np.nan, 0.0, 0)
         viscous = self._viscous(np.column_stack([basis, driven]))
         self._span(basis, np.column_stack([driven, viscous]))
         return 1 / math.sqrt(squares.min())

@@ -544,8 +544,8 @@ def expected_cost(scene: Scene, t_end: float, options: Options) -> tuple[float, 
     if options.fidelity == "auto":
         found = [level for level in levels(scene, options) if not level.cannot]
         single = alone(found, options.tolerance)
-        most = max(found.index(single) + 1, 2)
-        found = [single] if options.verify == "none" else found[:most]
+        last = max(found.index(single), 1)
+        found = [single] if options.verify == "none" else found[: last + 1]
     else:
         found = [*of_named(scene, options)][: 1 if options.verify in (None, "none") else 2]
     made = sum(expected_work(scene, level, t_end, first) for level in found)

@@ -270,7 +270,7 @@ def _begin(initial: State | Record | None) -> float:
 # --- levels --------------------------------------------------------------------------------------
 
 
-def _most(asked: Asked, level: Level, before: Record) -> float:
+def _budget(asked: Asked, level: Level, before: Record) -> float:
     """Return the largest work of all runs, in s; a multiple is of a run of this engine alone."""
     budget = asked.options.budget or BUDGET
     times = multiple(budget)
@@ -285,11 +285,11 @@ class _Slower:
 
     def __init__(self, asked: Asked) -> None:
         scene, lasts = asked.scene, asked.t_end - asked.t_begin
-        most = full_work(scene, "linear", step_size(scene), lasts)
-        self.scene, self.most, self.ended = scene, STATIC_SHARE * most, False
+        full = full_work(scene, "linear", step_size(scene), lasts)
+        self.scene, self.limit, self.ended = scene, STATIC_SHARE * full, False
 
     def __call__(self, run: Any) -> bool:
-        self.ended = work(self.scene, "linear", run.counts) > self.most
+        self.ended = work(self.scene, "linear", run.counts) > self.limit
         return self.ended
 
 
@@ -315,9 +315,12 @@ def leveled(asked: Asked, of: tuple[Level, ...], progress: object = None) -> Rec
             level = as_made(asked.scene, asked_level, lasts, before)
         expected = expected_work(asked.scene, level, lasts, before)
         if len(runs) > 1 and options.verify != "full":
-            most, spent = _most(asked, level, before), sum(work_done(made.record) for made in runs)
-            if spent + expected > most:
-                seconds = [f"{one * machine_speed():.2g} s" for one in (expected, spent, most)]
+            budget, spent = (
+                _budget(asked, level, before),
+                sum(work_done(run.record) for run in runs),
+            )
+            if spent + expected > budget:
+                seconds = [f"{w * machine_speed():.2g} s" for w in (expected, spent, budget)]
                 notes.append(
                     f"not made: {level}, which would take about {seconds[0]}: {seconds[1]} of "
                     f"{seconds[2]} are spent (option budget)"

@@ -339,7 +339,7 @@ class _Pairs:
             "rupture": self._rupture(e, k, forces=bool(np.isfinite(start)), ended=ended),
             "turned": (turned := self._turned(event, partner, ended)),
         }
-        again = max(one["n_episodes"] / one["n_blocks"] for one in (event, partner))
+        again = max(each["n_episodes"] / each["n_blocks"] for each in (event, partner))
         return row | {"open": turned and again > AGAIN}, self._speeds(e, k, ended)
 
     def _turned(self, event: pd.Series, partner: pd.Series, ended: bool) -> bool:

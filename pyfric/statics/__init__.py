@@ -17,6 +17,7 @@ from pyfric.statics.rest import (
     check_sticks,
 )
 from pyfric.statics.routes import Stretch, bends, beyond_ladder, check_ladder, stretches
+from pyfric.statics.rows import ends
 from pyfric.statics.stability import stability_limit
 from pyfric.statics.starts import check_pushes, forced, overstressed, ramped
 from pyfric.statics.system import System

@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 import pyfric
-from pyfric.engines import cost, creeping
+from pyfric.engines import cost, creeping, pauses
 from pyfric.planning import levels
 from pyfric.record import differences
 from pyfric.scene import preset, setup1
@@ -200,6 +200,32 @@ def test_advice_changes_and_leaves_results_alone(constant, monkeypatch):
         pd.testing.assert_frame_equal(*events)
 
 
+EVENTS = {
+    "fig1": (0.9, 53, 50, 14),
+    "setup2": (0.5, 48, 48, 13),
+    "run3": (0.5, 38, 22, 5),
+    "chain": (0.5, 100, 100, 47),
+}
+"""Preset -> end of the run in s, events, events with twice `DRIVER_SHARE`, main events."""
+
+
+@functools.cache
+def static(name, t_gap):
+    how = {"fidelity": "quasistatic", "geometry": "linear", "progress": False}
+    return pyfric.simulate(preset(name), EVENTS[name][0], t_gap=t_gap, **how)
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("constant", ["DRIVER_SHARE", "RING_DOWN"])
+@pytest.mark.parametrize("name", EVENTS)
+def test_main_events_are_the_same_with_other_longest_pauses(name, constant, factor, monkeypatch):
+    monkeypatch.setattr(pauses, constant, factor * getattr(pauses, constant))
+    events = static(name, pauses.longest_pause(preset(name))).events
+    _, shipped, doubled, main = EVENTS[name]
+    known = doubled if (constant, factor) == ("DRIVER_SHARE", 2.0) else shipped
+    assert (len(events), int(events["is_main"].sum())) == (known, main)
+
+
 def test_the_docs_list_them_all():
     page = Path(__file__).parents[1] / "docs" / "explanation" / "numbers.md"
     text = page.read_text(encoding="utf-8")
@@ -207,5 +233,6 @@ def test_the_docs_list_them_all():
     prices = (f"cost.{name}" for name in PRICES)
     advice = (constant.partition(".")[2] for constant in ADVISE)
     fitted = (constant for _, constant in FITTED)
-    for constant in (*fitted, *chosen, *prices, *advice, "creeping.INERTIA"):
+    more = ("creeping.INERTIA", "pauses.DRIVER_SHARE", "pauses.RING_DOWN")
+    for constant in (*fitted, *chosen, *prices, *advice, *more):
         assert f"`{constant}`" in text

@@ -12,7 +12,7 @@ ROOMS = ("planning", "engines", "statics", "record")
 PAGE = ROOT / "docs" / "explanation" / "numbers.md"
 MOST_FITTED = 15
 KINDS = {
-    "definition": {
+    "policy": {
         "levels": "ALONE HALVED LONGEST LOOSEST MOVING PILOT SHARE STRICTER",
         "cost": "POINTS TIMED FASTEST SLOWEST",
         "dynamic": "CALL_SECONDS STATIC_SECONDS STATIC_SHARE SHOWN OPEN_BUDGET",
@@ -20,7 +20,7 @@ KINDS = {
         "hybrid": "MOSTLY SPENT BALANCED",
         "integration": "FOLDING STEPS MARGIN LINEAR",
         "options": "ACCURACY AUTO_SHARE FINEST LONGEST_LOCATED MAX_STEPS MAX_THREADS RTOL",
-        "pauses": "DRIVER_SHARE RING_DOWN AT_REST BLOCKS COLUMNS",
+        "pauses": "AT_REST BLOCKS COLUMNS",
         "stopping": "TRANSITS",
         "pairs": "PERTURBATION SAFETY",
         "simulation": "LONG STATIC_SHARE",
@@ -30,7 +30,6 @@ KINDS = {
         "catalogue": "T_GAP MAIN_EVENT_BLOCKS",
         "classes": "FROM_BLOCK SLOW LAST",
         "errors": "AGAIN COVERED SAME",
-        "layout": "SCHEMA",
         "quasistatic": "BENDS",
         "rupture": "AVERAGED SLOWEST",
         "complementarity": "LEAST",
@@ -62,6 +61,7 @@ KINDS = {
         "creep": "PART",
         "stability": "_REDUCED",
     },
+    "definition": {"layout": "SCHEMA"},
     "cap or size": {
         "jump": "ROUNDS LONGEST",
         "modes": "TOGETHER",
@@ -80,10 +80,10 @@ KINDS = {
         "netcdf": "COMPRESSED_FROM",
     },
 }
-"""Kinds of numbers that are not fitted, by module. A definition is what is asked for or agreed:
-defaults, shares of a tolerance, budgets of time. A cap ends an iteration that should have ended
-before; a size costs time or memory only. Others follow from a formula beside them, or are what
-double precision leaves."""
+"""Kinds of numbers that are not fitted, by module. A policy is a choice that could be another one:
+defaults, shares of a tolerance, budgets of time, limits of notes. A cap ends an iteration that
+should have ended before; a size costs time or memory only. Others follow from a formula beside
+them, or are what double precision leaves."""
 
 FORMULAS = {
     "cost": (2e-7, 500.0),  # the step of the paper; bytes for each unknown

@@ -31,7 +31,7 @@ import numpy as np
 
 from pyfric.core import OPEN
 from pyfric.engines.crossing import first_crossing
-from pyfric.statics import ContactProblem, Creep, creeps, extended
+from pyfric.statics import ContactProblem, Creep, creeps, ends, extended
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -317,11 +317,11 @@ class _Modes:
 
         The fifth group of gap functions, for knots of the friction law, is left out.
         """
-        N_x, up = self.scene.N_x, (slice(None), *(w.ndim - 1) * [None])
-        lift = self.creep.k_f[up] * w[N_x : 2 * N_x]
+        bottom, up = ends(self.scene.N_x), (slice(None), *(w.ndim - 1) * [None])
+        lift = self.creep.k_f[up] * w[bottom.u_z]
         strength = (self.scene.law.hold(-1.0) * lift.T).T
-        force = self.K[:N_x] @ w + self.C[:N_x] @ v
-        speed = self.creep.way[up] * v[:N_x]
+        force = self.K[bottom.u_x] @ w + self.C[bottom.u_x] @ v
+        speed = self.creep.way[up] * v[bottom.u_x]
         gap = np.where(self.creep.closed[up], -lift, lift)
         return np.concatenate([strength + force, strength - force, speed, gap])
 

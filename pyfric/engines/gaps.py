@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pyfric.statics import ends
+
 if TYPE_CHECKING:
     from pyfric.engines.space import Space
 
@@ -44,8 +46,7 @@ class GapFunctions:
 
     def at(self, q: np.ndarray, forces: np.ndarray) -> np.ndarray:
         """Return the gap functions at q, (n_q,), with forces on the stuck blocks, (n_stuck,)."""
-        N_x = len(self.space.stuck)
-        return self.of(q[N_x : 2 * N_x], -forces)
+        return self.of(q[ends(len(self.space.stuck)).u_z], -forces)
 
     @functools.cached_property
     def steady(self) -> tuple[np.ndarray, np.ndarray]:

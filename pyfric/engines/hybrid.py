@@ -36,6 +36,7 @@ from pyfric.statics import (
     Static,
     check_rests,
     check_sticks,
+    ends,
 )
 
 if TYPE_CHECKING:
@@ -189,16 +190,16 @@ class RestStates:
         near: Equilibrium | None = None,
     ) -> Static | Equilibrium:
         """Return the static state, for the catalogue, at these contact states if they hold."""
-        scene, N_x, found = self.known.scene, len(free), None
+        scene, bottom, found = self.known.scene, ends(len(free)), None
         if not free.all():
             found = self.at(u_x, ~free, drive, load, BALANCED * scene.F_N)
         if found is not None:
             q, forces = found
-            u_z = q[N_x : 2 * N_x]
+            u_z = q[bottom.u_z]
             if not (np.where(free, u_z, -u_z) < 0).any():
                 moved = float(self.known.driven_row @ q)
                 F_T = scene.driver_force(drive, moved, self.known.u_drv0)
-                tau = np.where(free, 0.0, scene.d * forces[:N_x])
+                tau = np.where(free, 0.0, scene.d * forces[bottom.u_x])
                 return Static(F_T, tau, np.where(free, 0.0, -scene.k_f * u_z))
         return self.known.solve(u_x, drive, free=free, load=load, near=near)
 

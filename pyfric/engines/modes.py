@@ -28,6 +28,7 @@ import numpy as np
 
 from pyfric.core import STEPPERS
 from pyfric.engines.gaps import GapFunctions
+from pyfric.statics import ends
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -286,7 +287,7 @@ def _at_tangent(
         pulled=x / norm,
         damping=damping,
         compliance=np.linalg.inv(stiffness),
-        gaps=gap_functions.of(B[N_x : 2 * N_x] @ real, f),
+        gaps=gap_functions.of(B[ends(N_x).u_z] @ real, f),
         u_h=(space.solver.driven_row @ B) @ real,
         fade=_fade(space, rates),
     )

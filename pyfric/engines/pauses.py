@@ -35,13 +35,13 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Scene
 
-DRIVER_SHARE = 1.2e-3
-RING_DOWN = 4.0
+DRIVER_SHARE, RING_DOWN = 1.2e-3, 4.0
+"""Fitted to the paper's scenes; `docs/explanation/numbers.md` says what they change."""
 SLOWEST = 10
 """Undamped modes in which the slowest decay is sought; the slowest waves have it."""
 AT_REST = 0.05
 """Increase of F_T during a relaxation time, over F_N, above which a quasi-static run carries a
-note. It defines whether the slider comes to rest between events."""
+note: a policy on what comes to rest between events."""
 BLOCKS, COLUMNS = 5_000, 250
 """Most blocks, and most columns of blocks, that a lattice keeps; a larger one is coarsened."""
 

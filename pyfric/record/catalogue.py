@@ -56,10 +56,10 @@ ROUNDED = 1e-9
 """Share of t_gap below which a difference is rounding of times."""
 
 T_GAP = 1e-3
-"""Default longest pause inside an event, s: a definition."""
+"""Default longest pause inside an event, s: a policy."""
 
 MAIN_EVENT_BLOCKS = 4
-"""Fewest distinct blocks that slip in a main event: a definition."""
+"""Fewest distinct blocks that slip in a main event: a policy."""
 
 
 @dataclass(kw_only=True)

@@ -38,11 +38,11 @@ if TYPE_CHECKING:
     from pyfric.record.record import Record
 
 FROM_BLOCK = 5
-"""First block whose stick before the next one slips makes a front alternate: a definition."""
+"""First block whose stick before the next one slips makes a front alternate: a policy."""
 SLOW = 0.1
 """Pace below which a front is slow, over the limit, where none is given."""
 LAST = 0.25
-"""Share of the blocks over which the speed is a mean: a definition."""
+"""Share of the blocks over which the speed is a mean: a policy."""
 
 
 NOTHING = "nothing slipped"

@@ -26,7 +26,7 @@ AVERAGED = 4
 """Blocks that a front passes in the time of which its speed is the average, as in the paper."""
 SLOWEST = 0.1
 """Speed of a front over c_s after one pause of the longest link: twice 0.05, where slow fronts
-begin (a definition)."""
+begin (a policy)."""
 
 
 def longest_link(scene: Scene) -> float:

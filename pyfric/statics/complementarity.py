@@ -33,6 +33,7 @@ from pyfric.statics.contact import (
 )
 from pyfric.statics.memory import Memory
 from pyfric.statics.rest import EquilibriumError, check_rests
+from pyfric.statics.rows import ends, table_rows
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -134,22 +135,23 @@ class ContactProblem:
 
     def _base(self, closed: np.ndarray) -> np.ndarray:
         S, drive, N_x = self.slider.S, self.slider.G[:, 0], self.scene.N_x
-        x, z = slice(0, N_x), slice(N_x, 2 * N_x)
+        x, z, *_ = ends(N_x)
+        at = table_rows(N_x)
         A = S[z, z].copy()
         A[np.diag_indices(N_x)] += self.scene.k_f * closed
-        table = np.zeros((3 * N_x + 1, N_x + 2))
-        table[:N_x, :N_x] = np.eye(N_x)
+        table = np.zeros(at.shape)
+        table[at.u_x, at.u_x] = np.eye(N_x)
         _, u_z, failed = dposv(A, np.column_stack([-S[z, x], self._loads[z]]))
         if failed:
             raise EquilibriumError("the slider is not supported", np.nan, 0.0, 0)
-        table[2 * N_x : 3 * N_x] = u_z
-        f = table[N_x : 2 * N_x]
+        table[at.u_z] = u_z
+        f = table[at.f]
         f[:] = S[x, z] @ u_z
-        f[:, :N_x] += S[x, x]
-        f[:, N_x:] -= self._loads[x]
-        table[-1] = -drive[z] @ u_z
-        table[-1, :N_x] -= drive[x]
-        table[-1, N_x:] += self._F_T
+        f[:, at.u_x] += S[x, x]
+        f[:, at.given] -= self._loads[x]
+        table[at.F_T] = -drive[z] @ u_z
+        table[at.F_T, at.u_x] -= drive[x]
+        table[at.F_T, at.given] += self._F_T
         return table
 
     @functools.cached_property
@@ -224,7 +226,7 @@ class Contact(States):
         super().__init__(scene, mode, law or scene.law, driven=driven)
         self.problem, self.K, self.least = problem, scene.driver.K, LEAST * problem.unit
         self.way, self._now = 1, None
-        self._lifts = np.zeros(self.N_x, dtype=int)
+        self.at, self._lifts = table_rows(self.N_x), np.zeros(self.N_x, dtype=int)
         self.column = np.concatenate([u_x, [drive, 1.0]])
         self.renew()
 
@@ -376,9 +378,9 @@ class Contact(States):
         Returns:
             W and F, shape (n, n), for the n blocks that slip; open blocks move freely.
         """
-        N_x, i, open_ = self.N_x, np.flatnonzero(slip), np.flatnonzero(~self.closed)
+        at, i, open_ = self.at, np.flatnonzero(slip), np.flatnonzero(~self.closed)
         base = self.problem.base(self.closed)
-        F, u_z = base[N_x : 2 * N_x, :N_x], base[2 * N_x : 3 * N_x, :N_x]
+        F, u_z = base[at.f, at.u_x], base[at.u_z, at.u_x]
         W = F - (self.law.slide(self.k_f) * slip)[:, None] * u_z
         if not open_.size:
             return W[np.ix_(i, i)], F[np.ix_(i, i)]
@@ -407,7 +409,7 @@ class Contact(States):
         """Put n blocks into states, shape (n,); those that stick are held at u_x (m), (n,)."""
         opens = (self.mode[which] == OPEN) | (mode == OPEN)
         if opens.any():
-            self.column[: self.N_x] = self.table[: self.N_x] @ self.column
+            self.column[self.at.u_x] = self.table[self.at.u_x] @ self.column
             self.enter(which, mode)
             self.column[which] = u_x
             self.renew()
@@ -418,11 +420,11 @@ class Contact(States):
 
     def _exchange(self, i: int, mode: int, u_x: float) -> None:
         """Release a stuck block, or hold one at u_x (m), by exchange of its column and row."""
-        table, N_x, sticks = self.table, self.N_x, mode == STUCK
+        table, at, sticks = self.table, self.at, mode == STUCK
         row = table[i].copy()
         if not sticks:
             friction = mode * of(self.law.slide(self.k_f), i)
-            row = table[N_x + i] - friction * table[2 * N_x + i]
+            row = table[at.f][i] - friction * table[at.u_z][i]
         pivot = row[i]
         row /= -pivot
         row[i] = 1.0 / pivot
@@ -439,16 +441,14 @@ class Contact(States):
         smaller steps, without end, before they lift off.
         """
         now = self.values()
-        self.column[: self.N_x] = now.u_x
+        self.column[self.at.u_x] = now.u_x
         self.enter(self.closed & (now.p > self.least), STUCK)
         self.renew()
 
     def renew(self) -> None:
         """Compute the table anew: start with all blocks held, then free all that are not stuck."""
-        N_x = self.N_x
-        largest = max(
-            self.k * np.abs(self.column[:N_x]).max(), min(self.k, self.K) * abs(self.drive)
-        )
+        u_x = self.column[self.at.u_x]
+        largest = max(self.k * np.abs(u_x).max(), min(self.k, self.K) * abs(self.drive))
         self.tol = rounding(self.scene, float(largest))
         self.table, self._now = self.problem.base(self.closed).copy(), None
         table = self.table
@@ -457,17 +457,17 @@ class Contact(States):
         if not free.size:
             return
         friction = (self.slip[free] * of(self.law.slide(self.k_f), free))[:, None]
-        rows = table[N_x + free] - friction * table[2 * N_x + free]
+        held = table[self.at.f][free] - friction * table[self.at.u_z][free]
         try:
-            inverse = np.linalg.inv(rows[:, free])
+            inverse = np.linalg.inv(held[:, free])
         except np.linalg.LinAlgError:
             what = "the slider is not held by the blocks that stick"
             raise EquilibriumError(what, np.nan, self.tol, 0) from None
-        rows = -(inverse @ rows)
-        rows[:, free] = inverse
+        held = -(inverse @ held)
+        held[:, free] = inverse
         factor = table[:, free].copy()
         table[:, free] = 0.0
-        table += factor @ rows
+        table += factor @ held
         self.column[free] = 0.0
 
     def values(self) -> Values:
@@ -478,11 +478,10 @@ class Contact(States):
 
     def rates(self) -> Values:
         """Return the derivatives of `values` by the path length of the driver."""
-        return self._values_of(self.way * self.table[:, -2])
+        return self._values_of(self.way * self.table[:, self.at.drive])
 
     def _values_of(self, v: np.ndarray) -> Values:
-        N_x = self.N_x
-        u_z = v[2 * N_x : 3 * N_x]
+        at, u_z = self.at, v[self.at.u_z]
         p = np.where(self.closed, -self.k_f * u_z, 0.0)
-        f = np.where(self.free, -self.slip * self.law.slide(p), v[N_x : 2 * N_x])
-        return Values(v[:N_x], f, u_z, p, float(v[-1]))
+        f = np.where(self.free, -self.slip * self.law.slide(p), v[at.f])
+        return Values(v[at.u_x], f, u_z, p, float(v[at.F_T]))

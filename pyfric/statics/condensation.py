@@ -32,6 +32,7 @@ from scipy.linalg.lapack import dposv
 from pyfric.scene import PrescribedLoad
 from pyfric.statics.operators import coordinates, driven_dofs, stiffness
 from pyfric.statics.rest import EquilibriumError
+from pyfric.statics.rows import ends
 
 if TYPE_CHECKING:
     from pyfric.scene import OnDriven, Scene
@@ -102,9 +103,10 @@ def condense(scene: Scene) -> Condensed:
     if scene.rigid:
         r[-2, 2] = -1.0
     else:
-        r[-N_x:, 2], r[-2 * N_x : -N_x, 3] = -scene.load / scene.F_N, scene.d / N_x
+        *_, top_x, top_z = ends(N_x)
+        r[top_z, 2], r[top_x, 3] = -scene.load / scene.F_N, scene.d / N_x
         if isinstance(scene.top, PrescribedLoad):
-            r[-2 * N_x : -N_x, 1] = scene.shear
+            r[top_x, 1] = scene.shear
 
     edges = [*range(0, 2 * N_x * N_z, 2 * N_x), n]
     A, G = stiff[edges[-2] :, edges[-2] :].toarray(), r[edges[-2] :]

@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.scene import of
+from pyfric.statics.rows import table_rows
 
 if TYPE_CHECKING:
     from pyfric.scene import Law
@@ -151,14 +152,15 @@ class Creep:
         Returns:
             The state, or None if there is no stable one.
         """
-        N_x, a, table = self.N_x, np.flatnonzero(self.free), self.problem.base(self.closed)
-        fs, zs = table[N_x : 2 * N_x], table[2 * N_x : 3 * N_x]
+        row, table = table_rows(self.N_x), self.problem.base(self.closed)
+        a = np.flatnonzero(self.free)
+        fs, zs = table[row.f], table[row.u_z]
         u_x = self.u_x.copy()
         if begin is not None:
             u_x = begin.u_x + begin.rate * (drive - begin.drive)
         for _ in range(NEWTON):
             v = table @ np.concatenate([u_x, [drive, 1.0]])
-            f, u_z = v[N_x : 2 * N_x], v[2 * N_x : 3 * N_x]
+            f, u_z = v[row.f], v[row.u_z]
             p = np.where(self.closed, -self.k_f * u_z, 0.0)
             mu, slope = self.friction(u_x)
             rub = (self.way * mu * self.k_f)[a]
@@ -176,10 +178,10 @@ class Creep:
             return None
         if not (np.linalg.eigvals(J).real > 0).all():  # slip continues without the driver
             return None
-        rate = np.zeros(N_x)
-        rate[a] = -np.linalg.solve(J, fs[a, N_x] - rub * zs[a, N_x])
+        rate = np.zeros(self.N_x)
+        rate[a] = -np.linalg.solve(J, fs[a, row.drive] - rub * zs[a, row.drive])
         margins = self._margins(u_x, rate, f, p, u_z)
-        return Point(drive, u_x, rate, f, p, float(v[-1]), margins)
+        return Point(drive, u_x, rate, f, p, float(v[row.F_T]), margins)
 
     def _margins(
         self, u_x: np.ndarray, rate: np.ndarray, f: np.ndarray, p: np.ndarray, u_z: np.ndarray
@@ -323,11 +325,11 @@ class Creep:
         It is a part of d_c in slip of blocks that weaken, or goes just past the next change by
         linear extrapolation.
         """
-        N_x, table = self.N_x, self.problem.base(self.closed)
-        v = table[:, :N_x] @ now.rate + table[:, N_x]
-        f, u_z = v[N_x : 2 * N_x], v[2 * N_x : 3 * N_x]
+        row, table = table_rows(self.N_x), self.problem.base(self.closed)
+        v = table[:, row.u_x] @ now.rate + table[:, row.drive]
+        f, u_z = v[row.f], v[row.u_z]
         p = np.where(self.closed, -self.k_f * u_z, 0.0)
-        gap, none = np.where(self.closed, p, self.k_f * u_z), np.zeros(N_x)
+        gap, none = np.where(self.closed, p, self.k_f * u_z), np.zeros(self.N_x)
         slopes = np.array([*self.law.margins(p, f), none, gap, -self.way * now.rate])
         falls = np.isfinite(now.margins) & (slopes < 0)
         left, never = now.margins + self.small[:, None], np.full(falls.shape, math.inf)

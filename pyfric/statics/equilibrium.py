@@ -52,6 +52,7 @@ from pyfric.statics.contact import (
     with_free,
 )
 from pyfric.statics.rest import Equilibrium, EquilibriumError, as_prescribed, check_rests
+from pyfric.statics.rows import ends
 from pyfric.statics.system import System
 
 if TYPE_CHECKING:
@@ -178,17 +179,17 @@ class StaticSolver(System):
         of the junctions at the last p.
         """
         scene, N_x, unit = self.scene, self.scene.N_x, self.scene.F_N / self.scene.N_x
-        states = States(scene, np.zeros(N_x), scene.law, driven=False)
+        at, states = ends(N_x), States(scene, np.zeros(N_x), scene.law, driven=False)
         q, p, least = np.zeros(len(self.arm)), np.full(N_x, unit), np.inf
         of_bonds = self.bond_tangents(q)
         for step in range(JUNCTION_STEPS):
-            u_x, u_z = q[:N_x], q[N_x : 2 * N_x]
+            u_x, u_z = q[at.u_x], q[at.u_z]
             if step:
                 states.enter(slice(None), np.where(u_z < 0, STUCK, OPEN))
                 p = np.where(states.closed, -scene.k_f * u_z, 0.0)
             held = scene.law.stiffness(p)
             forces, F_T = self.forces(q, states, None)
-            forces[:N_x] -= held * u_x
+            forces[at.u_x] -= held * u_x
             residual = float(np.max(np.abs(forces)))
             rounded = JUNCTION_ROUNDED * unit
             if residual <= rounded or (least <= 1e3 * rounded and residual >= least):
@@ -196,7 +197,7 @@ class StaticSolver(System):
                 return self._result(q, states, now, None, residual, step)
             least = min(least, residual)
             springs = np.zeros(len(q))
-            springs[:N_x] = held
+            springs[at.u_x] = held
             K = self.stiffness(of_bonds, states.mode, driven=False) + sp.diags_array(springs)
             q = q + splu(K.tocsc()).solve(forces)
         what = "the slider on junctions does not settle under its load"
@@ -231,16 +232,17 @@ class StaticSolver(System):
                 without a driver.
             loose: blocks without friction, shape (N_x,), bool; not for loading.
         """
-        scene, N_x, steps = self.scene, self.scene.N_x, 0
+        scene, at, steps = self.scene, ends(self.scene.N_x), 0
         for _ in range(CORRECTIONS):
-            q[:N_x][states.stuck] = given[states.stuck]
+            q[at.u_x][states.stuck] = given[states.stuck]
             (found, forces, F_T), residual, made = self._newton(q, states, drive)
             q, steps = found.copy(), steps + made
             states.tol = rounding(scene, self.largest(q))
-            f = states.slip * (states.law.slide(scene.k_f) * q[N_x : 2 * N_x])
-            f = np.where(states.stuck, -forces[:N_x], f)
-            p = np.where(states.closed, -scene.k_f * q[N_x : 2 * N_x], 0.0)
-            now = Values(q[:N_x], f, q[N_x : 2 * N_x], p, F_T)
+            u_x, u_z = q[at.u_x], q[at.u_z]
+            f = states.slip * (states.law.slide(scene.k_f) * u_z)
+            f = np.where(states.stuck, -forces[at.u_x], f)
+            p = np.where(states.closed, -scene.k_f * u_z, 0.0)
+            now = Values(u_x, f, u_z, p, F_T)
             if drive is not None:
                 unmet = states.misplaced(now, STUCK, given)
             else:

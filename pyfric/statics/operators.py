@@ -16,6 +16,7 @@ import scipy.sparse as sp
 
 from pyfric.scene import Scene
 from pyfric.statics.lattice import DIRECTIONS, Bonds, assembled, bonds, spring_tangents
+from pyfric.statics.rows import ends
 
 INDEPENDENT = 1e-10
 """Length, and inertia, that a shape of length 1 adds to a space, below which it is rounding."""
@@ -71,10 +72,9 @@ def ground(scene: Scene, T: sp.csr_array, closed: np.ndarray, *, driver: bool = 
     It contains the foundation under the closed blocks, the mattress, k_top on the top row and, with
     `driver`, the driver spring. T is from `coordinates`.
     """
-    N_x, n = scene.N_x, 2 * scene.N_x * scene.N_z
-    springs = np.zeros(n)
-    springs[N_x : 2 * N_x] = scene.k_f * closed
-    springs[n - 2 * N_x : n - N_x] += scene.k_top
+    at, springs = ends(scene.N_x), np.zeros(2 * scene.N_x * scene.N_z)
+    springs[at.u_z] = scene.k_f * closed
+    springs[at.top_x] += scene.k_top
     if driver:
         springs[driven_dofs(scene)] += scene.driver.K / scene.n_driven
     held = T.T @ springs  # no spring acts on u_z of a rigid row

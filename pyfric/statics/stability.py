@@ -22,6 +22,7 @@ from pyfric.scene import (
     as_scene,
 )
 from pyfric.statics.operators import damping, dispersion, mass, stiffness
+from pyfric.statics.rows import ends
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -208,7 +209,7 @@ def _matrices(scene: Scene, on: float) -> Iterator[tuple[np.ndarray, np.ndarray]
     """
     unit = np.sqrt(scene.slider.k / scene.m)
     M, C = mass(scene), damping(scene).toarray()
-    root = np.sqrt(M)
+    root, bottom = np.sqrt(M), ends(scene.N_x).u_x
     for closed in (True, False):
         K = stiffness(scene, closed=np.full(scene.N_x, closed)).toarray()
         for first in (0, scene.N_x):  # bottom u_x, the first N_x coordinates: free or held
@@ -218,11 +219,11 @@ def _matrices(scene: Scene, on: float) -> Iterator[tuple[np.ndarray, np.ndarray]
             yield stiff, damped
             if first == 0 and on:
                 springs = np.zeros(len(M))
-                springs[: scene.N_x] = on / M[: scene.N_x] / unit**2
+                springs[bottom] = on / M[bottom] / unit**2
                 yield stiff + np.diag(springs), damped
             if first == 0 and np.any(scene.law.alpha):
                 drag = np.zeros(len(M))
-                drag[: scene.N_x] = scene.law.alpha / M[: scene.N_x] / unit
+                drag[bottom] = scene.law.alpha / M[bottom] / unit
                 yield stiff, damped + np.diag(drag)
 
 

@@ -30,6 +30,7 @@ from pyfric.statics.lattice import (
 from pyfric.statics.memory import Memory
 from pyfric.statics.operators import coordinates, damping, differences, driven_dofs, ground
 from pyfric.statics.rest import EquilibriumError
+from pyfric.statics.rows import ends
 
 if TYPE_CHECKING:
     from typing import Self
@@ -273,7 +274,7 @@ class System:
     def unknown(self, mode: np.ndarray) -> np.ndarray:
         """Return the indices of the coordinates that are not held."""
         unknown = np.ones(len(self.arm), dtype=bool)
-        unknown[: self.scene.N_x] = mode != STUCK
+        unknown[ends(self.scene.N_x).u_x] = mode != STUCK
         return np.flatnonzero(unknown)
 
     def _factorised(
@@ -283,7 +284,7 @@ class System:
         N_x, unknown, rubs = self.scene.N_x, self.unknown(mode), np.any(friction)
         if rubs:  # it couples u_x to u_z, N_x columns to the right
             coupling = np.zeros(K.shape[0] - N_x)
-            coupling[:N_x] = friction
+            coupling[ends(N_x).u_x] = friction
             K = (K + sp.diags_array(coupling, offsets=N_x)).tocsr()
         try:
             if not rubs:

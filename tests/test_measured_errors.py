@@ -10,7 +10,7 @@ from helpers import small_rod
 
 import pyfric
 from pyfric.record import Errors, Record, differences, statistics, summary
-from pyfric.record.errors import UNITS
+from pyfric.record.measured import UNITS
 from pyfric.scene import setup1, slab
 
 

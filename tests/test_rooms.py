@@ -5,6 +5,7 @@ import functools
 import importlib
 import json
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -93,6 +94,63 @@ def test_nobody_below_comes_in_by_the_door():
             assert set(from_door) <= set(layers()), file
 
 
+RINGS = {
+    frozenset(("pyfric.engines.space", "pyfric.engines.woodbury")),
+    frozenset(
+        f"pyfric.engines.{name}"
+        for name in ("cost", "declared", "dynamic", "engine", "integration", "options")
+    ),
+}
+"""Modules that import each other, for types alone."""
+
+
+def imports(files):
+    """Module -> modules that it imports, also for types alone; `files` are paths and trees."""
+    paths = {file.removesuffix(".py").replace("/", "."): tree for file, tree in files}
+    modules = {name.removesuffix(".__init__"): tree for name, tree in paths.items()}
+    found = {}
+    for module, tree in modules.items():
+        names = set()
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Import):
+                names |= {name.name for name in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                inside = {f"{node.module}.{name.name}" for name in node.names}
+                names |= inside & modules.keys() or {node.module}
+        found[module] = names & modules.keys() - {module}
+    return found
+
+
+def rings(graph):
+    """Largest sets of modules of which each leads to each other."""
+
+    def reached(module):
+        found, ahead = set(), [module]
+        while ahead:
+            new = graph[ahead.pop()] - found
+            found |= new
+            ahead += new
+        return found
+
+    to = {module: reached(module) for module in graph}
+    mutual = {frozenset(b for b in to[a] if a in to[b]) for a in graph}
+    return {ring for ring in mutual if ring}
+
+
+def test_modules_import_each_other_one_way():
+    assert rings(imports(trees())) == RINGS
+
+
+def test_a_ring_of_types_is_noticed():
+    hidden = "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from pyfric.room import {}\n"
+    files = [(f"pyfric/room/{a}.py", ast.parse(hidden.format(b))) for a, b in ("ab", "bc", "ca")]
+    ring = frozenset(f"pyfric.room.{name}" for name in "abc")
+    assert rings(imports([*files, ("pyfric/room/d.py", ast.parse("import pyfric.room.a"))])) == {
+        ring
+    }
+    assert rings(imports(files[:2])) == set()
+
+
 # --- what a fresh process imports ----------------------------------------------------------------
 
 FRESH = """
@@ -174,6 +232,21 @@ def test_lists_of_tests_name_files_that_exist():
     assert set(conftest.PORTABLE) <= set(conftest.LAPACK) <= tests
     assert {test for tests in near().values() for test in tests} <= tests
     assert set(near()) <= {path.stem for path in (ROOT / "pyfric").rglob("*.py")}
+
+
+def test_each_module_has_a_file_of_tests():
+    """Of its own name, or in the map of CONTRIBUTING, where no other module stands."""
+    page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rows = [re.findall(r"`([\w/]+)`", line) for line in page.splitlines() if line[:8] == "| `test_"]
+    files = {path.stem for path in (ROOT / "tests").glob("test_*.py")}
+    assert {row[0] for row in rows} <= files
+    paths = [Path(file) for file, _ in trees()]
+    others = {
+        path.relative_to("pyfric").with_suffix("").as_posix()
+        for path in paths
+        if not path.stem.startswith("__") and f"test_{path.stem}" not in files
+    }
+    assert sorted(module for row in rows for module in row[1:]) == sorted(others)
 
 
 VAGUE = {"one", "some", "most", "few", "many", "here", "there"}

@@ -16,7 +16,6 @@ from pyfric.record.analysis import (
 )
 from pyfric.record.catalogue import (
     MAIN_EVENT_BLOCKS,
-    T_GAP,
     Catalogue,
     build_catalogue,
     count_main,
@@ -24,10 +23,11 @@ from pyfric.record.catalogue import (
 )
 from pyfric.record.classes import SLOW, creeps_to_rest
 from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS
-from pyfric.record.errors import Differences, Errors, differences, statistics
+from pyfric.record.errors import Differences, differences, statistics
 from pyfric.record.held import GROUPS, RecordError, block_array, event_column, held_in
 from pyfric.record.history import History
-from pyfric.record.method import Method, provenance, versions
+from pyfric.record.measured import Errors
+from pyfric.record.method import T_GAP, Method, provenance, versions
 from pyfric.record.pairing import paired
 from pyfric.record.record import Record, load
 from pyfric.record.report import numbered, summary, text

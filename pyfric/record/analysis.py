@@ -15,19 +15,17 @@ Source: PRL 107, 074301 (2011).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 import pandas as pd
 import scipy
 from numpy.typing import ArrayLike
 
+from pyfric.record.data import RecordData
 from pyfric.record.growth import energy_release, griffith_length, nucleations
 from pyfric.record.rupture import front_speed
 from pyfric.scene import Scene, SceneError, check_number, check_whole
-
-if TYPE_CHECKING:
-    from pyfric.record.record import Record
 
 __all__ = [
     "Beside",
@@ -147,7 +145,7 @@ class Collapse(NamedTuple):
 # --- events --------------------------------------------------------------------------------------
 
 
-def precursors(record: Record) -> pd.DataFrame:
+def precursors(record: RecordData) -> pd.DataFrame:
     """Return the precursors: finished main events with 0 < L_p < L, at any time of the run.
 
     Returns:
@@ -158,13 +156,13 @@ def precursors(record: Record) -> pd.DataFrame:
     return _chosen(record, events["is_main"] & events["finished"] & events["is_precursor"])
 
 
-def system_size_events(record: Record) -> pd.DataFrame:
+def system_size_events(record: RecordData) -> pd.DataFrame:
     """Return the finished main events with L_p = L; columns as in `precursors`."""
     events = record.events
     return _chosen(record, events["is_main"] & events["finished"] & (events["L_p_over_L"] == 1))
 
 
-def precursor_lengths(record: Record) -> pd.DataFrame:
+def precursor_lengths(record: RecordData) -> pd.DataFrame:
     """Return length against force of the precursors, as in the paper's Fig. 2.
 
     Only the first loading counts: precursors after the first system-size event start from another
@@ -182,7 +180,9 @@ def precursor_lengths(record: Record) -> pd.DataFrame:
 # --- stresses ------------------------------------------------------------------------------------
 
 
-def stress_profile(record: Record, event: int | None = None, when: When = "before") -> pd.DataFrame:
+def stress_profile(
+    record: RecordData, event: int | None = None, when: When = "before"
+) -> pd.DataFrame:
     """Return the static stresses along the interface, as in the paper's Fig. 3.
 
     Args:
@@ -229,7 +229,7 @@ def stress_profile(record: Record, event: int | None = None, when: When = "befor
 # --- fronts --------------------------------------------------------------------------------------
 
 
-def front(record: Record, event: int) -> pd.DataFrame:
+def front(record: RecordData, event: int) -> pd.DataFrame:
     """Return the rupture front of one event, as in the paper's Fig. 4.
 
     Args:
@@ -251,13 +251,13 @@ def front(record: Record, event: int) -> pd.DataFrame:
     return _fronts(record, np.array([record.row(event)])).drop(columns="event")
 
 
-def fronts(record: Record) -> pd.DataFrame:
+def fronts(record: RecordData) -> pd.DataFrame:
     """Return the fronts of all finished main events: ``event`` and the columns of `front`."""
     events = record.events
     return _fronts(record, np.flatnonzero(events["is_main"] & events["finished"]))
 
 
-def _fronts(record: Record, rows: np.ndarray) -> pd.DataFrame:
+def _fronts(record: RecordData, rows: np.ndarray) -> pd.DataFrame:
     """Return the fronts of events in these rows, from 0, one below the other."""
     order, shape = np.argsort(record.scene.n_of_i), (len(rows), record.scene.N_x)
     names = ("rupture_times", "tau_before", "p_before", "X_c0_over_l", "X_c_over_l")
@@ -297,7 +297,7 @@ class Beside(NamedTuple):
 
 
 def compare_curve(
-    record: Record, t: ArrayLike, F_T: ArrayLike, *, largest_shift: float | None = None
+    record: RecordData, t: ArrayLike, F_T: ArrayLike, *, largest_shift: float | None = None
 ) -> Beside:
     """Return how far a measured loading curve is from a run, as it stands and shifted in time.
 
@@ -363,7 +363,7 @@ def _check_measured(t: np.ndarray, F_T: np.ndarray) -> None:
 # --- numbers -------------------------------------------------------------------------------------
 
 
-def friction_coefficients(record: Record) -> FrictionCoefficients:
+def friction_coefficients(record: RecordData) -> FrictionCoefficients:
     """Return the friction coefficients of the slider as a whole.
 
     The friction force is that of the driver and the shear force T together.
@@ -401,7 +401,7 @@ def _mean_load(scene: Scene, what: str, begin: float, end: float) -> float:
     return (last - first) / (end - begin)
 
 
-def mean_force(record: Record, begin: float, end: float) -> float:
+def mean_force(record: RecordData, begin: float, end: float) -> float:
     """Return the mean of F_T between two times (s) of a run, in N; F_T is linear between samples.
 
     At one time it is the force there.
@@ -464,14 +464,14 @@ def _numbers(name: str, values: ArrayLike) -> np.ndarray:
         raise SceneError(name, values, "", "a list of numbers", "not numbers") from None
 
 
-def _chosen(record: Record, mask: pd.Series) -> pd.DataFrame:
+def _chosen(record: RecordData, mask: pd.Series) -> pd.DataFrame:
     table = record.events[mask].reset_index()
     table["force_start"] = table["F_T_start"] / record.scene.F_N
     table["force_arrest"] = table["F_T_arrest"] / record.scene.F_N
     return table
 
 
-def _positions(record: Record) -> dict[str, np.ndarray]:
+def _positions(record: RecordData) -> dict[str, np.ndarray]:
     n = np.arange(1, record.scene.N_x + 1)
     return {"n": n, "x_over_L": (n - 1) / (record.scene.N_x - 1)}
 
@@ -481,5 +481,5 @@ def _ratio(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.divide(a, b, out=np.full(a.shape, np.nan), where=b != 0)
 
 
-def _scaled(record: Record, tau_over_p: np.ndarray) -> np.ndarray:
+def _scaled(record: RecordData, tau_over_p: np.ndarray) -> np.ndarray:
     return record.scene.law.at(np.argsort(record.scene.n_of_i)).scaled(tau_over_p)

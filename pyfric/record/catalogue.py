@@ -29,15 +29,17 @@ import math
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from pyfric.core import OPEN, State
+from pyfric.record.data import RecordData
 from pyfric.record.episodes import build_episodes
 from pyfric.record.growth import nucleation_lengths
 from pyfric.record.held import block_array, checked, event_column, found_arrays, held_in, table
+from pyfric.record.method import T_GAP
 from pyfric.record.rupture import (
     first_slips,
     five_known,
@@ -49,14 +51,8 @@ from pyfric.record.zones import RESOLVED, zone_at_rest, zone_moving
 from pyfric.scene import Scene
 from pyfric.statics import EquilibriumError, StaticSolver
 
-if TYPE_CHECKING:
-    from pyfric.record.record import Record
-
 ROUNDED = 1e-9
 """Share of t_gap below which a difference is rounding of times."""
-
-T_GAP = 1e-3
-"""Default longest pause inside an event, s: a policy."""
 
 MAIN_EVENT_BLOCKS = 4
 """Fewest distinct blocks that slip in a main event: a policy."""
@@ -384,7 +380,7 @@ def quiet_stop(of: Catalogue) -> np.ndarray:
 
 
 @event_column("m", "length at which stable slip loses stability, by static states", required=False)
-def nucleation_length(record: Record) -> np.ndarray | None:
+def nucleation_length(record: RecordData) -> np.ndarray | None:
     return nucleation_lengths(record)
 
 

@@ -24,18 +24,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from pyfric import core
 from pyfric.core import OPEN, State
+from pyfric.record.data import RecordData
 from pyfric.record.zones import pace_limits
 from pyfric.scene import Scene, check_number
-
-if TYPE_CHECKING:
-    from pyfric.record.record import Record
 
 FROM_BLOCK = 5
 """First block whose stick before the next one slips makes a front alternate: a policy."""
@@ -87,7 +85,7 @@ def creeps_to_rest(
     return held + loose + math.sqrt(12 * scene.slider.k * E) + more < weakest
 
 
-def rupture_class(record: Record, event: int | None = None, slow: float = SLOW) -> RuptureClass:
+def rupture_class(record: RecordData, event: int | None = None, slow: float = SLOW) -> RuptureClass:
     """Return the class of the rupture of an event; see `pyfric.record.classes`.
 
     Args:
@@ -116,7 +114,7 @@ def rupture_class(record: Record, event: int | None = None, slow: float = SLOW) 
     return RuptureClass(kind, _pace(v, slow, scene), v, reached)
 
 
-def _at_rest(record: Record) -> bool:
+def _at_rest(record: RecordData) -> bool:
     """Whether a run ends at rest, or creeps there."""
     if record.status.startswith("ended by stop_when (a"):
         return True

@@ -11,9 +11,6 @@ both know it: forces on the way in place of arrests, front speeds where both run
 rupture times of a block. A prescribed interface has no forces: its rupture times are compared.
 Where nothing slips in either run, their loading curves are.
 
-What was not measured is None, which is never taken for 0: where nothing was compared, nothing is
-promised.
-
 What is local stays with its event: lengths, front speeds, arrest. Start forces hang on the stresses
 that all earlier events left.
 """
@@ -21,25 +18,19 @@ that all earlier events left.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from pyfric.record.analysis import mean_force
 from pyfric.record.catalogue import parts
+from pyfric.record.data import RecordData
+from pyfric.record.measured import FORCES, PROMISED
 from pyfric.record.pairing import event_distances, in_order, pace
 from pyfric.record.rupture import five_known, front_speed
 from pyfric.scene import SceneError
 
-if TYPE_CHECKING:
-    from pyfric.record.record import Record
-
-NOTHING = "not measured: nothing was compared"
-NOT_VERIFIED = "errors not measured (a planned run, or verify = 'sample', measures them)"
-"""What a record says that was not verified."""
 SAME = 0.5
 """Events that share fewer than half of their blocks are not taken for one another, if one of them
 may be one that the other run has after its end: a policy."""
@@ -47,152 +38,10 @@ AGAIN = 2.0
 """Slips of each block in an event, on average, above which two runs that do not agree on them say
 nothing of its outcome: each slip is a decision. In the paper's scenes there are up to 1.12. A
 policy."""
-COVERED = 1e-6
-"""Part of a run at its end that need not be compared: runs end at whole steps."""
-UNITS = {
-    "start": "F_N",
-    "arrest": "F_N",
-    "length": "L",
-    "stress": "F_N/N_x",
-    "rupture": "of the front's time",
-    "speed_median": "of front speeds",
-    "speed_95": "of front speeds",
-    "speed_worst": "of front speeds",
-}
-"""Numbers of `Errors` and their units, as they are said."""
 BLOCKS = ("n_blocks", "first_block", "last_block", "L_p_over_L")
 """Columns that tell which blocks slip in an event."""
 BY_EVENT = ("start", "arrest", "length", "stress", "rupture")
 """Those of which there is one for each pair of events."""
-FORCES = ("start", "arrest")
-PROMISED = {"stress": (*FORCES, "stress"), "front_speed": ("speed_95",)}
-"""What is wanted -> the numbers that its tolerance bounds, the last of which has to be known;
-`FORCES` for all else, of which one has to be, or else the rupture times."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Errors:
-    """The errors of a run, measured by comparison with runs of more, or less, complete models.
-
-    Forces are over F_N and of main events, lengths over L, stresses over F_N/N_x (root mean square
-    over the interface), rupture times (root mean square over a front) over the time that the front
-    takes, front speeds relative. Each is the largest one, but for the median and the 95th
-    percentile of front speeds. `arrest` also includes differences of forces elsewhere: in events
-    that last to the end of the run, and while nothing slips. None means that nothing was compared,
-    so this number is not measured.
-
-    Attributes:
-        want, tolerance: of the plan; None where there was none.
-        start, arrest, length, stress, rupture, speed_median, speed_95, speed_worst: the errors.
-        compared: name to how many events, or blocks of fronts, were compared for it.
-        events: events that were compared: main events, or all where there are none.
-        factor: errors over the differences of the two runs.
-        covered: time up to which they were compared, s.
-        t_end: time up to which the run goes, s; None means `covered`.
-        until: time from which on single events cannot be trusted, s; None if there is no such time.
-            Errors are those of earlier events, or of all if earlier ones do not tell what is
-            wanted.
-        statistics: what holds for the events after that, together: name to value and error.
-        by: what the run was compared with.
-        chosen_at: number of other points whose errors have chosen the level, where those of this
-            run were not measured; otherwise 0.
-    """
-
-    want: str | None = None
-    tolerance: float | None = None
-    start: float | None = None
-    arrest: float | None = None
-    length: float | None = None
-    stress: float | None = None
-    rupture: float | None = None
-    speed_median: float | None = None
-    speed_95: float | None = None
-    speed_worst: float | None = None
-    compared: Mapping[str, int] = field(default_factory=dict)
-    events: int = 0
-    factor: float = 1.0
-    covered: float = 0.0
-    t_end: float | None = None
-    until: float | None = None
-    statistics: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    by: tuple[str, ...] = ()
-    chosen_at: int = 0
-
-    __pydantic_config__: ClassVar[Any] = {"extra": "forbid"}  # of files
-
-    def measured(self, want: str | None = None) -> float | None:
-        """Return the error that a tolerance bounds, None where it was not measured.
-
-        What is wanted decides which numbers that are: `PROMISED`. Where forces are not known, as on
-        a prescribed interface, it is that of rupture times; front speeds have no substitute.
-        """
-        want = want or self.want or ""
-        values = [getattr(self, name) for name in PROMISED.get(want, FORCES)]
-        known = [value for value in values if value is not None]
-        if not known:
-            return None if want == "front_speed" else self.rupture
-        return None if want in PROMISED and values[-1] is None else max(known)
-
-    @property
-    def holds(self) -> bool | None:
-        """Whether the measured error of all events is within the tolerance.
-
-        None where it was not measured, or not over the whole run, or where there is no tolerance.
-        """
-        error = self.measured()
-        if error is None or self.tolerance is None:
-            return None
-        if error > self.tolerance:
-            return False
-        return None if self.partly or self.until is not None else True
-
-    @property
-    def partly(self) -> bool:
-        """Whether only a part of the run was compared."""
-        whole = self.t_end is None or self.covered >= self.t_end * (1 - COVERED)
-        return not whole and self.until is None
-
-    @property
-    def verdict(self) -> str:
-        """What `holds` says, in words; empty where there is no tolerance."""
-        if self.tolerance is None:
-            return ""
-        if self.measured() is None:
-            none = self.want == "front_speed" and self.events
-            why = "no front has a speed" if none else "nothing was compared"
-            why += f" up to {self.covered:.6g} s" * (none and self.partly)
-            if self.chosen_at:
-                why = f"its level was chosen at {self.chosen_at} other points"
-            return f"for {self.want} within {self.tolerance:g}: NOT MEASURED, {why}"
-        said = "does not hold, BEYOND" if self.holds is False else "within"
-        text = f"for {self.want}: measured {self.measured():.2g}, {said} {self.tolerance:g}"
-        if self.holds is None and self.partly:
-            text += f", up to {self.covered:.6g} s; NOT MEASURED from there to {self.t_end:.6g} s"
-        elif self.holds is None:
-            text += f", up to {self.until:.6g} s"
-        return text
-
-    def __str__(self) -> str:
-        said, unknown = [], []
-        for name, unit in {} if self.chosen_at else UNITS.items():
-            over = f" over {self.compared[name]}" if name in self.compared else ""
-            value = getattr(self, name)
-            if value is None:
-                unknown.append(name)
-            else:
-                said.append(f"{name} {value:.2g} {unit}{over}")
-        lines, events = [], f"{self.events} events, to {self.covered:.6g} s"
-        if said:
-            lines.append(f"measured errors ({events}): {', '.join(said)}")
-        if unknown:
-            lines.append(f"{', '.join(unknown)} {NOTHING}")
-        if self.verdict:
-            lines.append(self.verdict)
-        if self.until is not None:
-            lines.append(f"single events cannot be trusted from {self.until:.6g} s on")
-            lines += [f"  {k}: {v:.4g} +- {e:.2g}" for k, (v, e) in self.statistics.items()]
-        times = f", differences times {self.factor:.2g}" * (self.factor != 1)
-        return "\n".join([*lines, *(f"by {run}{times}" for run in self.by)])
 
 
 class Differences(NamedTuple):
@@ -260,7 +109,7 @@ class Differences(NamedTuple):
         return found | {"compared": compared, "events": events, "covered": self.covered}
 
 
-def differences(record: Record, other: Record, until: float = math.inf) -> Differences:
+def differences(record: RecordData, other: RecordData, until: float = math.inf) -> Differences:
     """Return how far two runs of a scene are apart.
 
     They are compared up to where the shorter one ends, up to a time, in s, or up to an event that
@@ -290,7 +139,7 @@ def differences(record: Record, other: Record, until: float = math.inf) -> Diffe
 class _Pairs:
     """Main events of a run a, each with its partner among the events of another one, b."""
 
-    def __init__(self, a: Record, b: Record, covered: float) -> None:
+    def __init__(self, a: RecordData, b: RecordData, covered: float) -> None:
         self.a, self.b, self.covered = a, b, covered
         self.events, self.partners = a.events, b.events
         ours = self.events[self.events["t_start"] <= covered]
@@ -436,7 +285,7 @@ class _Pairs:
         return np.where(np.isfinite(off), off, 1.0)
 
 
-def _apart(a: Record, b: Record, begin: float, end: float, later: float = 0.0) -> float:
+def _apart(a: RecordData, b: RecordData, begin: float, end: float, later: float = 0.0) -> float:
     """Return how far forces of two runs are apart between two times, in N, as far as samples tell.
 
     The other run is so much later, in s. Between samples a force may be anywhere in the range of
@@ -448,7 +297,7 @@ def _apart(a: Record, b: Record, begin: float, end: float, later: float = 0.0) -
     return float(np.maximum(low - highest, lowest - high).max(initial=0.0))
 
 
-def _curves_apart(a: Record, b: Record, end: float) -> float:
+def _curves_apart(a: RecordData, b: RecordData, end: float) -> float:
     """Return how far forces of two runs without slip are apart, in N, at points of one of them.
 
     These are the points of the run that has fewer: the other one is linear between its own. Jumps
@@ -462,7 +311,7 @@ def _curves_apart(a: Record, b: Record, end: float) -> float:
     )
 
 
-def _range(record: Record, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _range(record: RecordData, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the least and the largest force, in N, of the two samples before and after times."""
     when, force = (record.curve[name].to_numpy() for name in ("t", "F_T"))
     near = np.searchsorted(when, t)[:, None] + np.arange(-2, 2)
@@ -470,14 +319,14 @@ def _range(record: Record, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return near.min(axis=1), near.max(axis=1)
 
 
-def statistics(record: Record, other: Record, t: float) -> dict[str, tuple[float, float]]:
+def statistics(record: RecordData, other: RecordData, t: float) -> dict[str, tuple[float, float]]:
     """Return numbers of the events after a time (s) together, each with its difference."""
     covered = min(float(run.curve["t"].iloc[-1]) for run in (record, other))
     a, b = (_together(run, t, covered) for run in (record, other))
     return {name: (a[name], abs(a[name] - b[name])) for name in a if name in b}
 
 
-def _together(record: Record, t: float, covered: float) -> dict[str, float]:
+def _together(record: RecordData, t: float, covered: float) -> dict[str, float]:
     F_N, events = record.scene.F_N, record.events
     late = events[events["is_main"] & (events["t_start"] >= t) & (events["t_start"] <= covered)]
     begin = min(max(t, float(record.curve["t"].iloc[0])), covered)

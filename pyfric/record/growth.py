@@ -26,12 +26,11 @@ Eng. Fract. Mech. 9, 931 (1977).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pandas as pd
 
 from pyfric.core import OPEN, STUCK
+from pyfric.record.data import RecordData
 from pyfric.record.zones import material_of
 from pyfric.scene import SceneError
 from pyfric.statics import (
@@ -45,9 +44,6 @@ from pyfric.statics import (
 )
 from pyfric.theory import g_II
 
-if TYPE_CHECKING:
-    from pyfric.record.record import Record
-
 SPEEDS = 2001
 """Speeds up to c_R between which g_II is taken as straight: a root is off by less than c_R/2000
 (rounding)."""
@@ -56,7 +52,7 @@ ROUNDING = 1e-9
 is known to 1e-16 of itself, and what follows from it to a hundred thousand times that)."""
 
 
-def _condensed(record: Record) -> tuple[ContactProblem, float]:
+def _condensed(record: RecordData) -> tuple[ContactProblem, float]:
     """Return the condensed slider of a record, and the driver's position at t = 0, in m."""
     scene, u_drv0 = record.scene, getattr(record.final_state, "u_drv0", None)
     u_drv0 = loaded_state(scene).u_drv0 if u_drv0 is None else u_drv0
@@ -66,7 +62,7 @@ def _condensed(record: Record) -> tuple[ContactProblem, float]:
 # --- nucleation ----------------------------------------------------------------------------------
 
 
-def nucleations(record: Record) -> pd.DataFrame:
+def nucleations(record: RecordData) -> pd.DataFrame:
     """Return where the events of a record lose stability; see the module.
 
     Finite geometry is treated as linear.
@@ -96,7 +92,7 @@ def nucleations(record: Record) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=names)
 
 
-def nucleation_lengths(record: Record) -> np.ndarray | None:
+def nucleation_lengths(record: RecordData) -> np.ndarray | None:
     """Return `length` of `nucleations` for each event, (n_events,), in m; NaN where there is none.
 
     None where friction does not weaken with slip alone, where no static states are known, and on
@@ -113,7 +109,7 @@ def nucleation_lengths(record: Record) -> np.ndarray | None:
 
 
 def _nucleation(
-    problem: ContactProblem, record: Record, row: int, begin: float, t: float
+    problem: ContactProblem, record: RecordData, row: int, begin: float, t: float
 ) -> dict[str, float]:
     """Return one row of `nucleations`."""
     scene, none = record.scene, np.zeros(record.scene.N_x)
@@ -146,7 +142,7 @@ def _nucleation(
 # --- energy release ------------------------------------------------------------------------------
 
 
-def energy_release(record: Record, event: int) -> pd.DataFrame:
+def energy_release(record: RecordData, event: int) -> pd.DataFrame:
     """Return the energy release along the interface; see the module.
 
     Args:
@@ -197,7 +193,7 @@ def griffith_length(table: pd.DataFrame) -> float:
     return int(last[np.argmax(last - first)]) / len(table)
 
 
-def _before(record: Record, event: int) -> Contact:
+def _before(record: RecordData, event: int) -> Contact:
     """Return the interface just before an event, held; open blocks are free."""
     scene, of_event = record.scene, record.row(event)
     row = int(record.events["quiet_start"].loc[event])
@@ -215,7 +211,7 @@ def _before(record: Record, event: int) -> Contact:
     return Contact(problem, u_x, begin + scene.drive(float(t)), np.where(mode == OPEN, OPEN, STUCK))
 
 
-def _speeds(record: Record, G: np.ndarray, Gamma: np.ndarray) -> np.ndarray:
+def _speeds(record: RecordData, G: np.ndarray, Gamma: np.ndarray) -> np.ndarray:
     """Return the roots of g_II(v) G = Gamma, m/s."""
     scene = record.scene
     if scene.N_z == 1:

@@ -25,6 +25,12 @@ class RecordError(ValueError):
     """A file is not a record that this version can read, or a record does not fit together."""
 
 
+TABLES, LOGS = ("curve", "events", "episodes"), ("motion", "quiet", "switches")
+"""Groups that are fields of a record: data frames, and mappings of arrays."""
+EDGES = ("tau_initial", "p_initial")
+"""Fields of a record that are in the group of the interface."""
+
+
 class Held(NamedTuple):
     """One quantity that a record holds.
 

@@ -30,8 +30,19 @@ import pandas as pd
 import pydantic
 
 from pyfric.core import State, StateError, check_driven
-from pyfric.record.errors import Errors
-from pyfric.record.held import GROUPS, Held, RecordError, checked, found_arrays, held_in
+from pyfric.record.data import RecordData
+from pyfric.record.held import (
+    EDGES,
+    GROUPS,
+    LOGS,
+    TABLES,
+    Held,
+    RecordError,
+    checked,
+    found_arrays,
+    held_in,
+)
+from pyfric.record.measured import Errors
 from pyfric.record.method import Method
 from pyfric.scene import Scene, SceneError
 
@@ -39,7 +50,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pyfric.record.netcdf import Variable
-    from pyfric.record.record import Record
 
 SCHEMA = 10
 """Version of the file layout that this module writes and reads."""
@@ -47,10 +57,6 @@ DRAWN = "drawn_"
 """Begins the names of fields of the interface as they were drawn, on x."""
 SHOWN = ("curve", "events", "interface", "motion")
 """Groups of a Dataset: what happened, without the logs that it was found from."""
-TABLES, LOGS = ("curve", "events", "episodes"), ("motion", "quiet", "switches")
-"""Groups that are fields of a record: data frames, and mappings of arrays."""
-EDGES = ("tau_initial", "p_initial")
-"""Fields of a record that are in the group of the interface."""
 CSV = {
     ("curve", ("t",)): "curve",
     ("events", ("event",)): "events",
@@ -78,7 +84,7 @@ TEXTS = tuple(name for name in Texts.model_fields if name not in ("scene", "stat
 """Attributes that are JSON."""
 
 
-def held_by(record: Record) -> Iterator[tuple[Held, np.ndarray]]:
+def held_by(record: RecordData) -> Iterator[tuple[Held, np.ndarray]]:
     """Yield all that a record holds, in the order of files."""
     scene = record.scene
     coordinates = {
@@ -103,14 +109,14 @@ def held_by(record: Record) -> Iterator[tuple[Held, np.ndarray]]:
 # --- out -----------------------------------------------------------------------------------------
 
 
-def attributes(record: Record) -> dict[str, Any]:
+def attributes(record: RecordData) -> dict[str, Any]:
     """Return the attributes of a file."""
     texts = {name: json.dumps(getattr(record, name), default=_plain) for name in TEXTS}
     same = {"scene": record.scene.to_toml(), "status": record.status}
     return {**_titles(record), "pyfric_schema": SCHEMA, **same, **texts}
 
 
-def _titles(record: Record) -> dict[str, str]:
+def _titles(record: RecordData) -> dict[str, str]:
     title = f"pyfric record: {record.scene.name or 'unnamed scene'}"
     return {"title": title, "Conventions": "CF-1.11"}
 
@@ -120,7 +126,7 @@ def _plain(value: Any) -> Any:
     return vars(value) if dataclasses.is_dataclass(value) else dict(value)
 
 
-def variables(record: Record) -> dict[str, Variable]:
+def variables(record: RecordData) -> dict[str, Variable]:
     """Return the variables of a file, by name."""
     found = {}
     for held, values in held_by(record):
@@ -129,7 +135,7 @@ def variables(record: Record) -> dict[str, Variable]:
     return found
 
 
-def dataset(record: Record) -> xr.Dataset:
+def dataset(record: RecordData) -> xr.Dataset:
     """Return curve, events and interface as a Dataset; see `Record.to_xarray`."""
     import xarray as xr  # slow to import
 
@@ -150,7 +156,7 @@ def dataset(record: Record) -> xr.Dataset:
     return xr.Dataset(shown, coordinates, about)
 
 
-def datatree(record: Record) -> xr.DataTree:
+def datatree(record: RecordData) -> xr.DataTree:
     """Return all of a record as a DataTree; see `Record.to_datatree`."""
     import xarray as xr  # slow to import
 
@@ -161,7 +167,7 @@ def datatree(record: Record) -> xr.DataTree:
     return xr.DataTree.from_dict({"/": root} | {k: xr.Dataset(v) for k, v in groups.items()})
 
 
-def csv_tables(record: Record) -> dict[str, pd.DataFrame]:
+def csv_tables(record: RecordData) -> dict[str, pd.DataFrame]:
     """Return the tables of `Record.to_csv` by name; columns.csv says what all others hold."""
     known, n = held_in("interface"), record.scene.n_of_i
     events = record.events.index.to_numpy()

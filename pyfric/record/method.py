@@ -12,9 +12,10 @@ import numpy as np
 import tomli_w
 
 from pyfric import core
-from pyfric.record.catalogue import T_GAP
 from pyfric.scene import __version__, write
 
+T_GAP = 1e-3
+"""Default longest pause inside an event, s: a policy."""
 SWITCH = {
     "located": "stick-slip transitions located within time steps",
     "step_end": "stick-slip transitions at step ends, as in the paper",

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pyfric.display import plain
 from pyfric.record.analysis import precursors
-from pyfric.record.errors import NOT_VERIFIED, Errors
-
-if TYPE_CHECKING:
-    from pyfric.record.record import Record
+from pyfric.record.data import RecordData
+from pyfric.record.measured import NOT_VERIFIED, Errors
 
 MAIN_COLUMNS = (
     "event",
@@ -27,7 +25,7 @@ MAIN_COLUMNS = (
 METHOD = ("engine", "geometry", "stepper", "switching", "rtol", "dt", "threads", "variant")
 
 
-def summary(record: Record, files: list[Path]) -> dict[str, Any]:
+def summary(record: RecordData, files: list[Path]) -> dict[str, Any]:
     """Return what `pyfric run` reports; None stands for numbers that are not known."""
     events, F_N = record.events, record.scene.F_N
     main = events[events["is_main"]].reset_index()

@@ -26,15 +26,14 @@ for cracks, `reference_data/fronts/viscosity.csv`.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import Protocol
 
 import numpy as np
+import pandas as pd
 
 from pyfric.scene import PrescribedLoad, Scene
 from pyfric.theory import A_II, Material
-
-if TYPE_CHECKING:
-    from pyfric.record.catalogue import Catalogue
 
 RESOLVED = 6
 """Fewest blocks in X_c0 with which a front is resolved: fronts of a crack under uniform stress drop
@@ -154,7 +153,18 @@ def viscous_error(scene: Scene, blocks: float) -> float:
     return VISCOUS[slider.dashpots] * math.sqrt(eta * RESOLVED / blocks)
 
 
-def zone_notes(scene: Scene, engine: str, catalogue: Catalogue) -> tuple[str, ...]:
+class Slipped(Protocol):
+    """What notes look at in a `Catalogue`; see there."""
+
+    events: pd.DataFrame
+    arrays: Mapping[str, np.ndarray]
+    episodes: pd.DataFrame
+
+    @property
+    def front_speed(self) -> np.ndarray: ...
+
+
+def zone_notes(scene: Scene, engine: str, catalogue: Slipped) -> tuple[str, ...]:
     """Return what to know about front speeds: whether lattice or dashpots set them; and of counts.
 
     Where no static state is known, as under a push, p is F_N/N_x.
@@ -191,7 +201,7 @@ def zone_notes(scene: Scene, engine: str, catalogue: Catalogue) -> tuple[str, ..
     return (f"{engine}: front speeds of a continuum may differ: {'; '.join(why)}",) if why else ()
 
 
-def chain_notes(scene: Scene, engine: str, catalogue: Catalogue) -> tuple[str, ...]:
+def chain_notes(scene: Scene, engine: str, catalogue: Slipped) -> tuple[str, ...]:
     """Return a note where slip from the trailing edge of a chain is too short to go on by itself.
 
     Blocks 1 to m that come to rest at mu_k p leave what they carried beyond that to block m + 1:

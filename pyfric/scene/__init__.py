@@ -14,6 +14,7 @@ from pyfric.scene.checked import (
     annotations,
     part,
 )
+from pyfric.scene.composed import OnDriven
 from pyfric.scene.consistency import Geometry, check_geometry, check_push, default_geometry
 from pyfric.scene.ends import Conditions, condition
 from pyfric.scene.errors import SceneError, naming, unknown
@@ -52,7 +53,7 @@ from pyfric.scene.presets import (
     slab,
 )
 from pyfric.scene.protocol import Leg, Push, legs
-from pyfric.scene.scene import OnDriven, Scene
+from pyfric.scene.scene import Scene
 from pyfric.scene.spread import Spread
 from pyfric.scene.text import law_notes
 from pyfric.scene.toml import parsed

@@ -5,19 +5,17 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Mapping
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
 from pyfric.scene.checked import Annotation, annotations
+from pyfric.scene.composed import Composed
 from pyfric.scene.errors import SceneError, naming, unknown
 from pyfric.scene.laws import FrictionLaw
 from pyfric.scene.parts import PARTS, DistributedLoad, PrescribedLoad, Rod
 from pyfric.scene.protocol import followed
 
-if TYPE_CHECKING:
-    from pyfric.scene.scene import Scene
-
-    Parts = Scene | Mapping[str, Any]
-
+Parts = Composed | Mapping[str, Any]
+S = TypeVar("S", bound=Composed)
 PROTOCOLS = (
     ("driver.V", "driver.protocol"),
     ("top.F_N", "top.protocol"),
@@ -83,7 +81,7 @@ def full_name(scene: Parts, name: str, value: Any = None, more: Iterable[str] = 
     raise unknown(name, value, name, ends)
 
 
-def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
+def changed(scene: S, changes: Mapping[str, Any]) -> S:
     """Return the scene with changed values; see `Scene.replace`."""
     parts = {name: changes.get(name, getattr(scene, name)) for name in PARTS}
     names = once((full_name(parts, name, value), value) for name, value in changes.items())
@@ -140,7 +138,7 @@ def _with(owner: Any, changes: Mapping[tuple[str, ...], Any]) -> Any:
     return dataclasses.replace(owner, **new)
 
 
-def followed_by(before: Scene, after: Scene, t: float) -> tuple[Scene, list[str]] | None:
+def followed_by(before: S, after: S, t: float) -> tuple[S, list[str]] | None:
     """Return a scene that equals `before` up to t and `after` from t on, and the changes at t.
 
     None is returned if the two scenes differ in more than speed of the driver, loads, `stop_when`

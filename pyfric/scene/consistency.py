@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from pyfric.scene.checked import Annotation, Words, annotations
+from pyfric.scene.composed import Composed
 from pyfric.scene.errors import SceneError, naming
 from pyfric.scene.parts import CHAIN_NOTE, PrescribedLoad, steps_in
 from pyfric.scene.protocol import Push
 from pyfric.scene.spread import Spread
 
-if TYPE_CHECKING:
-    from pyfric.scene.scene import Scene
-
 Geometry = Literal["linear", "finite"]
 """Relation of bond forces to displacements."""
 
 
-def check(scene: Scene) -> None:
+def check(scene: Composed) -> None:
     """Check the conditions that involve several parts of a scene.
 
     Raises:
@@ -39,7 +37,7 @@ def check(scene: Scene) -> None:
     _check_absent(scene)
 
 
-def _check_fields(scene: Scene) -> None:
+def _check_fields(scene: Composed) -> None:
     """Check the fields of the interface block by block."""
     law = scene.interface.law
     for name in scene.fields:
@@ -61,14 +59,14 @@ def _check_fields(scene: Scene) -> None:
         raise SceneError("interface.mu_k", float(mu_k[i]), "", allowed, reason)
 
 
-def _check_length(scene: Scene, name: str, given: Any, mark: Annotation) -> None:
+def _check_length(scene: Composed, name: str, given: Any, mark: Annotation) -> None:
     """Check that a list has one number for each block."""
     if isinstance(given, tuple) and len(given) != scene.N_x:
         allowed = mark.allowed.replace("N_x", str(scene.N_x))
         raise SceneError(name, given, mark.unit, allowed, f"{len(given)} numbers")
 
 
-def _check_height(scene: Scene) -> None:
+def _check_height(scene: Composed) -> None:
     """Check that driven blocks are on rows above the bottom one."""
     l, H, lowest = scene.slider.l, scene.slider.H, 1
     for name, least, where in (
@@ -84,7 +82,7 @@ def _check_height(scene: Scene) -> None:
         lowest = steps
 
 
-def _check_prescribed(scene: Scene) -> None:
+def _check_prescribed(scene: Composed) -> None:
     """Check that prescribed forces fit the blocks, and that a chain does not slip at t = 0."""
     for name in ("p", "tau"):
         mark = annotations(PrescribedLoad)[name]
@@ -104,7 +102,7 @@ def _check_prescribed(scene: Scene) -> None:
         raise SceneError("top.tau", float(tau[i]), "N", allowed, reason)
 
 
-def _check_T(scene: Scene) -> None:
+def _check_T(scene: Composed) -> None:
     """Check that friction can hold a shear force on the top at t = 0."""
     strength = float(np.max(scene.field("mu_s"))) * scene.F_N
     if abs(scene.top.T) > strength:
@@ -112,7 +110,7 @@ def _check_T(scene: Scene) -> None:
         raise SceneError("top.T", scene.top.T, "N", allowed, "more than friction holds")
 
 
-def _check_pushed(scene: Scene) -> None:
+def _check_pushed(scene: Composed) -> None:
     """Check that pushes act on existing blocks with a force."""
     for push in scene.top.push:
         if not 1 <= push.block <= scene.N_x:
@@ -122,7 +120,7 @@ def _check_pushed(scene: Scene) -> None:
             raise SceneError("top.push", push.force, "N", "a force that is not 0", "pushes nothing")
 
 
-def check_push(scene: Scene, push: Push, f: np.ndarray, strength: np.ndarray) -> None:
+def check_push(scene: Composed, push: Push, f: np.ndarray, strength: np.ndarray) -> None:
     """Check that a push is large enough to make its block slip.
 
     Args:
@@ -144,7 +142,7 @@ def check_push(scene: Scene, push: Push, f: np.ndarray, strength: np.ndarray) ->
         raise SceneError("top.push", push.force, "N", allowed, "does not let it slip")
 
 
-def _check_absent(scene: Scene) -> None:
+def _check_absent(scene: Composed) -> None:
     """Refuse what only other kinds of scenes have."""
     absent: dict[str, tuple[str, str]] = {}
     if scene.prescribed:
@@ -173,7 +171,7 @@ def _check_absent(scene: Scene) -> None:
         raise SceneError(f"driver.{name}", value, "m", highest, "the top row is held")
 
 
-def check_geometry(geometry: str, scene: Scene | None = None) -> None:
+def check_geometry(geometry: str, scene: Composed | None = None) -> None:
     """Check that `geometry` is "linear" or "finite", and "linear" if the load is prescribed.
 
     Raises:
@@ -186,6 +184,6 @@ def check_geometry(geometry: str, scene: Scene | None = None) -> None:
         raise SceneError("geometry", geometry, "", "'linear'", f"{what} has linear geometry only")
 
 
-def default_geometry(scene: Scene) -> Geometry:
+def default_geometry(scene: Composed) -> Geometry:
     """Return "finite", as in the paper, or "linear" for a prescribed load."""
     return "linear" if scene.N_z == 1 or scene.prescribed else "finite"

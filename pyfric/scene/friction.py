@@ -22,16 +22,14 @@ al., Proc. Natl. Acad. Sci. 111, 8764 (2014), junctions.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from pyfric.scene.errors import SceneError
 from pyfric.scene.laws import Junctions, Tables
-
-if TYPE_CHECKING:
-    from pyfric.scene.scene import Scene
 
 CLOCKS = np.dtype([("s_0", float), ("t_0", float)])
 """State variables of a block: s_0 (m), and t_0 (s), the time at which it stuck or began to slip."""
@@ -224,14 +222,18 @@ class JunctionLaw(Law):
     rests: ClassVar[bool] = False
 
     @classmethod
-    def of(cls, scene: Scene) -> JunctionLaw:
-        """Return the law of a scene with an interface of junctions.
+    def of(cls, kind: Junctions, given: Callable[[str], Any], p: float) -> JunctionLaw:
+        """Return the law of an interface of junctions.
+
+        Args:
+            kind: the parameters of the interface.
+            given: function of the name of a field of the interface that returns its values.
+            p: mean load of a block, in N.
 
         Raises:
             SceneError: the interface has mu_s = 0 or a viscosity.
         """
-        kind = scene.interface.law
-        mu_s, mu_k, alpha = map(scene.given_field, ("mu_s", "mu_k", "alpha"))
+        mu_s, mu_k, alpha = map(given, ("mu_s", "mu_k", "alpha"))
         for name, value, wrong, allowed in (
             ("alpha", alpha, np.any(alpha), "0 N s/m"),
             ("mu_s", mu_s, not np.all(mu_s), "> 0"),
@@ -239,11 +241,8 @@ class JunctionLaw(Law):
             if wrong:
                 reason = "an interface of junctions"
                 raise SceneError(f"interface.{name}", float(np.max(value)), "", allowed, reason)
-        t_R, t_R_std = scene.given_field("t_R"), scene.given_field("t_R_std")
-        if kind.u_s is None:
-            C = scene.given_field("C")
-        else:
-            C = mu_s**2 * (scene.F_N / scene.N_x) / (kind.n_s * scene.given_field("u_s") ** 2)
+        t_R, t_R_std = given("t_R"), given("t_R_std")
+        C = given("C") if kind.u_s is None else mu_s**2 * p / (kind.n_s * given("u_s") ** 2)
         more = {"kind": kind, "C": C, "t_R": t_R, "t_R_std": t_R_std}
         return cls(mu_s, mu_k, **more)
 

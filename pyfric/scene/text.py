@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from pyfric.scene.checked import annotations
+from pyfric.scene.composed import Composed
 from pyfric.scene.parts import PrescribedLoad
 from pyfric.scene.units import with_prefix
-
-if TYPE_CHECKING:
-    from pyfric.scene.scene import Scene
 
 LEFT = 0.01
 """Remaining share of mu_s - mu_k at which friction counts as fallen."""
 
 
-def scene_text(scene: Scene) -> str:
+def scene_text(scene: Composed) -> str:
     """Return a text with a line for each part of a scene; numbers are in SI units."""
     lines = [f"Scene {scene.name or 'without a name'}: {scene.N_x} x {scene.N_z} blocks"]
     for name in ("slider", "top", "driver", "interface"):
@@ -35,7 +33,7 @@ def scene_text(scene: Scene) -> str:
     return "\n".join(lines)
 
 
-def _block(scene: Scene) -> str:
+def _block(scene: Composed) -> str:
     """Return mass, load and speeds of long waves, which follow from k; see `Material`."""
     c = scene.slider.l * math.sqrt(scene.slider.k / scene.m)
     waves = {"c": c} if scene.N_z == 1 else {"c_P": math.sqrt(1.5) * c, "c_S": math.sqrt(0.5) * c}
@@ -50,7 +48,7 @@ def _short(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def law_notes(scene: Scene, t_end: float, dt: float | None = None) -> tuple[str, ...]:
+def law_notes(scene: Composed, t_end: float, dt: float | None = None) -> tuple[str, ...]:
     """Return notes on the law of a scene.
 
     If a table of mu falls over more slip than the displacement of the driver, mu_k is not reached.

@@ -7,7 +7,7 @@ import os
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import pandas as pd
@@ -20,9 +20,11 @@ from pyfric.sweeps.shared import Shared
 from pyfric.sweeps.varied import varied
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import xarray as xr
 
-    from pyfric.sweeps.sweep import Sweep
+    from pyfric.scene import Scene
 
 MEASURED = {
     "n_events": ("1", "number of events"),
@@ -38,17 +40,32 @@ MEASURED = {
 """Column -> unit and meaning."""
 
 
+class Points(Protocol):
+    """What results know of their `Sweep`; see there."""
+
+    @property
+    def scene(self) -> Scene: ...
+    @property
+    def over(self) -> Mapping[str, Any]: ...
+    @property
+    def points(self) -> str: ...
+    @property
+    def rows(self) -> pd.DataFrame: ...
+    @property
+    def jobs(self) -> tuple[Job | SceneError, ...]: ...
+
+
 @dataclass(frozen=True)
 class Results:
     """What became of each point of a sweep: its record, or why there is none.
 
     Attributes:
-        sweep: the sweep.
+        sweep: the `Sweep`.
         outcomes: for each point a `Record`, a `JobError`, the `SceneError` of one that is refused,
             or None for one that waits.
     """
 
-    sweep: Sweep
+    sweep: Points
     outcomes: tuple[Record | JobError | SceneError | None, ...]
 
     def __repr__(self) -> str:

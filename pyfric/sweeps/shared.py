@@ -18,7 +18,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import scipy
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from pyfric.engines import Options
     from pyfric.planning import Level
     from pyfric.scene import Scene
-    from pyfric.sweeps.runs import Job
 
 CALIBRATION = 5
 """Points that choose the level. A policy."""
@@ -44,6 +43,19 @@ CONFIDENCE = 0.95
 """Of what is said of points that were not measured: a definition."""
 GOLDEN = (math.sqrt(5) - 1) / 2
 """Multiples of it, less their whole parts, are spread evenly, and along no row of a grid."""
+
+
+class Job(Protocol):
+    """One run, as `pyfric.Job` describes it."""
+
+    @property
+    def scene(self) -> Scene: ...
+    @property
+    def t_end(self) -> float: ...
+    @property
+    def options(self) -> Options: ...
+    @property
+    def key(self) -> str: ...
 
 
 def sharing(options: Options) -> Options:

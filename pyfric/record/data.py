@@ -1,0 +1,121 @@
+"""What a record holds: its fields, checked and read-only; see `Record`."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pyfric.core import State
+from pyfric.record.held import EDGES, LOGS, TABLES, RecordError, checked, found_arrays, table
+from pyfric.record.measured import Errors
+from pyfric.record.method import Method
+from pyfric.scene import Scene, SceneError
+
+COPY_ON_WRITE = int(pd.__version__.partition(".")[0]) >= 3
+"""Whether a shallow copy of a table is copied where it is written to, as from pandas 3 on."""
+
+
+class _Guarded:
+    """A field of which everybody gets a copy of his own: what he changes there is his alone."""
+
+    def __init__(self, default: Any = dataclasses.MISSING) -> None:
+        self.default = default
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.field, self.name = name, f"_{name}"
+
+    def __get__(self, record: RecordData | None, owner: type | None = None) -> Any:
+        if record is None:
+            if self.default is dataclasses.MISSING:
+                raise AttributeError(self.name)
+            return self.default
+        kept = record.__dict__[self.name]
+        shallow = COPY_ON_WRITE and isinstance(kept, pd.DataFrame)
+        return kept.copy(deep=False) if shallow else copy.deepcopy(kept)
+
+    def __set__(self, record: RecordData, value: Any) -> None:
+        own = table(self.field, value) if self.field in TABLES else copy.deepcopy(value)
+        record.__dict__[self.name] = own
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecordData:
+    """What a record holds, whatever is done with it; see `Record`."""
+
+    scene: Scene
+    method: Method
+    curve: pd.DataFrame = _Guarded()
+    events: pd.DataFrame = _Guarded()
+    episodes: pd.DataFrame = _Guarded()
+    arrays: Mapping[str, np.ndarray]
+    tau_initial: np.ndarray
+    p_initial: np.ndarray
+    quiet: Mapping[str, np.ndarray]
+    switches: Mapping[str, np.ndarray]
+    motion: Mapping[str, np.ndarray] = field(default_factory=dict)
+    versions: Mapping[str, str] = field(default_factory=dict)
+    timings: Mapping[str, float] = field(default_factory=dict)
+    counts: Mapping[str, int] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    status: str = "complete"
+    final_state: State | None = _Guarded(default=None)
+    errors: Errors | None = None
+
+    def __post_init__(self) -> None:
+        own = self.__dict__
+        sizes = {"x": self.scene.N_x, "event": len(own["_events"]), "t": len(own["_curve"])}
+        edges = {name: own[name] for name in EDGES}
+        own |= _read_only(checked("interface", edges, sizes, edges))
+        arrays = checked("interface", self.arrays, sizes, found_arrays())
+        own["arrays"] = MappingProxyType(_read_only(arrays))
+        for log in LOGS:
+            own[log] = MappingProxyType(_read_only(checked(log, own[log], sizes)))
+        for name in ("versions", "timings", "counts"):
+            own[name] = MappingProxyType(dict(own[name]))
+        if not (self.done or self.status == "interrupted" or self.status.startswith("failed")):
+            raise RecordError(f"record: status {self.status!r} is unknown")
+
+    def __getattr__(self, name: str) -> np.ndarray:
+        """Return the array over events and blocks of that name."""
+        if name in self.__dict__.get("arrays", ()):
+            return self.arrays[name]
+        raise AttributeError(f"a record has no {name!r}", name=name, obj=self)
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self.arrays]
+
+    @property
+    def done(self) -> bool:
+        """Whether the run is complete, or ended where its engine ends."""
+        return self.status == "complete" or self.status.startswith("ended ")
+
+    def row(self, event: int) -> int:
+        """Return the row of an event in arrays over events, counted from 0.
+
+        Args:
+            event: its number in `events`, counted from 1.
+
+        Raises:
+            SceneError: there is no such event.
+        """
+        count = len(self.__dict__["_events"])
+        allowed = f"an event of the record, 1 to {count}" if count else "none: nothing slipped"
+        if isinstance(event, bool) or not isinstance(event, int | np.integer):
+            raise SceneError("event", event, "", allowed, "not an integer")
+        if not 1 <= event <= count:
+            raise SceneError("event", int(event), "", allowed, "no such event")
+        return int(event) - 1
+
+
+def _read_only(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    views = {name: array.view() for name, array in arrays.items()}
+    for view in views.values():
+        view.flags.writeable = False
+    return views

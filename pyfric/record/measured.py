@@ -1,0 +1,157 @@
+"""Measured errors of a run as numbers: what they promise, and how they are said.
+
+What was not measured is None, which is never taken for 0: where nothing was compared, nothing is
+promised.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+NOTHING = "not measured: nothing was compared"
+NOT_VERIFIED = "errors not measured (a planned run, or verify = 'sample', measures them)"
+"""What a record says that was not verified."""
+COVERED = 1e-6
+"""Part of a run at its end that need not be compared: runs end at whole steps."""
+UNITS = {
+    "start": "F_N",
+    "arrest": "F_N",
+    "length": "L",
+    "stress": "F_N/N_x",
+    "rupture": "of the front's time",
+    "speed_median": "of front speeds",
+    "speed_95": "of front speeds",
+    "speed_worst": "of front speeds",
+}
+"""Numbers of `Errors` and their units, as they are said."""
+FORCES = ("start", "arrest")
+PROMISED = {"stress": (*FORCES, "stress"), "front_speed": ("speed_95",)}
+"""What is wanted -> the numbers that its tolerance bounds, the last of which has to be known;
+`FORCES` for all else, of which one has to be, or else the rupture times."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Errors:
+    """The errors of a run, measured by comparison with runs of more, or less, complete models.
+
+    Forces are over F_N and of main events, lengths over L, stresses over F_N/N_x (root mean square
+    over the interface), rupture times (root mean square over a front) over the time that the front
+    takes, front speeds relative. Each is the largest one, but for the median and the 95th
+    percentile of front speeds. `arrest` also includes differences of forces elsewhere: in events
+    that last to the end of the run, and while nothing slips. None means that nothing was compared,
+    so this number is not measured.
+
+    Attributes:
+        want, tolerance: of the plan; None where there was none.
+        start, arrest, length, stress, rupture, speed_median, speed_95, speed_worst: the errors.
+        compared: name to how many events, or blocks of fronts, were compared for it.
+        events: events that were compared: main events, or all where there are none.
+        factor: errors over the differences of the two runs.
+        covered: time up to which they were compared, s.
+        t_end: time up to which the run goes, s; None means `covered`.
+        until: time from which on single events cannot be trusted, s; None if there is no such time.
+            Errors are those of earlier events, or of all if earlier ones do not tell what is
+            wanted.
+        statistics: what holds for the events after that, together: name to value and error.
+        by: what the run was compared with.
+        chosen_at: number of other points whose errors have chosen the level, where those of this
+            run were not measured; otherwise 0.
+    """
+
+    want: str | None = None
+    tolerance: float | None = None
+    start: float | None = None
+    arrest: float | None = None
+    length: float | None = None
+    stress: float | None = None
+    rupture: float | None = None
+    speed_median: float | None = None
+    speed_95: float | None = None
+    speed_worst: float | None = None
+    compared: Mapping[str, int] = field(default_factory=dict)
+    events: int = 0
+    factor: float = 1.0
+    covered: float = 0.0
+    t_end: float | None = None
+    until: float | None = None
+    statistics: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    by: tuple[str, ...] = ()
+    chosen_at: int = 0
+
+    __pydantic_config__: ClassVar[Any] = {"extra": "forbid"}  # of files
+
+    def measured(self, want: str | None = None) -> float | None:
+        """Return the error that a tolerance bounds, None where it was not measured.
+
+        What is wanted decides which numbers that are: `PROMISED`. Where forces are not known, as on
+        a prescribed interface, it is that of rupture times; front speeds have no substitute.
+        """
+        want = want or self.want or ""
+        values = [getattr(self, name) for name in PROMISED.get(want, FORCES)]
+        known = [value for value in values if value is not None]
+        if not known:
+            return None if want == "front_speed" else self.rupture
+        return None if want in PROMISED and values[-1] is None else max(known)
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether the measured error of all events is within the tolerance.
+
+        None where it was not measured, or not over the whole run, or where there is no tolerance.
+        """
+        error = self.measured()
+        if error is None or self.tolerance is None:
+            return None
+        if error > self.tolerance:
+            return False
+        return None if self.partly or self.until is not None else True
+
+    @property
+    def partly(self) -> bool:
+        """Whether only a part of the run was compared."""
+        whole = self.t_end is None or self.covered >= self.t_end * (1 - COVERED)
+        return not whole and self.until is None
+
+    @property
+    def verdict(self) -> str:
+        """What `holds` says, in words; empty where there is no tolerance."""
+        if self.tolerance is None:
+            return ""
+        if self.measured() is None:
+            none = self.want == "front_speed" and self.events
+            why = "no front has a speed" if none else "nothing was compared"
+            why += f" up to {self.covered:.6g} s" * (none and self.partly)
+            if self.chosen_at:
+                why = f"its level was chosen at {self.chosen_at} other points"
+            return f"for {self.want} within {self.tolerance:g}: NOT MEASURED, {why}"
+        said = "does not hold, BEYOND" if self.holds is False else "within"
+        text = f"for {self.want}: measured {self.measured():.2g}, {said} {self.tolerance:g}"
+        if self.holds is None and self.partly:
+            text += f", up to {self.covered:.6g} s; NOT MEASURED from there to {self.t_end:.6g} s"
+        elif self.holds is None:
+            text += f", up to {self.until:.6g} s"
+        return text
+
+    def __str__(self) -> str:
+        said, unknown = [], []
+        for name, unit in {} if self.chosen_at else UNITS.items():
+            over = f" over {self.compared[name]}" if name in self.compared else ""
+            value = getattr(self, name)
+            if value is None:
+                unknown.append(name)
+            else:
+                said.append(f"{name} {value:.2g} {unit}{over}")
+        lines, events = [], f"{self.events} events, to {self.covered:.6g} s"
+        if said:
+            lines.append(f"measured errors ({events}): {', '.join(said)}")
+        if unknown:
+            lines.append(f"{', '.join(unknown)} {NOTHING}")
+        if self.verdict:
+            lines.append(self.verdict)
+        if self.until is not None:
+            lines.append(f"single events cannot be trusted from {self.until:.6g} s on")
+            lines += [f"  {k}: {v:.4g} +- {e:.2g}" for k, (v, e) in self.statistics.items()]
+        times = f", differences times {self.factor:.2g}" * (self.factor != 1)
+        return "\n".join([*lines, *(f"by {run}{times}" for run in self.by)])

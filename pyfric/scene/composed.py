@@ -1,0 +1,362 @@
+"""What follows from the parts of a scene: blocks, springs, friction, loads, path of the driver."""
+
+import functools
+import math
+from dataclasses import replace
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+
+from pyfric.scene.checked import Name, part
+from pyfric.scene.ends import Conditions
+from pyfric.scene.friction import JunctionLaw, Law
+from pyfric.scene.parts import (
+    FIELDS,
+    PARTS,
+    DistributedLoad,
+    Driver,
+    Interface,
+    PrescribedLoad,
+    Rod,
+    Slider,
+    Walls,
+)
+from pyfric.scene.protocol import Leg, Piece, legs, piece_at, pieces
+from pyfric.scene.spread import Spread
+
+OnDriven = float | np.ndarray
+"""A number for one driven block, or an array for several."""
+MAX_NAME = 200
+"""Largest number of characters in the name of a scene."""
+
+
+@part
+class Composed:
+    """The parts of a scene, and what follows from them; see `Scene`."""
+
+    slider: Annotated[Slider, PARTS["slider"]]
+    top: Annotated[Rod | DistributedLoad | PrescribedLoad, PARTS["top"]]
+    driver: Annotated[Driver, PARTS["driver"]]
+    interface: Annotated[Interface, PARTS["interface"]]
+    name: Annotated[str, Name(MAX_NAME)] = ""
+    walls: Annotated[Walls, PARTS["walls"]] = Walls()
+    stop_when: Annotated[tuple[str, ...], Conditions()] = ()
+
+    _section: ClassVar[str] = ""
+
+    @property
+    def N_x(self) -> int:
+        """Number of columns, L/l + 1."""
+        return self.slider.N_x
+
+    @property
+    def N_z(self) -> int:
+        """Number of rows, H/l + 1."""
+        return self.slider.N_z
+
+    @property
+    def m(self) -> float:
+        """Mass of one block, M / (N_x N_z), in kg."""
+        return self.slider.m
+
+    @property
+    def m_interface(self) -> float:
+        """Mass of a block of the bottom row, in kg: m, or m/2 on a prescribed interface."""
+        return self.m / 2 if self.prescribed else self.m
+
+    @property
+    def resolving_step(self) -> float:
+        """Longest step that resolves weakening, in s (`Law.resolving_step`)."""
+        return self.law.resolving_step(self.F_N / self.N_x, self.m_interface)
+
+    @functools.cached_property
+    def shares(self) -> tuple[np.ndarray, np.ndarray]:
+        """Share of whole blocks in each row, shape (N_z,), and in each column, shape (N_x,).
+
+        It is 1, or 1/2 along a prescribed interface and along absorbing walls. The share of a block
+        is the product of both. Bonds along such a row or column have half of their strength.
+        """
+        rows, columns = np.ones(self.N_z), np.ones(self.N_x)
+        if self.prescribed:
+            rows[0] = 0.5
+            for name, of, end in (("left", columns, 0), ("right", columns, -1), ("top", rows, -1)):
+                if getattr(self.walls, name) == "absorbing":
+                    of[end] = 0.5
+        return rows, columns
+
+    @property
+    def eta(self) -> float:
+        """Viscosity of every bond in N s/m; by default sqrt(0.1 k m)."""
+        given, damping = self.slider.eta, self.slider.damping
+        damping = 0.1 if damping is None else damping
+        return math.sqrt(damping * self.slider.k * self.m) if given is None else given
+
+    @functools.cached_property
+    def k_f(self) -> float | np.ndarray:
+        """Stiffness of the foundation per block in N/m, by default k.
+
+        A number, or an array from left to right, shape (N_x,). It is 0 for a prescribed interface
+        in two dimensions, which has no foundation.
+        """
+        if self.prescribed:
+            return 0.0
+        return self.given_field("k_f")
+
+    @functools.cached_property
+    def law(self) -> Law:
+        """The friction law; its fields are numbers, or arrays of shape (N_x,), left to right."""
+        if not self.interface.law.rests:
+            return JunctionLaw.of(self.interface.law, self.given_field, self.F_N / self.N_x)
+        tables = self.interface.tables
+        mu_s, mu_k, d_c, alpha = map(self.given_field, ("mu_s", "mu_k", "d_c", "alpha"))
+        if np.any(alpha) and self.shares[1].min() < 1:
+            alpha = alpha * self.shares[1]
+        if tables.slide is not None and not np.any(d_c):
+            d_c = 1.0  # the table is over slip in m
+        return Law(mu_s, mu_k, d_c, alpha, tables)
+
+    def field(self, name: str) -> np.ndarray:
+        """Return a field of the interface, left to right, shape (N_x,).
+
+        Args:
+            name: "mu_s", "mu_k", "d_c" (m), "alpha" (N s/m) or "k_f" (N/m), or a field of the
+                friction law.
+        """
+        return np.broadcast_to(np.asarray(self.given_field(name), dtype=float), (self.N_x,))
+
+    def interface_on(self, N_x: int) -> Interface:
+        """Return the interface of the same slider with N_x blocks.
+
+        Fields are interpolated; alpha of a block is proportional to its length.
+        """
+        at, now = np.linspace(0, 1, N_x), np.linspace(0, 1, self.N_x)
+        order = np.argsort(self.n_of_i)
+        new = {
+            name: tuple(np.interp(at, now, self.field(name)[order]).tolist())
+            for name in self.fields
+            if not isinstance(self._given(name), float | None)
+        }
+        law = {name: new.pop(name) for name in self.interface.law.fields if name in new}
+        share = (self.N_x - 1) / (N_x - 1)
+        alpha = np.multiply(new.get("alpha", self.interface.alpha), share).tolist()
+        new["alpha"] = tuple(alpha) if isinstance(alpha, list) else alpha
+        return replace(self.interface, law=replace(self.interface.law, **law), **new)
+
+    @functools.cached_property
+    def drawn(self) -> dict[str, tuple[float, ...]]:
+        """Values drawn for fields that are a `Spread`, from the trailing edge on."""
+        given = {name: self._given(name) for name in self.fields}
+        spreads = {name: spread for name, spread in given.items() if isinstance(spread, Spread)}
+        return {n: tuple(s.draw(self.N_x, self.slider.l).tolist()) for n, s in spreads.items()}
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Names of the fields that may vary along the interface."""
+        own = self.interface.law.fields
+        return (*FIELDS, *(name for name in own if self._given(name) is not None))
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """Names of the fields that vary along the interface."""
+        return tuple(name for name in self.fields if np.ptp(self.field(name)) > 0)
+
+    def _given(self, name: str) -> Any:
+        """Return a field as given in the interface or its friction law."""
+        return getattr(self.interface if name in FIELDS else self.interface.law, name)
+
+    def given_field(self, name: str) -> float | np.ndarray:
+        """Return a field as a number, or as an array from left to right."""
+        given = self._given(name)
+        given = self.slider.k if given is None else given
+        if isinstance(given, float):
+            return given
+        found = self._by_column(self.drawn[name] if isinstance(given, Spread) else given)
+        found.flags.writeable = False
+        return found
+
+    @functools.cached_property
+    def F_N(self) -> float:
+        """Total normal force in N."""
+        prescribed = isinstance(self.top, PrescribedLoad)
+        return math.fsum(self.p_prescribed) if prescribed else self.top.F_N
+
+    @property
+    def d(self) -> int:
+        """Direction of the drive: +1 (pushed from the left) or -1 (pushed from the right)."""
+        return 1 if self.driver.side == "left" else -1
+
+    def driver_force(self, drive: float, u_h: OnDriven, u_drv0: OnDriven) -> float:
+        """Return F_T = K (drive - d (u_h - u_drv0)) in N.
+
+        Args:
+            drive: displacement V t of the driver since t = 0, in m.
+            u_h: u_x of the driven blocks, as `u_driven` returns it, or their mean, in m.
+            u_drv0: value of u_h at which drive = 0 gives F_T = 0, in m.
+        """
+        return float(self.driver.K * (drive - self.d * np.mean(u_h - u_drv0)))
+
+    def u_driven(self, u: np.ndarray) -> OnDriven:
+        """Return u_x of the driven block, or of several, bottom to top, (n_driven,), in m.
+
+        Args:
+            u: displacements, or a state, shape (N_z, 2 or 4, N_x), in m.
+        """
+        if self.n_driven == 1:
+            return float(u[self.j_h, 0, self.i_h])
+        return u[self.j_h : self.j_h_top + 1, 0, self.i_h].copy()
+
+    @functools.cached_property
+    def corners(self) -> tuple[float, ...]:
+        """Times of the breakpoints of protocols and pushes, in s, in order."""
+        lists = self.driver.protocol, self.top.protocol, self.top.T_protocol
+        times = {t for corners in lists for t, _ in corners}
+        times |= {t for push in self.top.push for t in (push.begin, push.end)}
+        return tuple(sorted(t for t in times if 0 < t < math.inf))
+
+    @functools.cached_property
+    def _pieces(self) -> dict[str, list[Piece]]:
+        return {
+            "V": pieces(self.driver.V, self.driver.protocol),
+            "F_N": pieces(self.F_N, self.top.protocol),
+            "T": pieces(self.top.T, self.top.T_protocol),
+        }
+
+    def piece(self, what: Literal["V", "F_N", "T"], t: float) -> Piece:
+        """Return the piece of a protocol that begins at or before t (s): V, F_N or T."""
+        return piece_at(self._pieces[what], t)
+
+    def load_at(self, t: float) -> tuple[float, float] | None:
+        """Return F_N and T (N) at t (s), or None if no protocol changes them."""
+        if not (self.top.protocol or self.top.T_protocol):
+            return None
+        return self.piece("F_N", t).at(t), self.piece("T", t).at(t)
+
+    def legs(self, t_end: float) -> list[Leg]:
+        """Return the intervals up to t_end (s) in which the driver moves in one direction."""
+        return legs(self._pieces["V"], t_end)
+
+    def drive(self, t: float) -> float:
+        """Return the displacement of the driver from 0 to t (s), in m: V t if V is constant."""
+        return self.piece("V", t).integral_at(t)
+
+    @property
+    def i_h(self) -> int:
+        """Column of the driven blocks, counted from 0: 0 or N_x - 1."""
+        return 0 if self.driver.side == "left" else self.N_x - 1
+
+    @property
+    def j_h(self) -> int:
+        """Row of the (lowest) driven block, counted from 0 at the bottom: h / l."""
+        return round(self.driver.h / self.slider.l)
+
+    @property
+    def j_h_top(self) -> int:
+        """Row of the highest driven block, counted from 0 at the bottom: h_top / l."""
+        top = self.driver.h_top
+        return self.j_h if top is None else round(top / self.slider.l)
+
+    @property
+    def n_driven(self) -> int:
+        """Number of driven blocks, 1 without a plate."""
+        return self.j_h_top - self.j_h + 1
+
+    @property
+    def x(self) -> np.ndarray:
+        """Reference positions of the columns from the centre, shape (N_x,), in m."""
+        return (np.arange(self.N_x) - (self.N_x - 1) / 2) * self.slider.l
+
+    @property
+    def n_of_i(self) -> np.ndarray:
+        """Block numbers from the trailing edge (1 … N_x), left to right, shape (N_x,), int."""
+        n = np.arange(1, self.N_x + 1)
+        return n if self.driver.side == "left" else n[::-1].copy()
+
+    @property
+    def load(self) -> np.ndarray:
+        """Downward forces on the top blocks, left to right, shape (N_x,), in N.
+
+        They are 0 for a rod, and for a prescribed interface in two dimensions.
+        """
+        if self.rigid or self.prescribed:
+            return np.zeros(self.N_x)
+        if isinstance(self.top, PrescribedLoad):
+            return self._by_column(self.top.p)
+        slope = (2 * self.n_of_i - self.N_x - 1) / (self.N_x - 1)
+        return self.F_N / self.N_x * (1 + self.top.theta * slope)
+
+    @property
+    def shear(self) -> np.ndarray:
+        """Forces in +x on blocks of row j_shear at t = 0, left to right, shape (N_x,), in N.
+
+        They are d tau_i for a `PrescribedLoad`, and d T/N_x for a `DistributedLoad`. A half block
+        at an absorbing side has half of this force.
+        """
+        tau = self.top.tau if isinstance(self.top, PrescribedLoad) else self.top.T / self.N_x
+        return self.d * self._by_column(tau) * self.shares[1] + 0.0  # no -0.0
+
+    def push_at(self, t: float, now: float | None = None) -> np.ndarray:
+        """Return the pushes on the bottom blocks along +x, left to right, and their rates.
+
+        Args:
+            t: time that selects the active pushes, in s.
+            now: time at which they are evaluated, in s; None means t.
+
+        Returns:
+            Forces (N) and their rates (N/s), shape (2, N_x).
+        """
+        found = np.zeros((2, self.N_x))
+        for push in self.top.push:
+            if push.begin <= t < push.end:
+                found[:, push.block - 1] += push.at(t if now is None else now), push.rate
+        return self.d * found[:, self.n_of_i - 1] + 0.0  # no -0.0
+
+    @property
+    def j_shear(self) -> int:
+        """Row on which `shear` acts, counted from 0 at the bottom."""
+        return 0 if self.prescribed else self.N_z - 1
+
+    @property
+    def prescribed(self) -> bool:
+        """True if the interface is prescribed in two dimensions: p is given, no foundation."""
+        return isinstance(self.top, PrescribedLoad) and self.N_z > 1
+
+    @property
+    def has_rests(self) -> bool:
+        """True if the driver leads to static states other than the start, for any friction law."""
+        return not (self.prescribed or self.top.push or self.driver.K == 0)
+
+    @property
+    def p_prescribed(self) -> np.ndarray:
+        """Prescribed p of the bottom blocks, left to right, shape (N_x,), in N.
+
+        It is 0 without a `PrescribedLoad`. A half block at an absorbing side has half of p.
+        """
+        if not isinstance(self.top, PrescribedLoad):
+            return np.zeros(self.N_x)
+        return self._by_column(self.top.p) * self.shares[1]
+
+    def _by_column(self, values: float | tuple[float, ...]) -> np.ndarray:
+        """Return values given from the trailing edge on as an array from left to right."""
+        if isinstance(values, tuple):
+            return np.array(values)[self.n_of_i - 1]
+        return np.full(self.N_x, values)
+
+    @property
+    def k_top(self) -> float:
+        """Stiffness between each block of a chain and its position at t = 0, in N/m."""
+        return self.top.k_top
+
+    @property
+    def rigid(self) -> bool:
+        """True if the top row is glued to a rod (setup 1)."""
+        return isinstance(self.top, Rod)
+
+    @property
+    def M_rod(self) -> float:
+        """Mass of the rod in kg; 0 without a rod."""
+        return self.top.mass
+
+    @property
+    def kappa(self) -> float:
+        """Torque of the mattress per tilt, mattress L^2 / 12, in N m; 0 without a rod."""
+        return self.top.mattress * self.slider.L**2 / 12

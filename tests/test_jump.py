@@ -96,7 +96,7 @@ LATE_ERRORS = {
 @pytest.mark.parametrize("name", LATE_ERRORS)
 def test_what_modes_leave_during_a_jump_is_estimated(name):
     scene, t_end, geometry = LATE_ERRORS[name]
-    how = {"geometry": geometry, "switching": "located", "budget": False, "progress": False}
+    how = {"geometry": geometry, "switching": "located", "energies": False, "progress": False}
     a, b = (pyfric.simulate(scene, t_end, fidelity=one, **how) for one in ("hybrid", "dynamic"))
     assert a.counts["jumps"] > 0
     assert len(a.events) == len(b.events) > 1

@@ -153,7 +153,7 @@ def test_modes_are_frozen():
 
 def test_a_slider_that_one_block_holds_is_unstable_under_its_load():
     """It turns over about that block, unless bonds cannot rotate."""
-    scene = setup2(L=0.012, H=0.006, F_N=84.9882, theta=0.550417, k_f=4.87537e7, mu_k=0.7)
+    scene = setup2(L=0.012, H=0.006, F_N=84.9882, theta=0.550417, k_f=4.87537e7, K=78409.2)
     stuck = np.arange(scene.N_x) == scene.N_x - 1
     assert Space(StaticSolver(scene, "linear"), stuck).cut > 0
     with pytest.raises(EquilibriumError, match="unstable"):

@@ -13,7 +13,8 @@ PAGE = ROOT / "docs" / "explanation" / "numbers.md"
 MOST_FITTED = 15
 KINDS = {
     "policy": {
-        "levels": "ALONE HALVED LONGEST LOOSEST MOVING PILOT SHARE STRICTER",
+        "levels": "ALONE HALVED LONGEST LOOSEST SHARE STRICTER",
+        "plans": "MOVING PILOT",
         "cost": "POINTS TIMED FASTEST SLOWEST",
         "dynamic": "CALL_SECONDS STATIC_SECONDS STATIC_SHARE SHOWN OPEN_BUDGET",
         "jump": "CORRECTED",
@@ -88,8 +89,8 @@ them, or are what double precision leaves."""
 FORMULAS = {
     "cost": (2e-7, 500.0),  # the step of the paper; bytes for each unknown
     "errors": (0.95,),  # a quantile
-    # no drop of mu; default tolerance; an order; a stiffness; bytes of a record without events
-    "levels": (1e-6, 0.01, 0.25, 2.5, 1e5),
+    "levels": (1e-6, 0.25, 2.5),  # no drop of mu; an order; a stiffness
+    "plans": (0.01, 1e5),  # default tolerance; bytes of a record without events
     "operators": (1.5,),  # impedances of P and S waves
     "zones": (0.75,),  # 3 pi/4
 }

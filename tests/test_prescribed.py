@@ -108,10 +108,9 @@ def test_engines_without_full_dynamics_say_why_not():
     refused(lambda: ContactProblem(scene), "top.kind")
     refused(lambda: pyfric.solve_static(scene, np.zeros(7), 0.0), "top.kind")
     refused(lambda: simulate(scene, 1e-4, geometry="finite"), "geometry", "linear")
-    plan = pyfric.plan(scene)
-    assert (plan.fidelity, plan.geometry, plan.switching) == ("dynamic", "linear", "located")
-    (reason,) = plan.reasons
-    assert "no static states" in reason
+    hybrid, level, *_ = pyfric.plan(scene).levels
+    assert (level.engine, level.geometry, level.switching) == ("dynamic", "linear", "located")
+    assert "prescribed interface" in hybrid.cannot
 
 
 # --- forces --------------------------------------------------------------------------------------

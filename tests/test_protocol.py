@@ -208,10 +208,10 @@ def test_forces_stay_positive_and_static_states_go_straight():
 
 def test_plans_follow_protocols():
     scene = loaded(setup1(L=0.02, H=0.0125, F_N=400.0, V=4e-5), protocol=((0.8, 300.0),))
-    assert pyfric.plan(scene, tolerance=0.5, t_end=2.0).fidelity == "quasistatic"
+    assert pyfric.plan(scene, tolerance=0.5, t_end=2.0).alone.engine == "quasistatic"
     both = pyfric.plan(driven(scene, ((0.5, 8e-5),)), tolerance=0.5, t_end=2.0)
-    assert both.fidelity == "hybrid"
-    assert "speed and load change" in both.reasons[0]
+    assert both.alone.engine == "hybrid"
+    assert "speed and load change" in both.levels[0].cannot
 
 
 def test_the_driver_is_where_the_integral_of_its_speed_is():

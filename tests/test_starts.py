@@ -236,4 +236,4 @@ def test_refused_starts():
     for fidelity in ("hybrid", "quasistatic", "equilibrium"):
         run = {"fidelity": fidelity}
         refused(lambda run=run: pyfric.simulate(pushed, 1e-3, **run), "top.push", "full dynamics")
-    assert pyfric.plan(pushed, t_end=1e-3).fidelity == "dynamic"
+    assert pyfric.plan(pushed, t_end=1e-3).alone.engine == "dynamic"

@@ -274,9 +274,10 @@ def test_conditions_of_a_scene_in_the_other_engines(engine):
 def test_plans_and_estimates_count_with_those_of_a_scene():
     scene = pyfric.preset("fig1", stop_when="precursors")
     whole, part = (pyfric.plan("fig1", t_end=0.8, stop_when=one) for one in (None, "precursors"))
-    assert part.work < 0.5 * whole.work
-    assert pyfric.plan(scene, t_end=0.8).work == part.work
-    assert pyfric.plan(scene, t_end=0.8, stop_when=()).work == whole.work
+    assert part.t_end < 0.5 * whole.t_end
+    assert part.seconds[2] < 0.5 * whole.seconds[2]
+    assert pyfric.plan(scene, t_end=0.8).seconds == part.seconds
+    assert pyfric.plan(scene, t_end=0.8, stop_when=()).seconds == whole.seconds
     costs = []
     for one in (scene, "fig1"):
         sweep = Sweep(scene=one, t_end=1.5, over={"driver.h": [5e-3]}, options=HOW["hybrid"])

@@ -132,13 +132,13 @@ def _noted(scene: Callable[[], Scene], *, note: str, t_end: float = 1e-5, **how)
 
 
 def _moved_up(scene: Callable[[], Scene], *, t_end: float, damps: bool, finer: int) -> Observed:
-    """Full dynamics is chosen and the notes say why; its budget closes at a finer step.
+    """The hybrid engine becomes full dynamics and says so; the budget closes at a finer step.
 
     Where the step itself damps the motion, the notes have to say by how much.
     """
     record = _run(scene(), t_end, verify="none")
-    said = next((note for note in record.notes if note.startswith("planned")), "")
-    if record.method.engine != "dynamic" or "hybrid (" not in said:
+    said = next((note for note in record.notes if "integrated like in full dynamics" in note), "")
+    if record.method.engine != "dynamic" and not said:
         return Observed("silence", f"{record.method.engine}: {record.notes}")
     how = {"fidelity": "dynamic", "geometry": record.method.geometry}
     full = _run(scene(), t_end, **how, dt=record.method.dt / finer)

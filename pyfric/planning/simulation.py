@@ -28,8 +28,9 @@ from pyfric.engines import (
     step_size,
     work,
 )
-from pyfric.planning.levels import alone, as_made, expected_work, levels, of_named, work_done
+from pyfric.planning.levels import alone, levels, of_named
 from pyfric.planning.pairs import Asked, Made, finest
+from pyfric.planning.plans import as_made, expected_work, work_done
 from pyfric.planning.points import levels_of
 from pyfric.record import Record
 from pyfric.scene import (

@@ -46,7 +46,13 @@ def test_units_in_heads_are_understood(tmp_path, heads):
     assert repr(law) == "TabulatedLaw(slip 0 to 8 um, 2 knots, mu 0.650 to 0.453)"
 
 
-@pytest.mark.parametrize("heads", ["", "slip,mu", "s,mu", "slip_max,mu_s", "slip (m),mu", "m,-"])
+@pytest.mark.parametrize(
+    "heads",
+    [
+        *("", "slip,mu", "s,mu", "slip_max,mu_s", "slip (m),mu", "m,-"),
+        *("# 2011-05-03, sample 4", "# at 20 °C, dry"),
+    ],
+)
 def test_without_a_unit_numbers_are_in_si(tmp_path, heads):
     assert table(tmp_path, rows(heads)).slip == (0.0, 8.0)
 
@@ -88,6 +94,10 @@ def test_without_a_unit_numbers_are_in_si(tmp_path, heads):
         ("slip (um),mu / ‰", "'‰' is a factor"),
         ("slip (um),mu in per cent", "'per cent' is a factor"),
         ("slip, um;mu", "a head is one name"),
+        ("# slip/10^-6 m,mu", "row 1, column 1, 'slip/10^-6 m': '10^-6' is a factor"),
+        ("# slip,mu*1000", "'*1000' is a factor"),
+        ("# slip,1000 mu", "'1000' is a factor"),
+        ("# slip,mu 1e3", "'1e3' is a factor"),
         ("slip_in,mu", "'in' may be a unit"),
         ("slip in in,mu", "'in' may be a unit"),
     ],

@@ -38,6 +38,9 @@ _INDEX = re.compile(r"\b([^\W\d]+)\d\b")
 """A digit at the end of a name, as in mu_2."""
 _FACTOR = re.compile(r"[x*×·⋅]?\s*[\d^%‰⁰¹²³⁴-⁹⁻][\d^%‰⁰¹²³⁴-⁹⁻.eE*−-]*|[*×·⋅]")
 """What is left of a number, a power of ten, a product or a share."""
+_SCALED = re.compile(r"[*×·⋅^⁰¹²³⁴-⁹]|\b1(?:e-?\d|0-\d|00+\b)", re.IGNORECASE)
+"""What a comment with a factor has, and one with a date, a temperature or a number of a sample
+has not."""
 _SHARES = re.compile(r"per\W?cent|per\W?mill?e?|ppm", re.IGNORECASE)
 WORDS = ("min", "dyn", "mus", "mud")
 """Units that are words of a friction coefficient: the minimum, dynamic friction, mu_s, mu_d."""
@@ -191,7 +194,8 @@ def _units(comments: list[_Line], heads: _Line | None, first: int, si: str) -> t
     """
     for n, cells in comments:  # as numpy.savetxt writes heads
         if heads is None and n == first - 1 and len(cells) == 2:
-            heads = _Line(n, cells) if not re.search(r"\d", "".join(cells)) else None
+            text = " ".join(cells)
+            heads = _Line(n, cells) if _SCALED.search(text) or not re.search(r"\d", text) else None
     found = ["", ""]
     for c, (cell, unit) in enumerate(zip(heads.cells, (si, ""), strict=True) if heads else ()):
         try:

@@ -2,11 +2,14 @@
 
 import os
 
+import hypothesis
 import numpy as np
 import pytest
+from hypothesis import strategies as st
 
 from pyfric import laws
 from pyfric.scene import Interface, Scene, SceneError, chain
+from pyfric.scene.laws.columns import _unit_in
 
 FALL = ((0.0, 0.65), (8.0, 0.453))
 
@@ -32,7 +35,8 @@ def rows(heads, rows=FALL, apart=","):
         *("slip / um , mu", "slip in um,mu", "Slip [µm],friction", "slip (\u03bcm),mu"),
         *('"slip (um)",mu', "# a curve\nslip (um),mu\n# of 2011", "\ufeffslip (um),mu"),
         *("slip ($\\mu$m),$\\mu$", "slip (micrometers),mu/1", "x_1/um,tau/p", "# slip_um,mu"),
-        *("slip (um);mu", "slip (um)\tmu", "slip{um},mu_min", "slip (um),mu_dyn"),
+        *("slip (um);mu", "slip (um)\tmu", "slip{um},mu_min", "slip (um),mu_dyn", "slip (um),mus"),
+        *("slip, um;mu", "slip, um\tmu", "slip: um,mu_2", "slip = um,F_T/F_N"),
     ],
 )  # fmt: skip
 def test_units_in_heads_are_understood(tmp_path, heads):
@@ -42,7 +46,13 @@ def test_units_in_heads_are_understood(tmp_path, heads):
     assert repr(law) == "TabulatedLaw(slip 0 to 8 um, 2 knots, mu 0.650 to 0.453)"
 
 
-@pytest.mark.parametrize("heads", ["", "slip,mu", "s,mu", "slip_max,mu_s", "slip (m),mu", "m,-"])
+@pytest.mark.parametrize(
+    "heads",
+    [
+        *("", "slip,mu", "s,mu", "slip_max,mu_s", "slip (m),mu", "m,-"),
+        *("# 2011-05-03, sample 4", "# at 20 °C, dry"),
+    ],
+)
 def test_without_a_unit_numbers_are_in_si(tmp_path, heads):
     assert table(tmp_path, rows(heads)).slip == (0.0, 8.0)
 
@@ -71,6 +81,23 @@ def test_without_a_unit_numbers_are_in_si(tmp_path, heads):
         ("slip (um),mu*1000", "'*1000' is a factor"),
         ("slip (um),mu x10", "'x10' is a factor"),
         ("slip (um),1000 mu", "'1000' is a factor"),
+        ("slip/10^-6 m,mu", "'10^-6' is a factor"),
+        ("slip/(10^-6 m),mu", "'10^-6 m' is no unit of m"),
+        ("slip / (10⁻⁶ m),mu", "'10⁻⁶ m' is no unit of m"),
+        ("slip/10-6 m,mu", "'10-6' is a factor"),
+        ("slip·10^6 (m),mu", "'·10^6' is a factor"),
+        ("slip_2,mu", "'2' is a factor"),
+        ("slip (um),F_T / 10^3 N", "'10^3' is a factor"),
+        ("slip (um),F_T/kN", "'kN' is a unit"),
+        ("slip (um),F_T/F_N_kN", "'kN' is a unit"),
+        ("slip (um),mu·10³", "'·10³' is a factor"),
+        ("slip (um),mu / ‰", "'‰' is a factor"),
+        ("slip (um),mu in per cent", "'per cent' is a factor"),
+        ("slip, um;mu", "a head is one name"),
+        ("# slip/10^-6 m,mu", "row 1, column 1, 'slip/10^-6 m': '10^-6' is a factor"),
+        ("# slip,mu*1000", "'*1000' is a factor"),
+        ("# slip,1000 mu", "'1000' is a factor"),
+        ("# slip,mu 1e3", "'1e3' is a factor"),
         ("slip_in,mu", "'in' may be a unit"),
         ("slip in in,mu", "'in' may be a unit"),
     ],
@@ -80,6 +107,50 @@ def test_units_that_are_not_understood_are_refused(tmp_path, heads, text):
         table(tmp_path, rows(heads))
     assert text in str(caught.value)
     assert '"name (m)"' in caught.value.allowed
+
+
+LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "cm": 1e-2, "inch": 0.0254, "Nm": None}
+POWERS = {"10^-6": 1e-6, "10-3": 1e-3, "1e-6": 1e-6, "10⁻⁶": 1e-6, "10^{-3}": 1e-3, "1000": 1e3}
+POWERS |= {"10**-6": 1e-6, "10^3": 1e3, "100": 100.0}
+FORMS = ("{0} ({1})", "{0} [{1}]", "{0}/{1}", "{0} / {1}", "{0}/({1})", "{0}, {1}", "{0} in {1}")
+FORMS += ("{0}_{1}", "{0} {1}", "{0}: {1}", "{0}; {1}", "{1}", "{0} ({1}) filtered", "{1} {0}")
+TIMES = ("{1} {0}", "{1}{0}", "{1}*{0}", "{0} × {1}", "{0}·{1}", "{0}x{1}")
+SLIPS = st.sampled_from(["slip", "s", "d", "u_x", "Slip", "displacement", "x_1", "D2", "delta"])
+
+
+@hypothesis.given(
+    SLIPS,
+    st.sampled_from([*LENGTHS, ""]),
+    st.sampled_from([*POWERS, ""]),
+    st.sampled_from(FORMS),
+    st.sampled_from(TIMES),
+    st.booleans(),
+)
+def test_any_head_is_read_with_its_factor_or_refused(name, unit, power, form, times, before):
+    """`before`: the power of ten is with the name; else it is with the unit."""
+    before = before and "{0}" in form
+    what = times.format(name, power) if power and before else name
+    of = f"{power} {unit}".strip() if power and not before else unit
+    head = form.format(what, of) if of else what
+    try:
+        read = _unit_in(head, "m")
+    except ValueError as error:
+        assert len(str(error)) > 20
+        return
+    assert not power
+    assert (LENGTHS[read] if read else 1.0) == (LENGTHS[unit] if unit else 1.0)
+
+
+@hypothesis.given(
+    st.sampled_from(["mu", "μ", "mu_k", "mu_2", "friction", "F_T", "tau", "f"]),
+    st.sampled_from(["%", "‰", "N", "kN", "MPa", "mm", "ms", "10^3 N", "10-3", "per mille", "ppm"]),
+    st.sampled_from(FORMS),
+)
+def test_a_friction_coefficient_has_no_unit_but_per_cent(name, unit, form):
+    try:
+        assert _unit_in(form.format(name, unit), "") == unit == "%"
+    except ValueError as error:
+        assert len(str(error)) > 20
 
 
 @pytest.mark.parametrize(
@@ -93,6 +164,8 @@ def test_units_that_are_not_understood_are_refused(tmp_path, heads, text):
         ("speed", "v_mm/s,factor", 8e-3),
         ("speed", "v (mm s^-1),factor", 8e-3),
         ("speed", "v/(mm/s),factor", 8e-3),
+        ("speed", "v/(mm s⁻¹),factor", 8e-3),
+        ("speed", "v / mm s-1,factor", 8e-3),
         ("speed", "v_mm_s,factor", None),
     ],
 )
@@ -113,6 +186,7 @@ def test_times_and_speeds(tmp_path, name, heads, end):
         ("0, 0.7\n2, 0.6\n2, 0.5\n", "slide", 2.0, ["row 3: not beyond", "than 2.0 m"]),
         ("1, 0.7\n2, 0.6\n", "slide", 1.0, ["row 1: tables start at 0"]),
         ("0, 0.7\n2, -0.6\n", "slide", -0.6, ["row 2, column 2: too small", "number >= 0"]),
+        ("slip, um,mu\n0, 0.7\n", "slide", None, ["row 1: 3 columns", "two columns"]),
         ("0, 0\n\n2, inf\n", "hold", float("inf"), ["row 3, column 2: not a finite number"]),
         ("0, 0, 0\n", "hold", None, ["row 1: 3 columns", "two columns"]),
         ("t (ms), gain\n", "hold", 0, ["2 to 1000 rows"]),

@@ -225,6 +225,24 @@ def test_main_events_are_the_same_with_other_longest_pauses(name, constant, fact
     assert (len(events), int(events["is_main"].sum())) == (known, main)
 
 
+@pytest.mark.parametrize("factor", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("constant", ["DRIVER_SHARE", "RING_DOWN"])
+@pytest.mark.parametrize("V", [2e-3, 2e-2])
+def test_waves_decide_the_longest_pause_of_a_fast_rod(V, constant, factor, monkeypatch):
+    monkeypatch.setattr(pauses, constant, factor * getattr(pauses, constant))
+    assert pauses.longest_pause(rod(V=V)) == 1e-4
+
+
+def test_a_fast_rod_has_other_events_with_other_pauses():
+    found = {}
+    for V, t_end in ((2e-3, 0.06), (2e-2, 0.02)):
+        for t_gap in (5e-5, 1e-4, 2e-4):
+            how = {"fidelity": "hybrid", "geometry": "linear", "progress": False, "t_gap": t_gap}
+            events = pyfric.simulate(rod(V=V), t_end, **how).events
+            found[V, t_gap] = len(events), int(events["is_main"].sum())
+    assert list(found.values()) == [(27, 6), (24, 6), (19, 6), (36, 25), (31, 22), (18, 11)]
+
+
 def test_the_docs_list_them_all():
     page = Path(__file__).parents[1] / "docs" / "explanation" / "numbers.md"
     text = page.read_text(encoding="utf-8")

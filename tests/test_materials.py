@@ -49,6 +49,31 @@ def test_a_bulk_viscosity_stays_and_the_paper_s_falls_with_l():
     np.testing.assert_allclose(found[2] / found[3], 2, rtol=0.02)
 
 
+@pytest.mark.parametrize("l", [2.5e-3, 1.25e-3])
+@pytest.mark.parametrize(
+    ("dashpots", "at_0", "at_45"), [("full", (1, 1), (1, 1)), ("along", (1, 2), (0.5, 2.5))]
+)
+def test_long_waves_decay_as_a_material_says(dashpots, at_0, at_45, l):
+    """Over viscosity q^2/(2 rho): the shear and the pressure wave, at 0, 90 and 45 degrees."""
+    viscosity, q = 5e3, 1e-3 / l
+    how = {"E": E, "width": B, "density": RHO, "viscosity": viscosity, "dashpots": dashpots}
+    scene = setup1(slider=Slider.of_material(**how, L=0.14, H=0.075, l=l))
+    directions = np.array([[1, 0], [0, 1], [1, 1], [1, -1]])
+    ways = q * directions / np.linalg.norm(directions, axis=1)[:, None]
+    _, gamma = dispersion(scene, ways)
+    gamma = np.broadcast_to(gamma.reshape(len(ways), -1), (len(ways), 2))  # slower wave first
+    found = gamma * scene.m / (B * l**2) / (viscosity * q**2)
+    np.testing.assert_allclose(found, [at_0, at_0, at_45, at_45], rtol=1e-6)
+
+
+def test_a_scene_file_may_give_a_viscosity_along_bonds():
+    given = 'material = {E = "3 GPa", width = "6 mm", density = "1200 kg/m^3", '
+    given += 'viscosity = "4 kPa s"}'
+    text = setup1(dashpots="along").to_toml()
+    text = text.replace('k = "13500000.0 N/m"\nM = "0.0756 kg"', given)
+    assert Scene.from_toml(text).eta == pytest.approx(24.0, rel=1e-15)
+
+
 def test_damping_is_eta_in_units_of_k_and_m():
     scene = setup1(damping=0.4)
     assert scene.eta == pytest.approx(2 * setup1().eta, rel=1e-15)
@@ -86,6 +111,8 @@ def test_refusals():
     refused(lambda: Slider.of_material("PDMS 10:1", **slab), "slider.material.density", "not known")
     refused(lambda: Slider.of_material(E=E, **slab), "slider.material.density", "missing")
     refused(lambda: Slider.of_material("PMMA", **slab | {"H": 0.0}), "slider.H", "height")
+    both = slab | {"viscosity": 1.0, "damping": 0.1}
+    refused(lambda: Slider.of_material("PMMA", **both), "slider.damping", "eta is given")
     refused(lambda: Slider.of_material("PMMA", **slab, M=1.0), "slider.M", "given by the material")
     refused(lambda: Slider.of_material("PMMA", **slab, lenght=1.0), "slider.lenght", "unknown")
     refused(lambda: Slider.of_material("PMMA", **slab | {"L": "1 kg"}), "slider.L", "'1 kg'")

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 ROTATION_OF_BONDS = "rotation of bonds"
 MOVING = 0.8
 """Front speed over the limiting one, c_R or the speed of sound in a chain, at which plans state the
-length of the cohesive zone, too: a definition."""
+length of the cohesive zone, too: a policy."""
 PILOT = 0.5
 """Largest work of the sequence by which costs are expected, in s: a policy."""
 

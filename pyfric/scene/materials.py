@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 from pyfric.scene.checked import Name, NotNegative, Positive, part
 from pyfric.scene.errors import SceneError, unknown
@@ -56,11 +56,15 @@ class Material:
         name: a key of `MATERIALS`, for values that are not given; "" for none.
         E: Young's modulus, Pa.
         density: rho, kg/m^3.
-        viscosity: bulk viscosity, Pa s. The force per volume is viscosity times the Laplacian of
-            the velocity, and waves of wave number q decay at viscosity q^2/(2 rho). Each bond has
-            eta = B viscosity/3, independent of l. None means the paper's eta = sqrt(0.1 k m), which
-            falls with l. That is a viscosity of 0.82 l sqrt(E rho), which damps waves of a few
-            blocks for every l.
+        viscosity: bulk viscosity, Pa s. Long waves of wave number q decay at viscosity q^2/(2 rho).
+            With dashpots "full" all of them do: the force per volume is viscosity times the
+            Laplacian of the velocity, and each bond has eta = B viscosity/3, independent of l.
+            Dashpots "along" the bonds are no isotropic viscosity. Each bond then has
+            eta = B viscosity, with which shear waves along x and z decay so. Pressure waves along
+            x and z decay twice as fast. At 45 degrees, shear waves decay half as fast and pressure
+            waves 2.5 times as fast. None means the paper's eta = sqrt(0.1 k m), which falls with l.
+            With dashpots "full" that is a viscosity of 0.82 l sqrt(E rho), which damps waves of a
+            few blocks for every l.
 
     Source: PRL 107, 074301 (2011), model section, for k and eta.
     """
@@ -90,7 +94,13 @@ class Material:
         """Stiffness of the nearest-neighbour springs, 3 B E/4, in N/m."""
         return 0.75 * (self.width * self.E)
 
-    @property
-    def eta(self) -> float | None:
-        """Viscosity of each bond, B viscosity/3, in N s/m; None means that of the paper."""
-        return None if self.viscosity is None else self.width * self.viscosity / 3
+    def eta(self, dashpots: Literal["full", "along"]) -> float | None:
+        """Return the viscosity of each bond, in N s/m; None means that of the paper.
+
+        A shear wave along x meets one bond along x and two diagonals for each block. Dashpots
+        resist all of its motion, or 0 of it in the first and half in the others: eta = B viscosity
+        over 1 + 2 = 3, or over 2/2 = 1.
+        """
+        if self.viscosity is None:
+            return None
+        return self.width * self.viscosity / {"full": 3, "along": 1}[dashpots]

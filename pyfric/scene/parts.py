@@ -100,7 +100,8 @@ class Slider:
 
         Args:
             name: a key of `pyfric.MATERIALS`, for values that are not given.
-            width, E, density, viscosity: see `Material`.
+            width, E, density, viscosity: see `Material`. Which waves decay as the viscosity says
+                depends on `dashpots`.
             **fields: L, H, l and other fields of the slider, except k and M.
 
         >>> slab = {"L": "140 mm", "H": "75 mm", "l": "2.5 mm"}
@@ -117,12 +118,12 @@ class Slider:
                 reason = "given by the material"
                 value = getattr(fields[name], "value", fields[name])
                 raise SceneError(f"slider.{name}", value, "", "one of both", reason)
-        eta = {} if material.eta is None else {"eta": material.eta}
-        slab = cls(k=material.k, M=1.0, **eta, **fields)
+        slab = cls(k=material.k, M=1.0, **fields)
         if not slab.H:
             raise SceneError("slider.H", slab.H, "m", "> 0 m", "a slab has a height")
         M = material.density * material.width * slab.L * slab.H
-        return dataclasses.replace(slab, M=M)
+        eta = material.eta(slab.dashpots)
+        return dataclasses.replace(slab, M=M, **({} if eta is None else {"eta": eta}))
 
     @classmethod
     def from_file(cls, entries: Mapping[str, Any], folder: Path | None) -> Self:

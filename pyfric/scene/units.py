@@ -32,14 +32,18 @@ UNUSUAL = ("megameter", "gigameter", "megasecond", "gigasecond", "petameter")
 """Units that stand for another one with a small letter: Mm for mm, Ms for ms."""
 
 # pint evaluates arithmetic, which may take long. Units may therefore contain no numbers, except
-# exponents of one digit.
-_FACTOR = r"[A-Za-zµμ%]+(?:(?:\^|\*\*)-?[1-9]|[²³])?"
+# exponents of one digit: m^2, m**2, m2, m², s^-1, s-1, s⁻¹.
+_FACTOR = r"[A-Za-zµμ%]+(?:(?:\^|\*\*)[-−]?[1-9]|[-−][1-9]|[2-9]|⁻?[¹²³])?"
 _QUANTITY = re.compile(
     r"\s*(?P<number>[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|nan|inf(?:inity)?)(?![\d.]))"
-    rf"\s*(?P<unit>(?:{_FACTOR}(?:(?:\s*[*/·]\s*|\s+){_FACTOR})*)?)\s*",
+    rf"\s*(?P<unit>(?:{_FACTOR}(?:(?:\s*[*/·⋅]\s*|\s+){_FACTOR})*)?)\s*",
     re.IGNORECASE | re.ASCII,
 )
 _LONGEST = 80  # characters in a quantity
+_SIGNS = str.maketrans("−⁻¹²³⋅", "--123·")
+_POWER = re.compile(r"(?<=[A-Za-zµμ%])(?=-?[1-9])")
+_NAME = re.compile(r"\b[A-Z][A-Za-z]{4,}\b")
+"""A unit that is spelled out with a capital. Shorter ones are symbols, as MPa and mPa are."""
 
 
 LIMITS = {
@@ -242,10 +246,13 @@ def _factor(name: str, unit: str) -> Fraction:
     """
     registry, shown = _registry(), show(name)
     try:
-        given, wanted = map(registry.parse_units, (name, unit))
+        plain = _POWER.sub("^", name.translate(_SIGNS))
+        given, wanted = map(registry.parse_units, (plain, unit))
         same = given.dimensionality == wanted.dimensionality
     except Exception:  # pint raises many types of errors
-        raise ValueError(f"unknown unit {shown}") from None
+        small = _NAME.sub(lambda word: word[0].lower(), name)
+        instead = f": write {show(small)}" if small != name and _known(small, unit) else ""
+        raise ValueError(f"unknown unit {shown}{instead}") from None
     if not same:
         raise ValueError(f"wrong unit: {shown} does not convert to {unit}")
     for full, _ in registry.Quantity(1, given).unit_items():
@@ -259,3 +266,11 @@ def _factor(name: str, unit: str) -> Fraction:
     if not factor > 0:
         raise ValueError(f"unit {shown}: its factor to {unit} is not positive")
     return factor
+
+
+def _known(name: str, unit: str) -> bool:
+    """Whether a factor converts a unit to the SI unit."""
+    try:
+        return _factor(name, unit) > 0
+    except ValueError:
+        return False

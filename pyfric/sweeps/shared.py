@@ -40,7 +40,7 @@ CALIBRATION = 5
 CHECKED, LEAST = 0.05, 2
 """Share of the other points that are checked, and their least number. Policies."""
 CONFIDENCE = 0.95
-"""Of what is said of points that were not measured: a definition."""
+"""Of what is said of points that were not measured: a policy."""
 GOLDEN = (math.sqrt(5) - 1) / 2
 """Multiples of it, less their whole parts, are spread evenly, and along no row of a grid."""
 

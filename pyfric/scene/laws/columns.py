@@ -29,14 +29,21 @@ PASSES = 4
 ROUNDED = 1e-12
 """A curve whose mu falls by less than this share is flat: least squares round so."""
 _BRACKETS = re.compile(r"[(\[<](?P<unit>[^()\[\]<>]*)[)\]>]\s*$")
-_BETWEEN = re.compile(r"(?P<slash>\s*/\s*)|\s*[:|=]\s*|[\s_]+(?:in[\s_]+)?")
+_BETWEEN = re.compile(r"\s*(?P<sign>[/:|=,;])\s*|[\s_]+(?:in[\s_]+)?")
 _MARKUP = re.compile(r"\\(?:mathrm|text|rm|[,;! ])|[${}]")
 _WORD = re.compile(r"[A-Za-zµμ]+")
 _LAST = re.compile(r"[A-Z]?[a-zµμ]+|[A-Z]+")
 _BRACES = re.compile(r"^([^\\$]*)\{([^{}]*)\}$")
-_FACTOR = re.compile(r"[*x×]\s*1(?:e-?\d+|0[\^\d-]*)|^1(?:e-?\d+|0+)\b", re.IGNORECASE)
-WORDS = ("min", "dyn")
-"""Units that are words beside a friction coefficient: the minimum, dynamic friction."""
+_INDEX = re.compile(r"\b([^\W\d]+)\d\b")
+"""A digit at the end of a name, as in mu_2."""
+_FACTOR = re.compile(r"[x*×·⋅]?\s*[\d^%‰⁰¹²³⁴-⁹⁻][\d^%‰⁰¹²³⁴-⁹⁻.eE*−-]*|[*×·⋅]")
+"""What is left of a number, a power of ten, a product or a share."""
+_SCALED = re.compile(r"[*×·⋅^⁰¹²³⁴-⁹]|\b1(?:e-?\d|0-\d|00+\b)", re.IGNORECASE)
+"""What a comment with a factor has, and one with a date, a temperature or a number of a sample
+has not."""
+_SHARES = re.compile(r"per\W?cent|per\W?mill?e?|ppm", re.IGNORECASE)
+WORDS = ("min", "dyn", "mus", "mud")
+"""Units that are words of a friction coefficient: the minimum, dynamic friction, mu_s, mu_d."""
 
 
 class _Line(NamedTuple):
@@ -101,8 +108,8 @@ def from_csv(path: str | os.PathLike[str], name: str, unit: str) -> Table:
 
     Empty lines and lines that start with # are ignored. The first line, or a line with # above the
     numbers, may name the columns with their units: "slip (um),mu", "slip [um],mu", "slip/um,mu",
-    "slip_um,mu" or "um,-". Without units, numbers are in SI units. Commas, semicolons or tabs
-    separate the columns.
+    "slip_um,mu" or "um,-". Without units, numbers are in SI units. Then the first head may have no
+    digit, and neither head a factor such as 10^-6. Commas, semicolons or tabs separate the columns.
 
     Args:
         path: the file, in UTF-8.
@@ -149,8 +156,10 @@ def _lines(
         content = read_at_most(path, MAX_BYTES + 1)
         text = content.decode("utf-8-sig") if len(content) <= MAX_BYTES else ""
         lines = [(n, t) for n, t in enumerate(map(str.strip, text.splitlines()), 1) if t]
-        rows = _cells((n, t) for n, t in lines if t[0] != "#")
-        comments = _cells((n, t.lstrip("# ")) for n, t in lines if t[0] == "#")
+        plain = [(n, t) for n, t in lines if t[0] != "#"]
+        apart = next((sign for sign in "\t;" if plain and sign in plain[-1][1]), ",")
+        rows = _cells(plain, apart)
+        comments = _cells([(n, t.lstrip("# ")) for n, t in lines if t[0] == "#"], apart)
     except (OSError, ValueError, csv.Error) as error:
         reason = getattr(error, "strerror", None) or "no text in UTF-8"
         raise SceneError(name, os.fspath(path), "", allowed, reason) from None
@@ -169,12 +178,11 @@ def _lines(
     return comments, heads, rows
 
 
-def _cells(lines: Iterable[tuple[int, str]]) -> list[_Line]:
-    """Return the cells of each line, which commas, semicolons or tabs separate."""
+def _cells(lines: Iterable[tuple[int, str]], apart: str) -> list[_Line]:
+    """Return the cells of each line, which `apart` separates."""
     return [
-        _Line(n, [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))])
+        _Line(n, [cell.strip() for cell in next(csv.reader([line], delimiter=apart))])
         for n, line in lines
-        for delimiter in [max(",;\t", key=line.count)]
     ]
 
 
@@ -186,7 +194,8 @@ def _units(comments: list[_Line], heads: _Line | None, first: int, si: str) -> t
     """
     for n, cells in comments:  # as numpy.savetxt writes heads
         if heads is None and n == first - 1 and len(cells) == 2:
-            heads = _Line(n, cells) if not re.search(r"\d", "".join(cells)) else None
+            text = " ".join(cells)
+            heads = _Line(n, cells) if _SCALED.search(text) or not re.search(r"\d", text) else None
     found = ["", ""]
     for c, (cell, unit) in enumerate(zip(heads.cells, (si, ""), strict=True) if heads else ()):
         try:
@@ -207,12 +216,10 @@ def _unit_in(head: str, si: str) -> str:
     """
     head = _BRACES.sub(r"\1(\2)", head.strip())
     head = _MARKUP.sub("", head.replace("\\mu", "µ")).strip()
-    if factor := _FACTOR.search(head):
-        instead = "write a unit such as um" if si else "a friction coefficient has none"
-        raise ValueError(f"{factor[0]!r} is a factor, not a unit; {instead}")
     brackets = _BRACKETS.search(head)
     if brackets or head in NO_UNIT:
         unit = brackets["unit"].strip() if brackets else head
+        _check_name(head[: brackets.start()] if brackets else "", si)
         if unit == "" or (unit in NO_UNIT and not si):
             return ""
         if _fits(unit, si):
@@ -220,8 +227,9 @@ def _unit_in(head: str, si: str) -> str:
         raise ValueError(f"{unit!r} is no unit of {si or 'a pure number'}")
     for between in [None, *_BETWEEN.finditer(head)]:
         unit = head if between is None else head[between.end() :]
-        plain = len(unit) > 1 or unit == si or (between is not None and between["slash"])
+        plain = len(unit) > 1 or unit == si or (between is not None and between["sign"])
         if plain and unit != "in" and _fits(unit, si):  # the h of t_h need not be a unit
+            _check_name(head[: between.start()] if between else "", si)
             return unit
     if si and "/" in head:
         raise ValueError(f"the text after / is no unit of {si}")
@@ -230,12 +238,30 @@ def _unit_in(head: str, si: str) -> str:
     last = re.split(r"[\s_]+", head)[-1]
     if si == "m" and last == "in":
         raise ValueError("'in' may be a unit; write inches as (in)")
-    if si or last == head or last in WORDS:
+    _check_name(head if si else head.removesuffix("/1"), si, index=not si)
+    if re.search("[,;|=]", head):
+        raise ValueError("a head is one name; write its unit in brackets at the end")
+    if si or last in WORDS:
         return ""
-    force = "/" not in head and (_fits(last, "N") or _fits(last, "Pa"))
-    if force or (len(last) > 1 and any(_fits(last, unit) for unit in ("m", "s", "m/s"))):
-        raise ValueError(f"{last!r} is a unit, and a friction coefficient has none")
+    words = [head.rpartition("/")[2].strip(), *re.split(r"[^\w/]+", head)]
+    words += [last] if len(last) > 1 or "/" not in head else []  # N of F_T/F_N is an index
+    for word in words:
+        lengths = ("m", "s", "m/s") if len(word) > 1 else ()
+        if any(_fits(word, unit) for unit in ("N", "Pa", *lengths)):
+            raise ValueError(f"{word!r} is a unit, and a friction coefficient has none")
     return ""
+
+
+def _check_name(name: str, si: str, *, index: bool = True) -> None:
+    """Check that a head without its unit has no number but an index, and no share such as ‰.
+
+    Raises:
+        ValueError: it has one.
+    """
+    name = _INDEX.sub(r"\1", name) if index else name
+    if left := _FACTOR.search(name) or (None if si else _SHARES.search(name)):
+        instead = "write a unit such as um" if si else "a friction coefficient has none"
+        raise ValueError(f"{left[0].strip()!r} is a factor, not a unit; {instead}")
 
 
 def _unit_among(text: str, si: str) -> str:

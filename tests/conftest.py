@@ -47,11 +47,12 @@ def coarse_pictures():
         style.PNG_DPI = 60
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def coarse_curves(monkeypatch):
-    """Loading curves of 150 points where a test asks for no time between them."""
-    if options := sys.modules.get("pyfric.engines.options"):
-        monkeypatch.setattr(options, "POINTS", 150)
+    """Loading curves of 150 points instead of 5000, and so fewer calls of the core."""
+    from pyfric.engines import options
+
+    monkeypatch.setattr(options, "POINTS", 150)
 
 
 @pytest.fixture

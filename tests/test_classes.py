@@ -223,6 +223,7 @@ def test_a_phase_diagram_of_a_named_preset(monkeypatch, tmp_path):
     refused(lambda: phase_diagram(changes=given), "changes", "their own")
 
 
+@pytest.mark.usefixtures("coarse_curves")
 def test_a_phase_diagram_with_points_at_which_nothing_slips(tmp_path):
     found = phase_diagram(
         small(h=2.5e-3),

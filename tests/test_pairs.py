@@ -400,6 +400,7 @@ TRAPS = {
 }
 
 
+@pytest.mark.usefixtures("coarse_curves")
 @pytest.mark.parametrize(("scene", "t_end", "tolerance", "ends"), TRAPS.values(), ids=TRAPS)
 def test_what_ends_inside_an_event_is_measured_or_said(scene, t_end, tolerance, ends):
     """Earlier builds said that errors of 1e-8 were measured where nothing was compared."""

@@ -82,6 +82,7 @@ def at_once(scene, new, t):
 RUNS = [*(("hybrid", what) for what in OTHERS), ("dynamic", "back"), ("dynamic", "a ramp")]
 
 
+@pytest.mark.usefixtures("coarse_curves")
 @pytest.mark.parametrize(
     ("fidelity", "what"), [*RUNS, *(("quasistatic", one) for one in ("twice", "back", "a ramp"))]
 )

@@ -47,6 +47,7 @@ HOW = {
 ENGINES = pytest.mark.parametrize("engine", HOW)
 
 
+@pytest.mark.usefixtures("coarse_curves")
 @pytest.mark.parametrize("engine", ["dynamic", "hybrid"])
 def test_a_front_that_arrests(engine):
     ended, whole = two_runs(small(), 6e-3, "arrested", **HOW[engine])
@@ -82,6 +83,7 @@ def test_counted_events(engine):
 COUNTED = {"main_events": "is_main", "precursors": "is_precursor", "system_size": "L_p_over_L"}
 
 
+@pytest.mark.usefixtures("coarse_curves")
 @pytest.mark.parametrize("goes_on", [False, True])
 @pytest.mark.parametrize(
     "engine", [pytest.param("dynamic", marks=pytest.mark.slow), "hybrid", "quasistatic"]
@@ -159,6 +161,7 @@ def test_at_rest_knows_what_the_driver_still_does():
     assert times[1] > times[0]
 
 
+@pytest.mark.usefixtures("coarse_curves")
 def test_the_same_step_however_calls_are_cut(monkeypatch):
     """The clock has no say: calls of the core of another length end a run at the same step."""
     first = pyfric.simulate(small(), 6e-3, stop_when="arrested", **HOW["dynamic"])
@@ -168,6 +171,7 @@ def test_the_same_step_however_calls_are_cut(monkeypatch):
     assert again.final_state == first.final_state
 
 
+@pytest.mark.usefixtures("coarse_curves")
 @pytest.mark.parametrize("engine", ["dynamic", "hybrid", "quasistatic"])
 def test_runs_go_on(engine):
     scene, how = ("fig1", HOW[engine]) if engine != "dynamic" else (small(), HOW[engine])
@@ -243,6 +247,7 @@ def test_command_line_jobs_and_sweeps(tmp_path):
 # --- in scene files and sweep files --------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("coarse_curves")
 def test_conditions_of_a_scene_end_its_runs():
     """A scene may say when its runs end; a run with conditions of its own, or (), follows those."""
     scene, how = small(stop_when="arrested"), HOW["dynamic"]
@@ -329,6 +334,7 @@ def test_scene_files_on_the_command_line(tmp_path):
     assert done.exit_code == 0
 
 
+@pytest.mark.usefixtures("coarse_curves")
 def test_conditions_in_sweep_files(tmp_path):
     """Of the scene, of all runs, and varied; each run has a key of its own."""
     small(stop_when="reached = 10 mm").to_toml(tmp_path / "scene.toml")

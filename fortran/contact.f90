@@ -4,7 +4,7 @@ module pyfric_contact
   use pyfric_layout, only: UX, UZ, VX, LB, LANES
   use pyfric_model, only: model_t, close_state, row_share, column_shares
   use pyfric_boundaries, only: foundation, driver_force
-  use pyfric_law, only: stop_reversed, next_states, settle_junctions, remember, STUCK
+  use pyfric_law, only: stop_reversed, next_states, settle_moving, remember, STUCK
   use pyfric_log, only: log_t, log_switch, log_quiet
   use pyfric_rows, only: row_t, other_forces
   implicit none (type, external)
@@ -16,7 +16,8 @@ module pyfric_contact
     integer(ip), allocatable :: mode(:)    !! contact states
     integer(ip), allocatable :: corner(:)  !! 1: the block's slip began with p < p_corner
     real(dp), allocatable :: margin(:)     !! strength of a stuck block minus its load at the end of the last step [N]; on
-                                           !! junctions: number of breaks before the block is ruptured
+                                           !! junctions: number of breaks before the block is ruptured; rate-and-state:
+                                           !! speed that is missing before it slips [m/s]
     real(dp), allocatable :: loss(:)       !! kinetic energy removed by switching; heat of breaks and pinning [J]
     real(dp), allocatable :: memory(:, :)  !! state variables of the law, see pyfric_law
   end type contact_t
@@ -62,8 +63,8 @@ contains
       call next_states(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, t, fx, w%p, y(LB, VX, 1), new, margin)
     else
       call foundation(s, y(LB, UZ, 1), w%p)
-      call settle_junctions(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, t, soon, y(LB, UX, 1), y(LB, VX, 1), w%p, new, &
-                            margin, contact%loss)
+      call settle_moving(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, t, soon, y(LB, UX, 1), y(LB, VX, 1), w%p, new, &
+                         margin, contact%loss)
     end if
     was_active = active(contact)
     do i = 1, s%nx

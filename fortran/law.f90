@@ -7,8 +7,9 @@
 !>     stuck      |f| <= (mu_s + hold(a)) p
 !>     slipping   f = -(+-1) (mu_k + (mu_s - mu_k) slide(s/d_c)) speed(|v|) age(a) p - alpha v
 !>
-!> A law without tables is Amontons-Coulomb: hold = slide = 0, speed = age = 1. On junctions (pyfric_junctions) no block
-!> comes to rest: f follows from displacements and state variables alone.
+!> A law without tables is Amontons-Coulomb: hold = slide = 0, speed = age = 1. Under the other laws no block comes to rest:
+!> on junctions (pyfric_junctions) f follows from displacements and state variables, with rate-and-state friction
+!> (pyfric_rate_state) from speeds and a state variable.
 module pyfric_law
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: LB, LANES
@@ -16,15 +17,18 @@ module pyfric_law
   use pyfric_junction_memory, only: n_whole, prepare
   use pyfric_junctions, only: junctions_t, new_junctions, forces, powers, stored_energy, settle, next_break, next_release, &
                               drag_limits, drag_functions
+  use pyfric_rate_state, only: rate_state_t, new_rate_state, rate_forces, implicit_speeds, variables_of, thetas_of, variable_rates
   implicit none (type, external)
   private
   public :: law_t, new_law, whole_memory, friction_force, friction_powers, interface_energy
   public :: event_functions, knot_functions, last_knots, time_to_knot
-  public :: stop_reversed, next_states, settle_junctions, remember
+  public :: stop_reversed, next_states, settle_moving, remember
+  public :: implicit_speeds, variables_of, thetas_of, variable_rates
   public :: STUCK, OPEN_GAP, N_TABLES, N_FIELDS, N_CONTACT, N_KNOT, N_MARK
 
   !> Contact states; slipping blocks have the sign of their motion, +1 or -1. On junctions a block counts as stuck while
-  !> enough of them are pinned. When it ruptures, the sign is that of its velocity.
+  !> enough of them are pinned, with rate-and-state friction while it is slow. When it ruptures, the sign is that of its
+  !> velocity.
   integer(ip), parameter :: STUCK = 0, OPEN_GAP = 2
   !> Tables, and fields of N_x numbers, in the order in which Python passes them.
   integer, parameter :: N_TABLES = 4, N_FIELDS = 5
@@ -36,11 +40,13 @@ module pyfric_law
   type :: law_t
     logical :: complete = .false.   !! there was enough memory
     integer :: n_memory                !! state variables of each block
-    logical :: rests                   !! blocks come to rest; otherwise they are on junctions
+    logical :: rests                   !! blocks come to rest
+    logical :: flows                   !! rate-and-state friction: each stage is implicit in the velocities of the blocks
     integer :: per_block = 1           !! junctions of a block; 1 without junctions
     logical :: simple                  !! no tables and no viscosity
     logical :: kinked                  !! friction has corners over slip or speed
     type(junctions_t), private :: junctions
+    type(rate_state_t) :: rate_state
     real(dp), allocatable :: mu_s(:)   !! static friction coefficient [-]
     real(dp), allocatable :: mu_k(:)   !! kinetic friction coefficient [-]
     real(dp), allocatable :: d_c(:)    !! unit of slip of the table, 0 for at once [m]
@@ -54,14 +60,17 @@ module pyfric_law
 contains
 
   !> The law from its tables, one after another: x and y of each knot; and mu_s, mu_k, d_c, alpha, 0 of each block. On
-  !> junctions: quantiles of t_R in the first table; and mu_s, mu_d, C, t_R and its spread.
-  pure function new_law(nx, n_memory, n_junctions, seed, from_right, share, n_knots, knots, fields) result(law)
+  !> junctions: quantiles of t_R in the first table; and mu_s, mu_d, C, t_R and its spread. Rate-and-state: a, b, D_c, alpha
+  !> and f*.
+  pure function new_law(nx, n_memory, n_junctions, seed, from_right, share, evolution, speeds, n_knots, knots, fields) result(law)
     integer, intent(in) :: nx                  !! blocks
     integer(ip), intent(in) :: n_memory        !! numbers that are saved of each block
     integer(ip), intent(in) :: n_junctions     !! of each block, 0 for none
     integer(ip), intent(in) :: seed(2)         !! of junctions, two words of 32 bits
     logical, intent(in) :: from_right          !! blocks are counted from the right
     real(dp), intent(in) :: share              !! of pinned junctions, below which a block is ruptured
+    integer(ip), intent(in) :: evolution       !! of rate-and-state friction, see pyfric_rate_state; 0 for other laws
+    real(dp), intent(in) :: speeds(3)          !! of it: V* [m/s], V*/V_c, speed from which a block slips [m/s]
     integer(ip), intent(in) :: n_knots(N_TABLES)
     real(dp), intent(in) :: knots(:)
     real(dp), intent(in) :: fields(nx, N_FIELDS)
@@ -86,8 +95,15 @@ contains
     law%n_memory = n_memory
     law%kinked = law%slide%n > 0 .or. law%speed%n > 0
     law%simple = all(n_knots == 0) .and. all(law%alpha <= 0.0_dp)
-    law%rests = n_junctions == 0
+    law%flows = evolution /= 0
+    law%rests = n_junctions == 0 .and. .not. law%flows
     if (law%rests) return
+    if (law%flows) then
+      law%simple = .false.
+      law%rate_state = new_rate_state(nx, evolution, speeds, fields)
+      law%complete = law%rate_state%complete
+      return
+    end if
     law%per_block = n_junctions
     law%n_memory = n_whole(n_junctions)
     law%simple = .false.
@@ -105,7 +121,7 @@ contains
     integer :: i
 
     memory(:size(saved, 1), :) = saved
-    if (law%rests) return
+    if (law%rests .or. law%flows) return
     do i = 1, nx
       call prepare(law%junctions%n, memory(1, i))
     end do
@@ -125,10 +141,14 @@ contains
     real(dp), intent(in) :: other(LB:n + LANES)  !! all other horizontal forces, as a row [N]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
     real(dp), intent(out) :: f(nx)               !! friction force on the blocks, along +x [N]
-    real(dp) :: mu
+    real(dp) :: mu, theta(nx)
     integer :: i
 
-    if (.not. law%rests) then
+    if (law%flows) then
+      theta = memory(1, :)
+      call rate_forces(law%rate_state, nx, theta, v_x(at(:nx)), p, f)
+      return
+    else if (.not. law%rests) then
       call forces(law%junctions, nx, n, at, memory, u_x, p, f)
       return
     end if
@@ -188,16 +208,17 @@ contains
     real(dp) :: v
     integer :: i
 
-    if (.not. law%rests) then
+    if (.not. (law%rests .or. law%flows)) then
       call powers(law%junctions, nx, n, at, memory, u_x, v_x, p, p_rate, above, viscous)
       return
     end if
     above = 0.0_dp
     viscous = 0.0_dp
     do i = 1, nx
-      if (abs(mode(i)) /= 1) cycle
+      if (abs(mode(i)) /= 1 .and. .not. law%flows) cycle
       v = v_x(at(i))
       viscous(i) = law%alpha(i)*v*v
+      if (law%flows) cycle
       above(i) = -(f(i) + law%alpha(i)*v + real(mode(i), dp)*(law%mu_k(i)*p(i)))*v
     end do
   end subroutine friction_powers
@@ -212,7 +233,7 @@ contains
     real(dp) :: energy
 
     energy = 0.0_dp
-    if (.not. law%rests) energy = stored_energy(law%junctions, nx, memory, u_x, p)
+    if (.not. (law%rests .or. law%flows)) energy = stored_energy(law%junctions, nx, memory, u_x, p)
   end function interface_energy
 
   !> Strength of a stuck block [N]; a block that has just stopped has age 0.
@@ -414,8 +435,8 @@ contains
     end do
   end subroutine next_states
 
-  !> The contact states of blocks on junctions after a step: ruptured ones slip.
-  pure subroutine settle_junctions(law, nx, n, at, mode, memory, t, soon, u_x, v_x, p, new, margin, loss)
+  !> The contact states after a step of blocks that never rest: ruptured or fast ones slip. Junctions break and pin.
+  pure subroutine settle_moving(law, nx, n, at, mode, memory, t, soon, u_x, v_x, p, new, margin, loss)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
     integer, intent(in) :: n                     !! padded length of a row
@@ -428,12 +449,16 @@ contains
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
     integer(ip), intent(out) :: new(nx)          !! contact states after
-    real(dp), intent(out) :: margin(nx)          !! pinned junctions that may break before the block is ruptured
+    real(dp), intent(out) :: margin(nx)          !! pinned junctions that may break, or speed missing [m/s], before the block slips
     real(dp), intent(inout) :: loss(nx)          !! heat of breaks and of pinning so far [J]
     real(dp) :: along
     integer :: i
 
-    call settle(law%junctions, nx, n, at, t, soon, u_x, p, memory, margin, loss)
+    if (law%flows) then
+      margin = law%rate_state%v_slip - abs(v_x(at(:nx)))
+    else
+      call settle(law%junctions, nx, n, at, t, soon, u_x, p, memory, margin, loss)
+    end if
     along = merge(-1.0_dp, 1.0_dp, law%junctions%from_right)
     do i = 1, nx
       if (p(i) <= 0.0_dp) then
@@ -442,10 +467,10 @@ contains
         new(i) = STUCK
       else
         new(i) = mode(i)
-        if (abs(mode(i)) /= 1) new(i) = int(merge(along, -along, along*v_x(at(i)) >= 0.0_dp), ip)
+        if (abs(mode(i)) /= 1 .or. law%flows) new(i) = int(merge(along, -along, along*v_x(at(i)) >= 0.0_dp), ip)
       end if
     end do
-  end subroutine settle_junctions
+  end subroutine settle_moving
 
   !> The paper's rule for one block. A block at rest sticks up to its strength. Above it, the block slips
   !> in the direction of the other forces. A block that lands slips along its velocity.

@@ -34,6 +34,7 @@ module pyfric_model
     integer(ip) :: n_junctions !! junctions of each block, 0 for none
     integer(ip) :: seed_low !! of them: the lower 32 bits
     integer(ip) :: seed_high !! and the upper ones
+    integer(ip) :: evolution !! of rate-and-state friction, see pyfric_rate_state; 0 for other laws
     integer(ip) :: n_hold   !! knots of the friction law's tables
     integer(ip) :: n_slide
     integer(ip) :: n_speed
@@ -64,6 +65,9 @@ module pyfric_model
     real(dp) :: load_rate   !! rate of F_N over F_N at t_seg [1/s]
     real(dp) :: shear_rate  !! rate of the force on each block of a free top row, along +x [N/s]
     real(dp) :: ruptured    !! share of pinned junctions below which a block is ruptured
+    real(dp) :: v_ref       !! reference speed V* of rate-and-state friction [m/s]
+    real(dp) :: cut         !! V*/V_c, 0 without a cut-off speed V_c [-]
+    real(dp) :: v_slip      !! speed from which a block counts as slipping [m/s]
   end type constants_t
 
   type, extends(constants_t) :: model_t
@@ -158,7 +162,7 @@ contains
     s%k_f(:) = numbers(5*nx + 1:6*nx)
     last = (ROWS + N_FIELDS)*nx
     s%law = new_law(nx, n%n_memory, n%n_junctions, [n%seed_low, n%seed_high], s%d < 0.0_dp, s%ruptured, &
-                    [n%n_hold, n%n_slide, n%n_speed, n%n_age], numbers(last + 1:), &
+                    n%evolution, [s%v_ref, s%cut, s%v_slip], [n%n_hold, n%n_slide, n%n_speed, n%n_age], numbers(last + 1:), &
                     numbers(ROWS*nx + 1:last))
     s%complete = s%law%complete
   end subroutine take_rows

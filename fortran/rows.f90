@@ -20,6 +20,7 @@ module pyfric_rows
     real(dp), allocatable :: zeros(:, :)  !! zeros, in place of a row that does not exist (:, 4)
     real(dp), allocatable :: p(:)        !! foundation force, bottom row [N]
     real(dp), allocatable :: f(:)        !! friction force along +x, bottom row [N]
+    real(dp), allocatable :: memory(:, :) !! state variables at the end of an implicit step, see pyfric_law
     real(dp) :: f_t                      !! force of the driver, row of a driven block [N]
   end type row_t
 
@@ -42,7 +43,7 @@ contains
     type(row_t) :: w
     integer :: failed
 
-    allocate (w%zeros(LB:s%n + LANES, 4), w%p(s%nx), w%f(s%nx), stat=failed)
+    allocate (w%zeros(LB:s%n + LANES, 4), w%p(s%nx), w%f(s%nx), w%memory(merge(s%law%n_memory, 0, s%law%flows), s%nx), stat=failed)
     if (failed /= 0) return
     w%complete = .true.
     w%zeros = 0.0_dp

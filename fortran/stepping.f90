@@ -194,6 +194,7 @@ contains
       !$omp barrier
       if (thread == 0) then
         if (.not. bottom_first) call test_step(s, method, run, y(LB, 1, 1, run%current), y(LB, 1, 1, 3 - run%current), contact)
+        if (s%law%flows) contact%memory = w(1)%memory  ! the first thread owns the bottom row
         call complete_step(s, method, run, y(LB, 1, 1, 3 - run%current), rods(:, 3 - run%current), contact, budget, log)
       end if
       !$omp barrier

@@ -6,11 +6,19 @@
 !>
 !> and the step ends at u + h v + h^2 sum_i bbar_i F_i/m, v + h sum_i b_i F_i/m. A thread owns rows j0..j1 and waits
 !> for the other threads between stages. Every row sees the same operations for any number of threads.
+!>
+!> An implicit-explicit table has one more stage, at which the step ends. Its second part is for the friction R of blocks
+!> that never rest and for their state variable x, dx/dt = X:
+!>
+!>     u_i: + h^2 sum_j dbar_ij R_j/m ,   v_i: + h sum_j d_ij R_j/m ,   x_i = x + h sum_j s_ij X_j ,   d = s - a, dbar = a d
+!>
+!> with the same d_ii = s_ii in all stages after the first, where v_i and x_i are solved for (pyfric_rate_state).
 module pyfric_table_stepper
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
-  use pyfric_model, only: model_t, close_state
-  use pyfric_boundaries, only: rod_acceleration, rod_to_row
+  use pyfric_model, only: model_t, close_state, row_share, column_shares
+  use pyfric_boundaries, only: rod_acceleration, rod_to_row, foundation
+  use pyfric_law, only: implicit_speeds, variables_of, thetas_of, variable_rates
   use pyfric_rows, only: row_t, row_forces, row_powers, budget_t
   use pyfric_workspace, only: MAX_STAGES, FX, FZ, CARRY, BONDS, COLUMNS
   implicit none (type, external)
@@ -27,11 +35,16 @@ module pyfric_table_stepper
     real(dp) :: ebar(MAX_STAGES) = 0.0_dp  !! bbar minus that of the embedded method
     real(dp) :: a(MAX_STAGES, MAX_STAGES) = 0.0_dp
     real(dp) :: abar(MAX_STAGES, MAX_STAGES) = 0.0_dp
+    logical :: implicit = .false.          !! the last stage is the end of the step
+    real(dp) :: d(MAX_STAGES, MAX_STAGES) = 0.0_dp
+    real(dp) :: dbar(MAX_STAGES, MAX_STAGES) = 0.0_dp
+    real(dp) :: s(MAX_STAGES, MAX_STAGES) = 0.0_dp
   end type table_t
 
 contains
 
-  !> The table from the columns that Python passes: c, b and, if it is not swept, bbar, e, ebar, a, abar.
+  !> The table from the columns that Python passes: c, b and, if it is not swept, bbar, e, ebar, a, abar; of an implicit one
+  !> also d, dbar, s.
   pure function new_table(stages, columns) result(table)
     integer, intent(in) :: stages                !! at most MAX_STAGES
     real(dp), intent(in) :: columns(:, :)
@@ -46,7 +59,12 @@ contains
     table%e(:stages) = columns(:, 4)
     table%ebar(:stages) = columns(:, 5)
     table%a(:stages, :stages) = columns(:, 6:5 + stages)
-    table%abar(:stages, :stages) = columns(:, 6 + stages:)
+    table%abar(:stages, :stages) = columns(:, 6 + stages:5 + 2*stages)
+    table%implicit = size(columns, 2) > 5 + 2*stages
+    if (.not. table%implicit) return
+    table%d(:stages, :stages) = columns(:, 6 + 2*stages:5 + 3*stages)
+    table%dbar(:stages, :stages) = columns(:, 6 + 3*stages:5 + 4*stages)
+    table%s(:stages, :stages) = columns(:, 6 + 4*stages:)
   end function new_table
 
   !> Computes rows j0..j1 of the state one step later, and their part of the error, at fixed contact states.
@@ -71,34 +89,58 @@ contains
     type(row_t), intent(inout) :: w
     real(dp), intent(out) :: err(2)                   !! largest error of u [m] and of v [m/s] in these rows
     real(dp) :: rod_a(3, MAX_STAGES), rod_stage(6)
-    integer :: stage, j
+    real(dp) :: friction(s%nx, MAX_STAGES), rate(s%nx, MAX_STAGES), x(s%nx), remembered(s%law%n_memory, s%nx)
+    integer :: stage, last, j
+    logical :: implicit
 
     rod_stage = rod
-    do stage = 1, table%stages
+    last = table%stages
+    if (table%implicit) last = last - 1
+    implicit = table%implicit .and. s%law%flows
+    if (implicit) then
+      x = memory(1, :)
+      x = variables_of(s%law%rate_state, s%nx, x)
+      rate(:, 1) = variable_rates(s%law%rate_state, s%nx, y(s%at(:s%nx), VX, 1), x)
+      remembered = memory
+    end if
+    do stage = 1, last
       if (stage == 1) then
-        call sweep(t, y)
+        call sweep(t, y, memory)
       else
         do j = j0, j1
           call stage_row(s, table%c(stage)*sub, sub, table%abar(stage, :), table%a(stage, :), stage - 1, j, y(LB, 1, j), &
                          rod, f, rod_a, q(LB, 1, j), rod_stage)
         end do
+        if (implicit .and. j0 == 1) then
+          call implicit_row(s, table, stage, sub, y(LB, 1, 1), x, friction, rate, q(LB, 1, 1), remembered)
+        end if
         !$omp barrier
-        call sweep(t + table%c(stage)*sub, q)
+        if (implicit) then
+          call sweep(t + table%c(stage)*sub, q, remembered)
+        else
+          call sweep(t + table%c(stage)*sub, q, memory)
+        end if
       end if
+      if (implicit .and. j0 == 1) friction(:, stage) = w%f/row_share(s, 1)/column_shares(s)
       !$omp barrier
     end do
     do j = j0, j1
-      call stage_row(s, sub, sub, table%bbar, table%b, table%stages, j, y(LB, 1, j), rod, f, rod_a, y_new(LB, 1, j), rod_new)
+      call stage_row(s, sub, sub, table%bbar, table%b, last, j, y(LB, 1, j), rod, f, rod_a, y_new(LB, 1, j), rod_new)
     end do
+    if (implicit .and. j0 == 1) then
+      call implicit_row(s, table, table%stages, sub, y(LB, 1, 1), x, friction, rate, y_new(LB, 1, 1), remembered)
+      w%memory = remembered
+    end if
     err = 0.0_dp
     if (any(abs(table%e) > 0.0_dp)) err = row_errors(s, table, sub, j0, j1, f, rod_a)
 
   contains
 
     !> Forces and powers of a stage, on rows j0..j1. In finite geometry the row below starts the carry.
-    subroutine sweep(t_stage, y_stage)
+    subroutine sweep(t_stage, y_stage, memory_stage)
       real(dp), intent(in) :: t_stage                    !! time [s]
       real(dp), intent(in) :: y_stage(LB:s%n + LANES, 4, s%nz) !! the stage
+      real(dp), intent(in) :: memory_stage(s%law%n_memory, s%nx) !! its state variables
       integer :: below, above
 
       work(:, CARRY:CARRY + 1) = 0.0_dp
@@ -106,14 +148,14 @@ contains
         below = max(j - 1, 1)
         above = min(j + 1, s%nz)
         if (j < j0) then
-          call row_forces(s, j, t_stage, y_stage(LB, 1, below), y_stage(LB, 1, j), y_stage(LB, 1, above), mode, memory, &
+          call row_forces(s, j, t_stage, y_stage(LB, 1, below), y_stage(LB, 1, j), y_stage(LB, 1, above), mode, memory_stage, &
                           work(LB, CARRY), work(LB, BONDS), work(LB, FX), work(LB, FZ), w)
           cycle
         end if
-        call row_forces(s, j, t_stage, y_stage(LB, 1, below), y_stage(LB, 1, j), y_stage(LB, 1, above), mode, memory, &
+        call row_forces(s, j, t_stage, y_stage(LB, 1, below), y_stage(LB, 1, j), y_stage(LB, 1, above), mode, memory_stage, &
                         work(LB, CARRY), work(LB, BONDS), f(LB, 1, j, stage), f(LB, 2, j, stage), w)
         if (keep_budget) then
-          call row_powers(s, j, t_stage, sub*table%b(stage), mode, memory, y_stage(LB, 1, j), y_stage(LB, 1, above), &
+          call row_powers(s, j, t_stage, sub*table%b(stage), mode, memory_stage, y_stage(LB, 1, j), y_stage(LB, 1, above), &
                           rod_stage(5), w, budget)
         end if
         if (j == s%nz .and. s%rigid) then
@@ -122,6 +164,37 @@ contains
       end do
     end subroutine sweep
   end subroutine table_step
+
+  !> The bottom row at an implicit stage: the part of the table for friction is added, and velocities are solved for.
+  pure subroutine implicit_row(s, table, stage, sub, y, x, friction, rate, q, memory)
+    type(model_t), intent(in) :: s
+    type(table_t), intent(in) :: table
+    integer, intent(in) :: stage
+    real(dp), intent(in) :: sub                        !! length of the step [s]
+    real(dp), intent(in) :: y(LB:s%n + LANES, 4)       !! the row at the start
+    real(dp), intent(in) :: x(s%nx)                    !! state variables at the start, see pyfric_rate_state
+    real(dp), intent(in) :: friction(s%nx, MAX_STAGES) !! R of the stages before, over the shares of whole blocks [N]
+    real(dp), intent(inout) :: rate(s%nx, MAX_STAGES)  !! X of the stages before; this one is added
+    real(dp), intent(inout) :: q(LB:s%n + LANES, 4)    !! the row by the explicit part alone
+    real(dp), intent(inout) :: memory(s%law%n_memory, s%nx) !! theta is set [s]
+    real(dp) :: p(s%nx), m(s%nx), v(s%nx), x_0(s%nx), x_1(s%nx)
+    integer :: k
+
+    call foundation(s, q(LB, UZ), p)
+    m = s%m*row_share(s, 1)*column_shares(s)
+    x_0 = x
+    do k = 1, stage - 1
+      q(s%at(:s%nx), UX) = q(s%at(:s%nx), UX) + sub*sub/s%m*table%dbar(stage, k)*friction(:, k)
+      q(s%at(:s%nx), VX) = q(s%at(:s%nx), VX) + sub/s%m*table%d(stage, k)*friction(:, k)
+      x_0 = x_0 + sub*table%s(stage, k)*rate(:, k)
+    end do
+    v = q(s%at(:s%nx), VX)
+    call implicit_speeds(s%law%rate_state, s%nx, sub*table%s(stage, stage), m, p, x_0, y(s%at(:s%nx), VX), v, x_1)
+    q(s%at(:s%nx), VX) = v
+    rate(:, stage) = variable_rates(s%law%rate_state, s%nx, v, x_1)
+    memory(1, :) = thetas_of(s%law%rate_state, s%nx, x_1)
+    call close_state(s, q)
+  end subroutine implicit_row
 
   !> Row j at a stage or at the end, from the first n stages; the top row by the rod.
   pure subroutine stage_row(s, elapsed, sub, weight_u, weight_v, n, j, y, rod, f, rod_a, to, rod_to)

@@ -17,11 +17,12 @@ from pyfric.statics import dispersion, loaded_state, stability_limit
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic", progress=False, sample=1e-5)
 
-TABLES = ("rk4_opposite", "symplectic_euler", "verlet", "adaptive")
+TABLES = ("rk4_opposite", "symplectic_euler", "verlet", "adaptive", "imex")
 """Steppers given by a table; RK4 has a sweep of its own, and tests of its own."""
 FIXED = {"rtol": 1.0}
 """With this error allowed, adaptive steps are as long as dt."""
-WAYS = [(m, s) for m in core.STEPPERS for s in ("step_end", "located")]
+EXPLICIT = [name for name, stepper in core.STEPPERS.items() if not stepper.implicit]
+WAYS = [(m, s) for m in EXPLICIT for s in ("step_end", "located")]
 
 
 def wild(scene, geometry="linear", seed=0, speed=1.0):
@@ -58,6 +59,7 @@ def test_one_step_is_that_of_the_twin(kind, geometry, stepper):
         "symplectic_euler": twin.symplectic_euler_step,
         "verlet": twin.verlet_step,
         "adaptive": twin.rk4_step,
+        "imex": twin.imex_step,
     }[stepper](
         scene, geometry, 0.0, state.y, state.rod, state.mode, state.u_drv0, state.dt
     )  # fmt: skip
@@ -75,7 +77,7 @@ def test_one_step_is_that_of_the_twin(kind, geometry, stepper):
 
 @pytest.mark.parametrize(
     ("stepper", "order"),
-    [("symplectic_euler", 1), ("verlet", 2), ("rk4_opposite", 4), ("adaptive", 4)],
+    [("symplectic_euler", 1), ("verlet", 2), ("imex", 3), ("rk4_opposite", 4), ("adaptive", 4)],
 )
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 @pytest.mark.parametrize("kind", ["rod", "free"])
@@ -106,7 +108,7 @@ def test_order_while_nothing_switches(kind, geometry, stepper, order):
 def test_order_of_pure_slip(stepper):
     """All blocks slip the same way throughout: motion is smooth, and converges as it should."""
     scene = small(mu_s=0.3, mu_k=0.2)
-    order = {"symplectic_euler": 1, "verlet": 2}.get(stepper, 4)
+    order = core.STEPPERS[stepper].order
     coarse, ends = 0.2e-6, []
     for halvings in (0, 1, 2, 6):
         state = loaded_state(scene).state(scene, coarse / 2**halvings)
@@ -134,7 +136,7 @@ def test_errors_of_opposite_steppers_in_linear_motion():
         assert abs(both.sum()) < 0.04 * abs(both[0])
 
 
-@pytest.mark.parametrize("stepper", ["rk4", "rk4_opposite"])
+@pytest.mark.parametrize("stepper", ["rk4", "rk4_opposite", "imex"])
 def test_growth_is_that_of_a_step(stepper):
     stepper = core.STEPPERS[stepper]
     for omega, gamma in ((0.3, 0.1), (1.5, 2.0), (0.1, 0.0)):

@@ -501,6 +501,12 @@ def rk4_opposite_step(*args: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, d
     return _runge_kutta_step(rows, [*b, 1 - sum(b)], *args)
 
 
+def imex_step(*args: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, float]]:
+    """Return the same by the explicit part of the implicit-explicit method, of order 3."""
+    rows = [], [1 / 2], [11 / 18, 1 / 18], [5 / 6, -5 / 6, 1 / 2]
+    return _runge_kutta_step(rows, [1 / 4, 7 / 4, 3 / 4, -7 / 4], *args)
+
+
 def _runge_kutta_step(
     rows: Sequence[Sequence[float]],
     weights: Sequence[float],

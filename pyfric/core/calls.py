@@ -81,6 +81,9 @@ def advance(
     if stepper not in STEPPERS or switching not in SWITCHING or not rtol > 0:
         given = f"stepper = {stepper!r}, switching = {switching!r}, rtol = {rtol}"
         raise ValueError(f"{given}: the core has no such method")
+    if model.flows and not (STEPPERS[stepper].implicit and switching == "step_end"):
+        allowed = "stepper = 'imex', switching = 'step_end'"
+        raise ValueError(f"stepper = {stepper!r}: rate-and-state friction needs {allowed}")
     if not 0 <= n_steps < 2**31:
         raise ValueError(f"n_steps = {n_steps}: must be from 0 to {2**31 - 1}")
     if not 1 <= threads <= 4096:

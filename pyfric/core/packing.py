@@ -36,6 +36,7 @@ class Counts(NamedTuple):
     n_junctions: int = 0
     seed_low: int = 0
     seed_high: int = 0
+    evolution: int = 0
     n_hold: int = 0
     n_slide: int = 0
     n_speed: int = 0
@@ -70,6 +71,9 @@ class Constants(NamedTuple):
     load_rate: float
     shear_rate: float
     ruptured: float = 0.0
+    v_ref: float = 0.0
+    cut: float = 0.0
+    v_slip: float = 0.0
 
 
 class Model(NamedTuple):
@@ -100,6 +104,11 @@ class Model(NamedTuple):
     def n_memory(self) -> int:
         """Number of state variables of the friction law for each block."""
         return int(self.counts[Counts._fields.index("n_memory")])
+
+    @property
+    def flows(self) -> bool:
+        """Whether friction is that of a speed."""
+        return bool(self.counts[Counts._fields.index("evolution")])
 
     @property
     def on_junctions(self) -> bool:
@@ -187,11 +196,8 @@ def model(scene: Scene, geometry: Geometry, u_drv0: OnDriven, t: float = 0.0) ->
     push = scene.push_at(t, begin)
     rows, n_knots, knots = _interface(scene)
     counts = _counts(scene, geometry)._replace(**n_knots)
-    if not scene.law.rests:
-        kind = scene.law.kind
-        words = np.array([kind.seed % 2**32, kind.seed >> 32], np.uint32).view(np.int32)
-        counts = counts._replace(n_junctions=kind.n_s, seed_low=words[0], seed_high=words[1])
-        constants = constants._replace(ruptured=kind.ruptured)
+    own_counts, own_constants = scene.law.core_numbers
+    counts, constants = counts._replace(**own_counts), constants._replace(**own_constants)
     aside = home - constants.u_mean
     packed = _packed(counts, constants, aside, scene.x, load, shear, *push, *rows, *knots)
     if not np.isfinite(packed.numbers).all():

@@ -1,4 +1,4 @@
-"""The explicit steppers, one entry each.
+"""The steppers, one entry each.
 
 A stepper is a table of coefficients. Let h be the step, M the mass, and F_j(u_j, v_j, t + c_j h)
 the forces at stages j < i. Stage i is at
@@ -7,6 +7,9 @@ the forces at stages j < i. Stage i is at
 
 The step ends at u + h v + h^2 sum_i bbar_i F_i/M and v + h sum_i b_i F_i/M. An embedded method
 gives an error estimate; its b differs by e, and its bbar by ebar.
+
+An implicit-explicit stepper has a second lower triangle s, with a diagonal, for the friction of
+blocks that never rest. It ends at its last stage.
 """
 
 from __future__ import annotations
@@ -28,7 +31,7 @@ def _product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Stepper:
-    """An explicit stepper.
+    """A stepper.
 
     Attributes:
         name: its name in options.
@@ -36,6 +39,9 @@ class Stepper:
         c, b, a: coefficients, shapes (n,), (n,), (n, n).
         bbar, abar: b and a for displacements. None means those of a Runge-Kutta method.
         e: b minus b of the embedded method, shape (n,); None for steps of fixed length.
+        s: implicit coefficients, shape (n, n), with zeros in the first column and one number on
+            the rest of the diagonal. Their last row and that of `a` end the step, so that the last
+            stage needs no forces. None for explicit steppers.
         growth: R(z), the factor by which exp(lambda t) grows in a step, with z = lambda h. None for
             steppers that treat u and v differently.
         grows: growth of undamped motion in a step that counts as stable, |R(z)| - 1.
@@ -53,6 +59,7 @@ class Stepper:
     bbar: np.ndarray | None = None
     abar: np.ndarray | None = None
     e: np.ndarray | None = None
+    s: np.ndarray | None = None
     growth: Callable[[np.ndarray], np.ndarray] | None = None
     grows: float = 0.0
     swept: bool = False
@@ -68,7 +75,12 @@ class Stepper:
     @property
     def evaluations(self) -> int:
         """Number of force evaluations of each step or sub-step."""
-        return len(self.b)
+        return len(self.b) - self.implicit
+
+    @property
+    def implicit(self) -> bool:
+        """Whether stages are implicit in the friction of blocks that never rest."""
+        return self.s is not None
 
     @property
     def adaptive(self) -> bool:
@@ -77,10 +89,12 @@ class Stepper:
 
     @functools.cached_property
     def columns(self) -> np.ndarray:
-        """Coefficients for the core: c, b and, if it is not swept, bbar, e, ebar, a, abar."""
+        """Coefficients for the core: c, b; if not swept bbar, e, ebar, a, abar; s - a, a (s - a), s."""
         columns = [self.c, self.b]
         if not self.swept:
             columns += [self.bbar, self.e, _product(self.e, self.a), self.a, self.abar]
+        if self.s is not None:
+            columns += [self.s - self.a, _product(self.a, self.s - self.a), self.s]
         return np.asfortranarray(np.column_stack(columns))
 
     def step(
@@ -112,6 +126,11 @@ def _rk4_growth(z: np.ndarray) -> np.ndarray:
 def _opposite_growth(z: np.ndarray) -> np.ndarray:
     """R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24 + z^5/60."""
     return 1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4 * (1 + 2 * z / 5))))
+
+
+def _imex_growth(z: np.ndarray) -> np.ndarray:
+    """R(z) = 1 + z + z^2/2 + z^3/6 - 7 z^4/288."""
+    return 1 + z * (1 + z / 2 * (1 + z / 3 * (1 - 7 * z / 48)))
 
 
 def _lower(*rows: list[float]) -> np.ndarray:
@@ -191,6 +210,26 @@ STEPPERS: dict[str, Stepper] = {
             a=_lower(*_RK4_ROWS, [5 / 32, 7 / 32, 13 / 32, -1 / 32]),
             e=np.array([1.0, 2.0, 2.0, 1.0, 0.0]) / 6 - np.array([-3.0, 14, 14, 13, -32]) / 6,
             growth=_rk4_growth,
+        ),
+        # Order 3 in both parts, four force evaluations; the implicit part damps the fastest motion
+        # entirely (U. M. Ascher, S. J. Ruuth, R. J. Spiteri, Appl. Numer. Math. 25, 151 (1997),
+        # section 2.8). The explicit part is stable on the imaginary axis up to 1.57.
+        Stepper(
+            "imex",
+            order=3,
+            c=np.array([0.0, 1 / 2, 2 / 3, 1 / 2, 1.0]),
+            b=np.array([1 / 4, 7 / 4, 3 / 4, -7 / 4, 0.0]),
+            a=_lower([1 / 2], [11 / 18, 1 / 18], [5 / 6, -5 / 6, 1 / 2], [1 / 4, 7 / 4, 3 / 4, -7 / 4]),
+            s=np.array(
+                [
+                    [0.0, 0.0, 0.0, 0.0, 0.0],
+                    [0.0, 1 / 2, 0.0, 0.0, 0.0],
+                    [0.0, 1 / 6, 1 / 2, 0.0, 0.0],
+                    [0.0, -1 / 2, 1 / 2, 1 / 2, 0.0],
+                    [0.0, 3 / 2, -3 / 2, 1 / 2, 1 / 2],
+                ]
+            ),
+            growth=_imex_growth,
         ),
     )
 }

@@ -113,13 +113,13 @@ def full_counts(
     Located transitions, whose number is not known before the run, are not counted.
     """
     steps = lasts / dt
-    evaluations = len(STEPPERS[stepper].c) * steps * scene.N_x * scene.N_z
+    evaluations = STEPPERS[stepper].evaluations * steps * scene.N_x * scene.N_z
     return {"steps": steps, "block_evaluations": evaluations, "calls": min(calls, steps)}
 
 
 def located(scene: Scene, counts: Mapping[str, float], stepper: str = "rk4") -> float:
     """Return the block evaluations that locate transitions: all but those of whole steps."""
-    of_steps = len(STEPPERS[stepper].c) * counts["steps"] * scene.N_x * scene.N_z
+    of_steps = STEPPERS[stepper].evaluations * counts["steps"] * scene.N_x * scene.N_z
     return max(counts["block_evaluations"] - of_steps, 0.0)
 
 

@@ -81,7 +81,7 @@ Want = Literal["loading_curve", "precursors", "stress", "front_speed", "motion"]
 """The quantity that a run is made for."""
 Verify = Literal["none", "sample", "full", "shared"]
 """How errors are measured."""
-StepperName = Literal["rk4", "rk4_opposite", "verlet", "symplectic_euler", "adaptive"]
+StepperName = Literal["rk4", "rk4_opposite", "verlet", "symplectic_euler", "adaptive", "imex"]
 """The name of a stepper."""
 
 
@@ -95,7 +95,7 @@ class Keywords(TypedDict, total=False):
     verify: Verify | None
     budget: Number | None
     geometry: Geometry | None
-    stepper: StepperName
+    stepper: StepperName | None
     switching: Switching | None
     rtol: Number | None
     dt: Number
@@ -109,7 +109,7 @@ class Keywords(TypedDict, total=False):
     checkpoint_every: Number
 
 
-METHOD_PAPER = {"stepper": ("rk4",), "switching": (None, "step_end"), "dt": ("auto",)}
+METHOD_PAPER = {"stepper": (None, "rk4"), "switching": (None, "step_end"), "dt": ("auto",)}
 """Values of options that method = "paper" leaves."""
 
 
@@ -174,14 +174,16 @@ class Options:
         unless='"finite", or "linear" for a chain and for static engines',
         kept=lambda method: method.geometry,
     )
-    stepper: StepperName = option(
-        "rk4",
+    stepper: StepperName | None = option(
+        None,
         "steps",
         """the stepper. "rk4": classical RK4, order 4 (the paper's). "rk4_opposite": order 4, with
         errors opposite to those of "rk4". The limit of short steps lies between both, if steps are
         not too long. "verlet": velocity Verlet with viscous forces at a predicted velocity, order
         2. "symplectic_euler": semi-implicit Euler, order 1. "adaptive": RK4 with an error estimate
-        and sub-steps inside dt. The last three need full dynamics.""",
+        and sub-steps inside dt. These three need full dynamics. "imex": implicit in rate-and-state
+        friction, which needs it, order 3.""",
+        unless='"rk4", or "imex" with rate-and-state friction',
         kept=lambda method: method.stepper or None,
     )
     switching: Switching | None = option(
@@ -192,7 +194,7 @@ class Options:
         continues from there. A double root within a sub-step is found if the parabola through
         start, middle and end falls below zero. "step_end": late by up to a step. On junctions a
         late break changes the force of a block by 1/n_s of itself, for one step.""",
-        unless='"located", or "step_end" with method = "paper" and on junctions',
+        unless='"located", or "step_end" with method = "paper" and where no block rests',
         kept=lambda method: method.switching or None,
     )
     rtol: Annotated[float | None, Quantity("", ge=1e-12, le=1.0, optional=True)] = option(
@@ -272,7 +274,7 @@ class Options:
         def __init__(self, **keywords: Unpack[Keywords]) -> None: ...
 
     def __post_init__(self) -> None:
-        if self.rtol is not None and not STEPPERS[self.stepper].adaptive:
+        if self.rtol is not None and self.stepper != "adaptive":
             raise SceneError("rtol", self.rtol, "", "None, or stepper = 'adaptive'")
         if self.method is not None:
             allowed = "none with method = 'paper', which is rk4, step ends and its own dt"
@@ -313,7 +315,7 @@ class Options:
                 reason = "beyond the interface"
                 raise SceneError("stop_when", text, "", f"reached = 0 to {L!r} m", reason)
             if name == "at_rest" and not scene.law.rests:
-                reason = "blocks on junctions have no threshold that tells when they stay at rest"
+                reason = "under this law no threshold tells when blocks stay at rest"
                 raise SceneError("stop_when", text, "", "such as arrested", reason)
         paper = self.method is not None and self.fidelity == "auto"
         engine = "dynamic" if paper else self.fidelity
@@ -326,7 +328,20 @@ class Options:
             allowed = "None for loads that are prescribed, which are not the paper's"
             raise SceneError("method", "paper", "", allowed)
         switching = self.switching or default_switching(scene, self.method)
-        return step_size(scene, dt, self.stepper), switching
+        return step_size(scene, dt, self.stepper_on(scene)), switching
+
+    def stepper_on(self, scene: Scene) -> StepperName:
+        """Return the stepper.
+
+        Raises:
+            SceneError: it is implicit and the friction is not, or the other way round.
+        """
+        stepper: StepperName = self.stepper or ("imex" if scene.law.flows else "rk4")
+        if STEPPERS[stepper].implicit is not scene.law.flows:
+            allowed = "'imex'" if scene.law.flows else "another one"
+            law = scene.interface.law.kind
+            raise SceneError("stepper", stepper, "", f"{allowed} with this law", f"law = {law!r}")
+        return stepper
 
     def check_sample(self, length: float) -> None:
         """Raise SceneError if the sampling interval exceeds the length of the run (s)."""
@@ -350,15 +365,15 @@ class Options:
         engine.check_options(self)
         dt, switching = self.steps_on(scene)
         if switching == "located":
-            _check_located(scene, self.stepper, dt)
+            _check_located(scene, self.stepper_on(scene), dt)
         check_steps(t_begin, t_end, dt)
         every = (t_end - t_begin) / dt / POINTS if self.sample is None else self.sample / dt
         return Method(
             engine=engine.name,
             geometry=self.geometry or default_geometry(scene),
-            stepper=self.stepper,
+            stepper=self.stepper_on(scene),
             switching=switching,
-            rtol=(self.rtol or RTOL) if STEPPERS[self.stepper].adaptive else None,
+            rtol=(self.rtol or RTOL) if self.stepper == "adaptive" else None,
             dt=dt,
             sample=max(1, round(every)),
             t_gap=longest_pause(scene) if self.t_gap is None else self.t_gap,
@@ -460,6 +475,9 @@ def step_size(
 
 def _check_located(scene: Scene, stepper: str, dt: float) -> None:
     """Raise SceneError if switches cannot be located with this stepper or step."""
+    if scene.law.flows:
+        reason = "contact states follow from speeds"
+        raise SceneError("switching", "located", "", "'step_end' with this law", reason)
     if scene.eta == 0 and STEPPERS[stepper].growth is None:
         allowed = (
             f"'step_end', or another stepper than {stepper!r}, or eta > 0: its steps conserve "

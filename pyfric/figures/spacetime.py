@@ -69,7 +69,7 @@ def space_time(record: Record, event: int, initial: State | None = None) -> Data
         SceneError: there is no such event, it cannot be run again, or the curve has too few points.
     """
     check_event(record, event)
-    if record.motion:
+    if "pinned" in record.motion:
         t, v = _pinned_shares(record, _window(record, event))
     else:
         t, v = _slip_rates(record, event, initial)
@@ -80,9 +80,9 @@ def space_time(record: Record, event: int, initial: State | None = None) -> Data
         "n": np.tile(n, len(t)),
         "x_over_L": np.tile((n - 1) / (N_x - 1), len(t)),
         "t_s": np.repeat(t, N_x),
-        "share" if record.motion else "v_m_per_s": v.ravel(),
+        "share" if "pinned" in record.motion else "v_m_per_s": v.ravel(),
     }
-    name = "pinned" if record.motion else "slip_rate"
+    name = "pinned" if "pinned" in record.motion else "slip_rate"
     fig.tables = {name: pd.DataFrame(rates), "lines": lines, "front": front(record, event)}
     fig.caption = _caption(record, event, lines)
     return fig
@@ -171,7 +171,7 @@ def _origin(record: Record, event: int) -> tuple[float, float]:
     On junctions fronts may be slow: it is where the event starts.
     """
     table = front(record, event)
-    if table.empty or record.motion:
+    if table.empty or "pinned" in record.motion:
         row = record.events.loc[event]
         return float(row["x_nucleation"] / record.scene.slider.L), float(row["t_start"])
     first = int(table["t"].argmin())
@@ -186,7 +186,7 @@ def _window(record: Record, event: int) -> tuple[float, float]:
     """Return the times between which the event is shown, s."""
     times, row = record.rupture_times[record.row(event)], record.events.loc[event]
     known = times[np.isfinite(times)]
-    begin = known.min() if known.size and not record.motion else row["t_start"]
+    begin = known.min() if known.size and "pinned" not in record.motion else row["t_start"]
     span = known.max() - begin if known.size > 1 else row["duration"]
     span = np.fmax(span, SHORTEST * record.method.dt)  # a duration may be unknown
     return max(begin - BEFORE * span, 0.0), begin + (1 + AFTER) * span
@@ -231,7 +231,7 @@ def _drawn(
     below, above = (t[0] - t_0) * scale, (t[-1] - t_0) * scale
     largest = float(np.quantile(np.abs(v[np.abs(v) > 0]), 0.99)) if v.any() else 1e-12
     look = {"cmap": "RdBu_r", "vmin": -largest, "vmax": largest}
-    if record.motion:
+    if "pinned" in record.motion:
         look = {"cmap": "viridis", "vmin": 0, "vmax": 1}
     image = axes.imshow(
         v, extent=(-half, 1 + half, below, above), origin="lower", aspect="auto",
@@ -243,7 +243,7 @@ def _drawn(
     at = (table["t"] - t_0) * scale
     axes.plot(table["x_over_L"], at, color=BLACK, ms=3, label="rupture times", **look)
     far = max(AROUND * np.ptp(table["x_over_L"]), LEAST * 2 * half) if len(table) else 1.0
-    far = 1.0 if record.motion else far
+    far = 1.0 if "pinned" in record.motion else far
     axes.set_xlim(
         max(table["x_over_L"].min() - far, 0.0) - half,
         min(table["x_over_L"].max() + far, 1.0) + half,
@@ -252,7 +252,7 @@ def _drawn(
     axes.set_xlabel(r"position $x/L$ from the trailing edge")
     axes.set_ylabel(f"time from the start of the front ({unit})")
     legend(fig, loc="outside upper center", ncols=5)
-    if record.motion:
+    if "pinned" in record.motion:
         colour_bar(fig, image, axes, "share of pinned junctions", extend="neither")
     else:
         colour_bar(fig, image, axes, "slip rate along the drive (m/s)")
@@ -287,8 +287,8 @@ def _caption(record: Record, event: int, lines: pd.DataFrame) -> str:
         for name, speed in zip(named["name"], named["speed_m_per_s"], strict=True)
         if name not in ("exact", "LEFM")
     )
-    shown = "Share of pinned junctions in" if record.motion else "Slip rate of"
-    again = ", run again with full dynamics from a state just before it" * (not record.motion)
+    shown = "Share of pinned junctions in" if "pinned" in record.motion else "Slip rate of"
+    again = ", run again with full dynamics from a state just before it" * ("pinned" not in record.motion)
     what = (
         f"{shown} event {event} (first slip at t = {row['t_start']:.6g} s, "
         f"L_p/L = {row['L_p_over_L']:.3g}){again}. Lines from where the front starts to run: "
@@ -298,7 +298,7 @@ def _caption(record: Record, event: int, lines: pd.DataFrame) -> str:
         what += " Purple: the exact speed of steady fronts at the local prestress."
     if (named["name"] == "LEFM").any():
         what += " Purple: fracture mechanics, g_II(v) G = Gamma, with G of static states."
-    if row["share_X_c0"] < 1 and not record.motion:
+    if row["share_X_c0"] < 1 and "pinned" not in record.motion:
         what += (
             f" {100 * row['share_X_c0']:.0f} % of the front's blocks have six or more blocks in "
             "their cohesive zone: the lattice sets its speed."

@@ -101,7 +101,7 @@ class Level:
     def options(self, asked: Options) -> Options:
         """Return the options of its run."""
         how: dict[str, Any] = {"fidelity": self.engine, "geometry": self.geometry, "verify": None}
-        how |= {"method": None, "dt": self.dt or "auto", "stepper": self.stepper or "rk4"}
+        how |= {"method": None, "dt": self.dt or "auto", "stepper": self.stepper or None}
         for name in ("switching", "accuracy", "rtol"):
             how[name] = getattr(self, name)
         if self.dt is None:
@@ -182,7 +182,7 @@ def _ways(scene: Scene, options: Options, geometries: Sequence[Geometry]) -> lis
     The step is halved where the geometry is the same, or where steppers do not alternate.
     """
     given, dt = options.dt != "auto", longest_step(scene, options)
-    opposite, own = STEPPERS["rk4"].opposite, options.stepper
+    opposite, own = STEPPERS["rk4"].opposite, options.stepper_on(scene)
     if own != "rk4" or (options.switching or default_switching(scene)) != "located":
         opposite = ""
     stable = LONGEST * stability_limit(scene, opposite)[0] if opposite else 0.0
@@ -230,8 +230,8 @@ def _moves(scene: Scene, options: Options) -> str:
         return "motion between events is wanted, which only full dynamics has"
     if options.energies:
         return "the energy budget follows all motion"
-    if options.stepper not in ENGINES["hybrid"].steppers:
-        return f"its steps are not those of {options.stepper!r}"
+    if options.stepper_on(scene) not in ENGINES["hybrid"].steppers:
+        return f"its steps are not those of {options.stepper_on(scene)!r}"
     return ENGINES["hybrid"].cannot(scene)
 
 
@@ -250,9 +250,10 @@ def longest_step(scene: Scene, options: Options) -> float:
     Its expected error is a share of the tolerance. It resolves weakening of friction if a step of
     the last level can; otherwise friction drops at once at all levels.
     """
-    auto = step_size(scene, options.dt, options.stepper)
+    stepper = options.stepper_on(scene)
+    auto = step_size(scene, options.dt, stepper)
     error = step_error(scene, options.want, auto)
-    if options.dt != "auto" or options.stepper != "rk4" or error == 0:
+    if options.dt != "auto" or stepper != "rk4" or error == 0:
         return auto
     dt = auto * (SHARE * options.tolerance / error) ** 0.25
     dt = min(dt, LONGEST * stability_limit(scene)[0])

@@ -228,9 +228,16 @@ interface x       drawn_u_s?          f8 m   stretch at which junctions break, a
 interface x       drawn_C?            f8 N/m2 constant of the stiffness of junctions, as drawn
 interface x       drawn_t_R?          f8 s   mean time that junctions slip, as drawn
 interface x       drawn_t_R_std?      f8 s   its standard deviation, as drawn
+interface x       drawn_a?            f8 1   direct effect, as drawn
+interface x       drawn_b?            f8 1   evolution effect, as drawn
+interface x       drawn_D_c?          f8 m   slip over which the state evolves, as drawn
+interface x       drawn_f_star?       f8 1   friction coefficient at the reference speed, as drawn
+interface x       drawn_theta_0?      f8 s   state at t = 0, as drawn
+interface x       drawn_v_0?          f8 m/s speed of the state at t = 0, as drawn
 interface x       tau_initial         f8 N   friction force at t = 0
 interface x       p_initial           f8 N   contact force at t = 0
 motion    t,x     pinned?             f4 1   share of the junctions of a block that is pinned
+motion    t,x     theta?              f8 s   state variable of rate-and-state friction
 motion    t,x     u_x?                f8 m   tangential displacement of the bottom row
 motion    t,x     v_x?                f4 m/s tangential velocity of the bottom row
 motion    t,x     f?                  f4 N   friction force on the bottom row, positive to the right

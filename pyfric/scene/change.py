@@ -11,7 +11,7 @@ from pyfric.scene.checked import Annotation, annotations
 from pyfric.scene.composed import Composed
 from pyfric.scene.errors import SceneError, naming, unknown
 from pyfric.scene.laws import FrictionLaw
-from pyfric.scene.parts import PARTS, DistributedLoad, PrescribedLoad, Rod
+from pyfric.scene.parts import PARTS, DistributedLoad, Interface, PrescribedLoad, Rod
 from pyfric.scene.protocol import followed
 
 Parts = Composed | Mapping[str, Any]
@@ -91,11 +91,14 @@ def changed(scene: S, changes: Mapping[str, Any]) -> S:
         if owner and owner.drawn:
             with naming(name):
                 names[name] = known[name].check(value)
-    law = names.get("interface.law")
-    if isinstance(law, FrictionLaw) and law.ends() is not None:  # the table holds mu_s and mu_k
-        for mu in ("interface.mu_s", "interface.mu_k"):
-            if not any(name.startswith(mu) for name in names):
-                names[mu] = None
+    law, interface = names.get("interface.law"), parts["interface"]
+    new = isinstance(law, FrictionLaw) and law.ends() is not None
+    if new or any(name.startswith("interface.law.") for name in names):
+        known_ends = interface.law.ends() or (None, None) if isinstance(interface, Interface) else ()
+        for mu, end in zip(("mu_s", "mu_k"), known_ends, strict=False):
+            follows = new or (end is not None and getattr(interface, mu) == end)
+            if follows and not any(name.startswith(f"interface.{mu}") for name in names):
+                names[f"interface.{mu}"] = None  # the law holds it
     return _with(scene, {tuple(name.split(".")): value for name, value in names.items()})
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from pyfric.scene.checked import Name, part
 from pyfric.scene.ends import Conditions
-from pyfric.scene.friction import JunctionLaw, Law
+from pyfric.scene.friction import WITHOUT_REST, Law
 from pyfric.scene.parts import (
     FIELDS,
     PARTS,
@@ -105,8 +105,9 @@ class Composed:
     @functools.cached_property
     def law(self) -> Law:
         """The friction law; its fields are numbers, or arrays of shape (N_x,), left to right."""
-        if not self.interface.law.rests:
-            return JunctionLaw.of(self.interface.law, self.given_field, self.F_N / self.N_x)
+        if (own := WITHOUT_REST.get(type(self.interface.law))) is not None:
+            V, p = self.piece("V", 0.0).at(0.0), self.F_N / self.N_x
+            return own.of(self.interface.law, self.given_field, p, V)
         tables = self.interface.tables
         mu_s, mu_k, d_c, alpha = map(self.given_field, ("mu_s", "mu_k", "d_c", "alpha"))
         if np.any(alpha) and self.shares[1].min() < 1:

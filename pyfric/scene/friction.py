@@ -12,8 +12,8 @@ whole law, in Fortran.
 
 The slip path needs only one stored number: s = s_0 + mode u_x while a block slips, otherwise s_0.
 
-A block on junctions never sticks: junctions are springs, and the positions of their anchors are
-state variables.
+Under two laws a block never sticks. Junctions are springs, and the positions of their anchors are
+state variables. Rate-and-state friction holds a block by the force at a minute speed.
 
 Sources: PRL 107, 074301 (2011), interface law, and its remark on slip weakening; J. Trømborg et
 al., Proc. Natl. Acad. Sci. 111, 8764 (2014), junctions.
@@ -29,7 +29,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pyfric.scene.errors import SceneError
-from pyfric.scene.laws import Junctions, Tables
+from pyfric.scene.laws import FrictionLaw, Junctions, RateAndState, Tables
 
 CLOCKS = np.dtype([("s_0", float), ("t_0", float)])
 """State variables of a block: s_0 (m), and t_0 (s), the time at which it stuck or began to slip."""
@@ -64,6 +64,8 @@ class Law:
     """Names and shapes of the state variables of a block; all are numbers."""
     rests: ClassVar[bool] = True
     """Whether a block can stick, with constant u_x. Other laws need full dynamics."""
+    flows: ClassVar[bool] = False
+    """Whether friction is that of a speed, so that steps are implicit in it."""
     junctions: ClassVar[int] = 0
     """Number of junctions of each block; 0 without junctions."""
     slowest: ClassVar[float] = 0.0
@@ -115,6 +117,11 @@ class Law:
     def core_tables(self) -> Tables:
         """Tables for the core."""
         return self.tables
+
+    @property
+    def core_numbers(self) -> tuple[dict[str, int], dict[str, float]]:
+        """Integers and numbers for the core by name (`pyfric.core.packing`), other than 0."""
+        return {}, {}
 
     def budget(self, heat: Any = 0.0, loss: Any = 0.0, parts: Any = (0.0, 0.0)) -> dict[str, Any]:
         """Return the terms of the interface in the energy budget by name, from those of `State`.
@@ -222,13 +229,14 @@ class JunctionLaw(Law):
     rests: ClassVar[bool] = False
 
     @classmethod
-    def of(cls, kind: Junctions, given: Callable[[str], Any], p: float) -> JunctionLaw:
+    def of(cls, kind: Junctions, given: Callable[[str], Any], p: float, V: float) -> JunctionLaw:
         """Return the law of an interface of junctions.
 
         Args:
             kind: the parameters of the interface.
             given: function of the name of a field of the interface that returns its values.
             p: mean load of a block, in N.
+            V: speed of the driver at t = 0, in m/s.
 
         Raises:
             SceneError: the interface has mu_s = 0 or a viscosity.
@@ -308,6 +316,12 @@ class JunctionLaw(Law):
         return self.mu_s, self.mu_k, self.C, self.t_R, self.t_R_std
 
     @property
+    def core_numbers(self) -> tuple[dict[str, int], dict[str, float]]:
+        low, high = np.array([self.kind.seed % 2**32, self.kind.seed >> 32], np.uint32).view(np.int32)
+        counts = {"n_junctions": self.kind.n_s, "seed_low": low, "seed_high": high}
+        return counts, {"ruptured": self.kind.ruptured}
+
+    @property
     def core_tables(self) -> Tables:
         mean = float(np.mean(self.t_R))
         cv = float(np.mean(self.t_R_std)) / mean if mean else 0.0
@@ -316,6 +330,97 @@ class JunctionLaw(Law):
     def budget(self, heat: Any = 0.0, loss: Any = 0.0, parts: Any = (0.0, 0.0)) -> dict[str, Any]:
         """Return heat of dragging, heat of breaks and pinning, and work of stiffness changes."""
         return {"friction_heat": parts[0], "switching_loss": loss, "stiffness_work": parts[1]}
+
+
+@dataclass(frozen=True, kw_only=True)
+class RateStateLaw(Law):
+    """Rate-and-state friction (`pyfric.laws.RateAndState`); mu_s and mu_k are f*.
+
+    Attributes:
+        kind: the parameters of the law.
+        a, b: direct and evolution effect; numbers, or one for each column.
+        D_c: slip over which the state evolves, in m; a number, or one for each column.
+        theta: state at t = 0, in s; a number, or one for each column.
+    """
+
+    kind: RateAndState
+    a: Any
+    b: Any
+    D_c: Any
+    theta: Any
+
+    rests: ClassVar[bool] = False
+    flows: ClassVar[bool] = True
+    memory: ClassVar[np.dtype] = np.dtype([("theta", float)])
+
+    @classmethod
+    def of(
+        cls, kind: RateAndState, given: Callable[[str], Any], p: float, V: float
+    ) -> RateStateLaw:
+        """Return the law of an interface; see `JunctionLaw.of`.
+
+        Raises:
+            SceneError: the interface has other coefficients of friction than f*, or no state at
+                t = 0 is known because the driver does not move.
+        """
+        f, D_c = given("f_star"), given("D_c")
+        for name in ("mu_s", "mu_k"):
+            if np.any(given(name) != f):
+                reason = "rate-and-state friction has f_star"
+                allowed = "none, or f_star of the law"
+                raise SceneError(f"interface.{name}", float(np.max(given(name))), "", allowed, reason)
+        if kind.theta_0 is not None:
+            theta = given("theta_0")
+        elif kind.v_0 is None and not V > 0:
+            reason = "the driver does not move at t = 0"
+            raise SceneError("interface.law.theta_0", None, "s", "theta_0, or v_0", reason)
+        else:
+            theta = D_c / (V if kind.v_0 is None else given("v_0"))
+        more = {"kind": kind, "a": given("a"), "b": given("b"), "D_c": D_c, "theta": theta}
+        return cls(f, f, 0.0, given("alpha"), **more)
+
+    def begin(
+        self, t: float, u_x: np.ndarray, p: np.ndarray, f: np.ndarray, d: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return margins and state variables; see `Law.begin`."""
+        memory = np.zeros(len(p), self.memory)
+        memory["theta"] = self.theta
+        return np.full(len(p), self.kind.v_slip), memory
+
+    def in_motion(self, memory: np.ndarray) -> dict[str, np.ndarray]:
+        """Return theta (s)."""
+        return {"theta": memory["theta"].copy()}
+
+    @property
+    def core_fields(self) -> tuple[Any, ...]:
+        return self.a, self.b, self.D_c, self.alpha, self.mu_k
+
+    @property
+    def core_numbers(self) -> tuple[dict[str, int], dict[str, float]]:
+        kind = self.kind
+        cut = 0.0 if kind.V_c is None else kind.V_star / kind.V_c
+        evolution = 1 + ("ageing", "slip").index(kind.evolution)
+        return {"evolution": evolution}, {"v_ref": kind.V_star, "cut": cut, "v_slip": kind.v_slip}
+
+    def budget(self, heat: Any = 0.0, loss: Any = 0.0, parts: Any = (0.0, 0.0)) -> dict[str, Any]:
+        """Return the heat of friction, of which that of alpha is a part; switches lose nothing."""
+        terms = {"friction_heat": heat, "switching_loss": loss}
+        return terms | {"viscous_heat": parts[1]} if np.any(self.alpha) else terms
+
+    def resolving_step(self, p: float, m: float) -> float:
+        """Return the longest step (s) that resolves weakening; see `Law.resolving_step`.
+
+        Slip of a free block grows at most with the rate sqrt(p (b - a)/(m D_c)).
+        """
+        steepest = float(np.max((self.b - self.a) / self.D_c)) * p
+        return math.sqrt(m / steepest) if steepest > 0 else math.inf
+
+
+WITHOUT_REST: dict[type[FrictionLaw], type[JunctionLaw | RateStateLaw]] = {
+    Junctions: JunctionLaw,
+    RateAndState: RateStateLaw,
+}
+"""Kinds of laws under which no block rests, and the classes of their laws."""
 
 
 def of(field: Any, which: Any) -> Any:

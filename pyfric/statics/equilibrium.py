@@ -166,7 +166,7 @@ class StaticSolver(System):
     def _load_slider(self) -> Equilibrium:
         """Return the loaded state. Bottom blocks slip only if they exceed their strength."""
         scene, home = self.scene, np.zeros(self.scene.N_x)
-        if not (scene.law.rests or isinstance(scene.top, PrescribedLoad)):
+        if scene.law.junctions and not isinstance(scene.top, PrescribedLoad):
             return self._load_on_junctions()
         states = States(scene, home, scene.law, driven=False)
         return self._rest(np.zeros(len(self.arm)), states, home, None)

@@ -17,6 +17,7 @@ from pyfric.scene.laws.kinds import (
     law,
     sampled,
 )
+from pyfric.scene.laws.rate_state import RateAndState
 from pyfric.scene.laws.tabulated import TabulatedLaw
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "LinearWeakening",
     "Means",
     "Measured",
+    "RateAndState",
     "SpeedDependent",
     "Table",
     "Tables",

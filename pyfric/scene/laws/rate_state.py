@@ -1,0 +1,88 @@
+"""Rate-and-state friction."""
+
+from typing import Annotated, Any, ClassVar, Literal
+
+from pyfric.scene.checked import NotNegative, Positive, Quantity
+from pyfric.scene.errors import SceneError
+from pyfric.scene.laws.kinds import FrictionLaw, Means, Tables, law
+from pyfric.scene.spread import FIELD, Field
+
+LARGEST = 1.0
+"""Largest a and b. Measured ones are about 0.01."""
+LONGEST = 0.1
+"""Largest D_c, in m. A larger one is most probably in um."""
+
+
+@law
+class RateAndState(FrictionLaw):
+    """Friction that depends on the speed v and on a state variable theta; no block ever rests.
+
+    A block with normal force p resists with
+
+        f = p a asinh( (v/2V*) exp((f* + b ln(V* theta/D_c)) / a) ) + alpha v ,
+
+    which is p [f* + a ln(v/V*) + b ln(V* theta/D_c)] unless v is minute. The state evolves by
+
+        "ageing"   dtheta/dt = 1 - |v| theta/D_c
+        "slip"     dtheta/dt = -(|v| theta/D_c) ln(|v| theta/D_c)
+
+    At a steady speed theta = D_c/v, and the friction coefficient is f* + (a - b) ln(v/V*). Friction
+    weakens with speed if a < b. With a cut-off speed V_c, ln(V* theta/D_c + V*/V_c) replaces the
+    logarithm, and steady friction rises above V_c. alpha is that of the interface. theta of an open
+    block evolves with its speed.
+
+    A block counts as slipping while |v| >= v_slip: contact states, episodes, events and fronts are
+    those of such blocks. The interface needs no mu_s and mu_k, which are both f*: it is the friction
+    coefficient of the loaded slider at t = 0 and the unit of prestress.
+
+    Args:
+        a: direct effect, in (0, 1].
+        b: evolution effect, in [0, 1].
+        D_c: slip over which the state evolves, m, in (0, 0.1 m].
+        f_star: friction coefficient f* at the reference speed, > 0.
+        V_star: reference speed V*, m/s, > 0.
+        evolution: "ageing" or "slip".
+        theta_0: state at t = 0, s, > 0; with ageing, the time since contact. Alternatively
+        v_0: speed, m/s, > 0, to which the state at t = 0 belongs, theta = D_c/v_0; None means the
+            speed of the driver.
+        V_c: cut-off speed, m/s, > 0; None means none.
+        v_slip: speed from which a block counts as slipping, m/s, > 0.
+
+    a, b, D_c, f_star, theta_0 and v_0 are fields, like mu_s and mu_k.
+
+    Sources: J. H. Dieterich, J. Geophys. Res. 84, 2161 (1979); A. L. Ruina, J. Geophys. Res. 88,
+    10359 (1983); regularised by asinh: J. R. Rice, N. Lapusta, K. Ranjith, J. Mech. Phys. Solids
+    49, 1865 (2001).
+    """
+
+    a: Annotated[Field, Quantity("", gt=0.0, le=LARGEST, **FIELD)]
+    b: Annotated[Field, Quantity("", ge=0.0, le=LARGEST, **FIELD)]
+    D_c: Annotated[Field, Quantity("m", gt=0.0, le=LONGEST, **FIELD)]
+    f_star: Annotated[Field, Positive("", **FIELD)] = 0.6
+    V_star: Annotated[float, Positive("m/s")] = 1e-6
+    evolution: Literal["ageing", "slip"] = "ageing"
+    theta_0: Annotated[Field | None, Positive("s", optional=True, **FIELD)] = None
+    v_0: Annotated[Field | None, Positive("m/s", optional=True, **FIELD)] = None
+    V_c: Annotated[float | None, Positive("m/s", optional=True)] = None
+    v_slip: Annotated[float, Positive("m/s")] = 1e-3
+
+    kind: ClassVar[str] = "rate_and_state"
+    rests: ClassVar[bool] = False
+    fields: ClassVar[tuple[str, ...]] = ("a", "b", "D_c", "f_star", "theta_0", "v_0")
+    example: ClassVar[dict[str, Any]] = {"a": 0.01, "b": 0.015, "D_c": 1e-6, "f_star": 0.45}
+
+    def __post_init__(self) -> None:
+        if self.theta_0 is not None and self.v_0 is not None:
+            reason = "both are given"
+            raise SceneError(f"{self._section}.v_0", self.v_0, "m/s", "theta_0 or v_0", reason)
+
+    def ends(self) -> tuple[Field, Field]:
+        """Return f* twice, as mu_s and mu_k."""
+        return self.f_star, self.f_star
+
+    def tables(self, of: Means) -> Tables:
+        """Return empty tables; a weakening distance of the interface is refused."""
+        if of.d_c:
+            reason = "D_c of the law says over which slip friction changes"
+            raise SceneError("interface.d_c", of.d_c, "m", f"0 m with {self.kind}", reason)
+        return Tables()

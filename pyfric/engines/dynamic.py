@@ -193,8 +193,12 @@ class Run:
         if motion := scene.law.in_motion(state.memory):
             f = core.evaluate(self.model, state, state.t).f
             motion |= {"u_x": state.y[0, 0].copy(), "v_x": state.y[0, 2], "f": f}
-            types = held_in("motion")
-            self.history.motion.append({k: v.astype(types[k].dtype) for k, v in motion.items()})
+            self.add_motion(motion)
+
+    def add_motion(self, motion: Mapping[str, np.ndarray]) -> None:
+        """Add quantities of the interface in motion at the last point of the curve, (N_x,) each."""
+        types = held_in("motion")
+        self.history.motion.append({k: v.astype(types[k].dtype) for k, v in motion.items()})
 
     def _add_points(self, t: float | np.ndarray, points: np.ndarray) -> None:
         """Add n points of the loading curve of the core, shape (15, n), at times t (s)."""

@@ -27,7 +27,8 @@ from pyfric.engines.engine import Engine
 from pyfric.engines.integration import integrate, just_after, last_step
 from pyfric.engines.jump import Jump, Landing, Outside, Stale, Wait, at, path_from, rest
 from pyfric.engines.modes import Modes, modes_of
-from pyfric.engines.options import owned
+from pyfric.engines.options import Options, owned
+from pyfric.engines.quasidynamic import RateHybridRun
 from pyfric.engines.space import N_MODES, Space
 from pyfric.statics import (
     EquilibriumError,
@@ -40,6 +41,7 @@ from pyfric.statics import (
 )
 
 if TYPE_CHECKING:
+    from pyfric.record import Record
     from pyfric.scene import Scene
     from pyfric.statics import Equilibrium, StaticSolver
 
@@ -426,9 +428,15 @@ class HybridRun(Run):
 
 
 def check_scene(scene: Scene) -> None:
-    """Raise SceneError for a scene without rests to jump over."""
+    """Raise SceneError for a scene without rests, or slow slip, to jump over."""
     check_rests(scene)
-    check_sticks(scene)
+    if not scene.law.flows:
+        check_sticks(scene)
+
+
+def follow(scene: Scene, t_end: float, options: Options, **how: Any) -> Record:
+    """Run a scene; between events of rate-and-state friction inertia is left out."""
+    return integrate(RateHybridRun if scene.law.flows else HybridRun, scene, t_end, options, **how)
 
 
 HYBRID = Engine(
@@ -436,7 +444,7 @@ HYBRID = Engine(
     models="dynamics inside events, closed forms between them",
     leaves_out=("fast modes, once they have nearly decayed",),
     options=owned("run", "events", "steps", "jumps"),
-    steppers=("rk4", "rk4_opposite"),
+    steppers=("rk4", "rk4_opposite", "imex"),
     check=check_scene,
-    follow=functools.partial(integrate, HybridRun),
+    follow=follow,
 )

@@ -27,7 +27,7 @@ from pyfric.scene.files import (
     write,
     written,
 )
-from pyfric.scene.friction import FRICTIONLESS, Law, of, slipped
+from pyfric.scene.friction import FRICTIONLESS, Law, RateStateLaw, of, slipped
 from pyfric.scene.materials import MATERIALS, Material
 from pyfric.scene.parts import (
     DistributedLoad,

@@ -35,6 +35,8 @@ CLOCKS = np.dtype([("s_0", float), ("t_0", float)])
 """State variables of a block: s_0 (m), and t_0 (s), the time at which it stuck or began to slip."""
 
 NO_TABLES = Tables()
+MOST, NEWTON, SETTLED = 600.0, 100, 1e-10
+"""Of speeds of rate-and-state friction: largest |ln(v/V*)|, most Newton steps, the last step."""
 GRADUAL = 0.01
 """Largest (mu_s - mu_k)/mu_s for which quasi-static slip is treated as continuous, at mu_s."""
 
@@ -406,6 +408,58 @@ class RateStateLaw(Law):
         """Return the heat of friction, of which that of alpha is a part; switches lose nothing."""
         terms = {"friction_heat": heat, "switching_loss": loss}
         return terms | {"viscous_heat": parts[1]} if np.any(self.alpha) else terms
+
+    def psi(self, log_theta: np.ndarray) -> np.ndarray:
+        """Return ln(V* theta/D_c + V*/V_c) from ln theta (theta in s)."""
+        psi = log_theta + np.log(self.kind.V_star / self.D_c)
+        if self.kind.V_c is None:
+            return psi
+        return np.logaddexp(psi, math.log(self.kind.V_star / self.kind.V_c))
+
+    def speed(
+        self, load: np.ndarray, p: np.ndarray, log_theta: np.ndarray, Z: float = 0.0
+    ) -> np.ndarray:
+        """Return the velocities at which friction and damping balance loads, shape (N_x,), in m/s.
+
+        The equation is p a asinh(v/(2V*) exp((f* + b psi)/a)) + (Z + alpha) v = load.
+
+        Args:
+            load: forces on the blocks along the interface, shape (N_x,), in N.
+            p: normal forces, > 0, shape (N_x,), in N.
+            log_theta: ln of theta (s), shape (N_x,).
+            Z: damping of each block, in N s/m.
+        """
+        V, damping = self.kind.V_star, Z + self.alpha
+        w, unit = np.abs(load), p * self.a
+        kappa = (self.mu_k + self.b * self.psi(log_theta)) / self.a
+        q = w / unit
+        with np.errstate(divide="ignore"):
+            eta = q + np.log1p(-np.exp(-2 * q)) - kappa  # ln of v/V* without damping
+            if not np.any(damping):
+                return np.sign(load) * V * np.exp(np.minimum(eta, MOST))
+            eta = np.maximum(np.minimum(eta, np.log(w / (damping * V))), -MOST)
+        for _ in range(NEWTON):  # from above, on a convex function of eta
+            speed, half = damping * V * np.exp(eta), np.exp(-2 * np.abs(eta + kappa))
+            root = np.sqrt(1 + 4 * half)
+            up = eta + kappa > 0
+            # asinh(e^q/2) = q + ln((1 + (1 + 4 e^-2q)^1/2)/2), and its derivative
+            left = np.where(up, eta + kappa, 0.0) + np.log1p(2 * half / (1 + root))
+            low = np.exp(np.minimum(eta + kappa, 0.0)) / 2
+            left = np.where(up, left, np.arcsinh(low))
+            slope = np.where(up, 1 / root, low / np.sqrt(1 + low**2))
+            step = (speed + unit * left - w) / (speed + unit * slope)
+            eta = eta - step
+            if not (np.abs(step) > SETTLED).any():
+                break
+        return np.where(load == 0, 0.0, np.sign(load) * V * np.exp(eta))
+
+    def log_rate(self, v: np.ndarray, log_theta: np.ndarray) -> np.ndarray:
+        """Return the rate of ln theta (1/s) at velocities v (m/s), shape (N_x,)."""
+        rate = np.abs(v) / self.D_c
+        if self.kind.evolution == "ageing":
+            return np.exp(-log_theta) - rate
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(rate > 0, -rate * (np.log(rate) + log_theta), 0.0)
 
     def resolving_step(self, p: float, m: float) -> float:
         """Return the longest step (s) that resolves weakening; see `Law.resolving_step`.

@@ -24,7 +24,7 @@ from pyfric.statics.routes import (
     check_statics,
     stretches,
 )
-from pyfric.statics.rows import ends
+from pyfric.statics.rows import ends, table_rows
 from pyfric.statics.stability import stability_limit
 from pyfric.statics.starts import check_pushes, forced, overstressed, ramped
 from pyfric.statics.system import System

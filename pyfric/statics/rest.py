@@ -15,7 +15,7 @@ from pyfric.scene import SceneError
 if TYPE_CHECKING:
     from pyfric.scene import OnDriven, Scene
 
-NO_RESTS = "junctions break and pin all the time under load: no jump over a rest gains anything"
+NO_RESTS = "blocks on junctions, or with rate-and-state friction, are always in motion under load"
 """Why junctions need full dynamics."""
 
 

@@ -1,0 +1,247 @@
+"""Rate-and-state friction between ruptures: quasi-static elasticity, without inertia.
+
+Elasticity is linear, and the slider is condensed onto its interface (`pyfric.statics`). Friction
+then gives the speed of each block from the load on it and from its state:
+
+    p_i(u, t) a asinh( v_i/(2V*) exp((f* + b psi_i)/a) ) + (Z + alpha) v_i = tau_i(u, t) ,
+    du_i/dt = v_i ,   d(ln theta_i)/dt by the evolution law ,
+
+2 N_x equations, which an embedded Runge-Kutta pair of orders 5 and 4 (SciPy's RK45) advances, for
+seconds or years alike. In finite geometry they are those of the slider linearised about the state
+in which a phase begins.
+
+`RateHybridRun` hands over to full dynamics, with Z = 0, where inertia is no longer small: where the
+sum over columns of M/N_x |dv_i/dt| exceeds the accuracy times F_N. It returns when the sum of
+|m a| over all blocks is below that again. Both directions keep u, v and theta of the interface. The
+rest of the slider is then in its static state for these u, or moves with its rates.
+
+Source of the form: J. R. Rice, J. Geophys. Res. 98, 9885 (1993).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from pyfric import core
+from pyfric.core import OPEN
+from pyfric.engines.dynamic import Run
+from pyfric.engines.integration import just_after, last_step
+from pyfric.statics import ContactProblem, Route, Values, table_rows
+
+if TYPE_CHECKING:
+    from pyfric.scene import RateStateLaw, Scene
+    from pyfric.statics import StaticSolver
+
+LOOK = 200
+"""Steps of full dynamics between two looks at inertia."""
+PAIRS = 200
+"""Steps of the Runge-Kutta pair between two looks at Ctrl-C and checkpoints."""
+MOVED = 1e-9
+"""Displacement of the interface over which velocities of the slider are differences, in m."""
+
+
+class Interface(NamedTuple):
+    """The condensed slider with the time s since a state, in s; all blocks in contact stick to it.
+
+    Attributes:
+        load: load on each block along +x, in N: its value, its rate, and its matrix over the
+            displacements since that state, shapes (N_x,), (N_x,), (N_x, N_x).
+        p: the same for the normal force.
+        F_T: the same for the force of the driver, shapes (), (), (N_x,).
+    """
+
+    load: tuple[np.ndarray, np.ndarray, np.ndarray]
+    p: tuple[np.ndarray, np.ndarray, np.ndarray]
+    F_T: tuple[float, float, np.ndarray]
+
+    def loads(self, moved: np.ndarray, s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return loads and normal forces (N) after displacements (m) at s (s)."""
+        load, p = (part[0] + part[1] * s + part[2] @ moved for part in (self.load, self.p))
+        return load, p
+
+
+def interface_at(
+    scene: Scene, known: StaticSolver, u_x: np.ndarray, closed: np.ndarray, t: float
+) -> Interface:
+    """Return the condensed slider about its static state at u_x (m) and t (s)."""
+    V, F_N, T = (scene.piece(what, t) for what in ("V", "F_N", "T"))
+    drive, load = scene.drive(t), (F_N.at(t), T.at(t))
+    way, gain = V.at(t), (F_N.slope, T.slope)
+    at = known.solve(u_x, drive, free=~closed, load=load if scene.load_at(t) else None)
+    now = Values(u_x, at.f, at.u[0, 1], at.p, at.F_T)
+    home = scene.d * float(np.mean(known.u_drv0))
+    problem = ContactProblem(scene, known.u_drv0).along(Route(drive + home, way, load, gain))
+    rows = table_rows(scene.N_x)
+    table = problem.corrected(now, 0.0).base(closed)
+    held, rate = table[:, rows.u_x], table[:, rows.given.start]
+    k_f = np.broadcast_to(scene.k_f, closed.shape) * closed
+    return Interface(
+        (-at.f, -rate[rows.f], -held[rows.f]),
+        (at.p, -k_f * rate[rows.u_z], -k_f[:, None] * held[rows.u_z]),
+        (at.F_T, float(rate[rows.F_T]), held[rows.F_T]),
+    )
+
+
+class Phase:
+    """Slip without inertia from a state on.
+
+    Args:
+        law: the law.
+        interface: the condensed slider about that state.
+        theta: state variables, shape (N_x,), in s.
+        closed: blocks in contact, shape (N_x,), bool.
+        Z: radiation damping of a block, in N s/m.
+    """
+
+    def __init__(
+        self,
+        law: RateStateLaw,
+        interface: Interface,
+        theta: np.ndarray,
+        closed: np.ndarray,
+        Z: float = 0.0,
+    ) -> None:
+        self.law, self.interface, self.closed, self.Z = law, interface, closed, Z
+        self.N_x = len(theta)
+        self.begin = np.concatenate([np.zeros(self.N_x), np.log(theta)])
+
+    def speeds(self, s: float, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return velocities (m/s) and normal forces (N) at s (s); blocks without contact stay."""
+        load, p = self.interface.loads(y[: self.N_x], s)
+        v = self.law.speed(load, np.where(p > 0, p, np.nan), y[self.N_x :], self.Z)
+        return np.where(self.closed, np.nan_to_num(v), 0.0), p
+
+    def rates(self, s: float, y: np.ndarray) -> np.ndarray:
+        """Return the rates of displacements (m/s) and of ln theta (1/s)."""
+        v, _ = self.speeds(s, y)
+        return np.concatenate([v, self.law.log_rate(v, y[self.N_x :])])
+
+
+class RateHybridRun(Run):
+    """A run that steps through ruptures, and leaves out inertia between them."""
+
+    name = "hybrid"
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self.made |= {"jumps": 0, "steps_spared": 0, "slow_steps": 0}
+        self.worth = self.state.step
+        self.limit = self.method.accuracy * self.scene.F_N
+
+    def call_length(self) -> int:
+        """Return how many steps may be made before the next look at inertia."""
+        return max(1, self.worth - self.state.step)
+
+    def before_call(self, last: int) -> None:
+        """Leave out inertia while it is small."""
+        state = self.state
+        while state.step < last and state.step >= self.worth and not self.ending:
+            begin = state.step
+            again = not (np.abs(state.mode) == 1).any() and self.inertia() < self.limit
+            again = again and self.slip(last)
+            if not again:
+                self.worth = state.step + LOOK
+            if state.step > begin:
+                return
+
+    def inertia(self) -> float:
+        """Return the sum of |m a| over blocks and rod, in N."""
+        found = core.evaluate(self.model, self.state, self.state.t)
+        rows, columns = self.scene.shares
+        force = self.scene.m * float(np.abs(rows[:, None, None] * columns * found.a).sum())
+        return force + self.scene.M_rod * float(np.abs(found.a_rod[:2]).sum())
+
+    def slip(self, last: int) -> bool:
+        """Leave out inertia up to step `last` at most; return whether that may go on."""
+        from scipy.integrate import RK45  # slow to import
+
+        state, scene, law = self.state, self.scene, self.scene.law
+        n_max, closed = self._piece_ends(last) - state.step, state.mode != OPEN
+        if n_max <= 0:
+            return False
+        interface = interface_at(scene, self.known, state.y[0, 0], closed, just_after(state))
+        phase = Phase(law, interface, state.theta, closed)
+        begin = state.y[0, 2] if self.made["steps"] else phase.speeds(0.0, phase.begin)[0]
+        tolerance, unit = self.method.accuracy, scene.F_N / scene.N_x
+        stiff = float(np.abs(np.diag(interface.load[2])).max())
+        atol = np.repeat([tolerance * unit / stiff, tolerance / float(np.max(law.b + law.a))], scene.N_x)
+        end = n_max * state.dt
+        pair = RK45(phase.rates, 0.0, phase.begin, end, rtol=max(tolerance, 1e-12), atol=atol)
+        v, n, y, goes_on, of_column = begin, 0, phase.begin, True, scene.M_rod + scene.slider.M
+        for _ in range(PAIRS):
+            before = pair.t
+            if pair.step() is not None or pair.status == "failed":
+                goes_on = False
+                break
+            self.made["slow_steps"] += 1
+            (now, p), inside = phase.speeds(pair.t, pair.y), pair.dense_output()
+            push = of_column / scene.N_x * float(np.abs(now - v).sum()) / (pair.t - before)
+            reached = n_max if pair.status == "finished" else int(pair.t / state.dt)
+            self._sample_slip(phase, inside, n, reached)
+            if reached > n:
+                n, y = reached, inside(min(reached * state.dt, pair.t))
+            v = now
+            fast = push > self.limit or float(np.abs(v).max()) >= law.kind.v_slip
+            goes_on = not fast and bool((p > 0)[closed].all())
+            if not goes_on or pair.status == "finished":
+                break
+        if n:
+            self._put(phase, y, n)
+        return goes_on and n > 0
+
+    def _piece_ends(self, last: int) -> int:
+        """Return the last step that a phase may reach, at most `last`, before any breakpoint."""
+        state, t = self.state, just_after(self.state)
+        corner = next((corner for corner in self.scene.corners if corner > t), math.inf)
+        if math.isinf(corner):
+            return last
+        return min(last, last_step(state.t0, state.dt, corner) - 1)
+
+    def _sample_slip(self, phase: Phase, inside: Any, n: int, reached: int) -> None:
+        """Add the points of the curve after n up to `reached` steps since the phase began."""
+        state, every, N_x = self.state, self.method.sample, self.scene.N_x
+        first = ((state.step + n) // every + 1) * every
+        for step in range(first, state.step + reached + 1, every):
+            s = (step - state.step) * state.dt
+            y = inside(s)
+            v, _ = phase.speeds(s, y)
+            F_T = phase.interface.F_T
+            force = F_T[0] + F_T[1] * s + F_T[2] @ y[:N_x]
+            self.history.add(np.array([[state.t0 + step * state.dt, force]]))
+            load, _ = phase.interface.loads(y[:N_x], s)
+            u_x, theta = state.y[0, 0] + y[:N_x], np.exp(y[N_x:])
+            self.add_motion({"theta": theta, "u_x": u_x, "v_x": v, "f": -load})
+
+    def _put(self, phase: Phase, y: np.ndarray, n: int) -> None:
+        """Set the state to that after n steps of a phase."""
+        state, scene, known, N_x = self.state, self.scene, self.known, self.scene.N_x
+        v, _ = phase.speeds(n * state.dt, y)
+        u_x = state.y[0, 0] + y[:N_x]
+        state.theta[:] = np.exp(y[N_x:])
+        state.step += n
+        t, fastest = just_after(state), float(np.abs(v).max())
+        tau = MOVED / max(fastest, scene.driver.fastest, MOVED)
+        now = self._at(u_x, t, ~phase.closed, 0.0, v)
+        ahead = self._at(u_x, t, ~phase.closed, tau, v)
+        state.y[:, :2], state.rod[:3] = now
+        state.y[:, 2:], state.rod[3:] = (ahead[0] - now[0]) / tau, (ahead[1] - now[1]) / tau
+        if scene.rigid:
+            X, Z, phi = state.rod[3:]
+            state.y[-1, 2], state.y[-1, 3] = X, Z + phi * scene.x
+        state.y[0, 0, phase.closed], state.y[0, 2, phase.closed] = u_x[phase.closed], v[phase.closed]
+        state.margin[:] = scene.law.kind.v_slip - np.abs(v)
+        self.good = None
+        self.made["jumps"] += 1
+        self.made["steps_spared"] += n
+
+    def _at(
+        self, u_x: np.ndarray, t: float, free: np.ndarray, s: float, v: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return displacements and rod (m) of the static state s (s) after t (s)."""
+        scene = self.scene
+        drive, load = scene.drive(t) + scene.piece("V", t).at(t) * s, scene.load_at(t)
+        found = self.known.solve(u_x + v * s, drive, free=free, load=load)
+        return found.u, found.rod

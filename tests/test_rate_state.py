@@ -1,0 +1,370 @@
+"""Rate-and-state friction: the law, exact blocks, an own integration, bits, the hand-over."""
+
+import functools
+
+import numpy as np
+import pytest
+from helpers import advance, bits, mirrored_scene, mirrored_state, refused, small
+from scipy.integrate import solve_ivp
+
+import pyfric
+from pyfric import core
+from pyfric.engines.quasidynamic import interface_at
+from pyfric.scene import Interface, chain, laws, setup1
+from pyfric.statics import StaticSolver, loaded_state, stability_limit
+
+IMEX = {"stepper": "imex", "switching": "step_end"}
+EVOLUTIONS = ("ageing", "slip")
+LAW = {"a": 0.01, "b": 0.015, "D_c": 1e-5, "f_star": 0.6}
+
+
+def rated(**changes):
+    """Return an interface with this law."""
+    alpha = changes.pop("alpha", 0.0)
+    return Interface(law=laws.RateAndState(**(LAW | changes)), alpha=alpha)
+
+
+def row(n=4, V=0.1, K=2e4, p=20.0, **changes):
+    """Return a chain of n blocks, pushed at V (m/s) by a spring K (N/m)."""
+    law = {"v_0": V or None} | changes
+    return chain(L=(n - 1) * 2.5e-3, V=V, K=K, p=p, tau=0.0, interface=rated(**law))
+
+
+def sliding(scene, dt, speeds):
+    """Return the state of a chain that slides at these speeds (m/s), pushed by f* times its p."""
+    state = loaded_state(scene).state(scene, dt)
+    state.y[0, 2], state.mode[:] = speeds, 1
+    state.u_drv0 = scene.law.mu_k * scene.F_N / scene.driver.K
+    return state
+
+
+def total(scene, state):
+    """Return the energy of a state, with what it lost and without the work done on it, in J."""
+    stored = sum(core.energies(core.model(scene, "linear", state.u_drv0), state, state.t).values())
+    return stored + state.heat.sum() + state.dissipated.sum() - state.work.sum()
+
+
+# --- the law --------------------------------------------------------------------------------------
+
+
+def coefficient(law, v, theta):
+    """Return f/p from the literature form, in long double."""
+    v, theta = np.longdouble(v), np.longdouble(theta)
+    cut = 0 if law.V_c is None else np.longdouble(law.V_star) / np.longdouble(law.V_c)
+    psi = np.log(np.longdouble(law.V_star) * theta / np.longdouble(law.D_c) + cut)
+    kappa = (np.longdouble(law.f_star) + np.longdouble(law.b) * psi) / np.longdouble(law.a)
+    with np.errstate(divide="ignore"):
+        q = np.log(np.abs(v) / np.longdouble(law.V_star)) + kappa
+    whole = np.where(q > 0, q, 0) + np.log((1 + np.sqrt(1 + 4 * np.exp(-2 * np.abs(q)))) / 2)
+    small = np.arcsinh(np.exp(np.minimum(q, 0)) / 2)
+    return np.sign(v) * law.a * np.where(q > 0, whole, small)
+
+
+@pytest.mark.parametrize("evolution", EVOLUTIONS)
+@pytest.mark.parametrize("V_c", [None, 1e-2])
+def test_friction_is_that_of_the_literature(evolution, V_c):
+    """From 1e-30 to 10 m/s and 1e-8 to 1e8 s, to a few units of rounding of f/a."""
+    v = np.concatenate([10.0 ** np.arange(-30, 2), -(10.0 ** np.arange(-12, 2)), [0.0]])
+    scene = row(len(v), evolution=evolution, V_c=V_c, alpha=0.3)
+    state = loaded_state(scene).state(scene, 1e-7)
+    state.y[0, 2] = v
+    for theta in (1e-8, 1e-3, 1.0, 1e8):
+        state.theta[:] = theta
+        model = core.model(scene, "linear", state.u_drv0)
+        f = core.evaluate(model, state, 0.0).f
+        expected = -20.0 * coefficient(scene.interface.law, v, theta) - 0.3 * v
+        np.testing.assert_allclose(f, expected.astype(float), rtol=3e-14, atol=0)
+
+
+@pytest.mark.parametrize("Z", [0.0, 16.0])
+@pytest.mark.parametrize("V_c", [None, 1e-2])
+def test_speed_balances_the_load(Z, V_c):
+    scene = row(8, V_c=V_c)
+    law, p = scene.law, np.full(8, 20.0)
+    load = np.array([-14.0, -5.0, -1e-3, 0.0, 1e-6, 0.1, 12.0, 16.0])
+    for theta in (1e-5, 1.0, 1e6):
+        v = law.speed(load, p, np.full(8, np.log(theta)), Z)
+        force = (p * coefficient(law.kind, v, theta)).astype(float) + Z * v
+        np.testing.assert_allclose(force, load, rtol=1e-11, atol=1e-300)
+
+
+@pytest.mark.parametrize("evolution", EVOLUTIONS)
+def test_state_after_a_step_in_speed(evolution):
+    """Ageing: theta relaxes as exp(-x/D_c) with slip x; slip law: ln(v theta/D_c) does."""
+    law = row(3, evolution=evolution).law
+    v, x, before = 1e-4, np.linspace(0, 5e-5, 6), 0.02
+    found = solve_ivp(
+        lambda t, y: law.log_rate(np.full(3, v), y),
+        (0, x[-1] / v),
+        np.log([before] * 3),
+        t_eval=x / v,
+        rtol=1e-11,
+        atol=1e-12,
+    )
+    steady, theta = law.D_c / v, np.exp(found.y[0])
+    if evolution == "ageing":
+        np.testing.assert_allclose(theta, steady + (before - steady) * np.exp(-x / law.D_c), 1e-9)
+    else:
+        left = np.log(before / steady) * np.exp(-x / law.D_c)
+        np.testing.assert_allclose(np.log(theta / steady), left, rtol=1e-8)
+
+
+# --- full dynamics --------------------------------------------------------------------------------
+
+
+def twin(scene, push):
+    """Return the right-hand side of a chain, written anew; y holds u, v, theta."""
+    N, law, p = scene.N_x, scene.interface.law, scene.p_prescribed
+    cut = 0.0 if law.V_c is None else law.V_star / law.V_c
+
+    def rates(t, y):
+        u, v, theta = y[:N], y[N : 2 * N], y[2 * N :]
+        pair = scene.slider.k * np.diff(u) + scene.eta * np.diff(v)
+        F = np.append(pair, 0.0) - np.append(0.0, pair)
+        F[0] += push + scene.driver.K * (scene.driver.V * t - u[0])
+        psi = np.log(law.V_star * theta / law.D_c + cut)
+        inside = v / (2 * law.V_star) * np.exp((law.f_star + law.b * psi) / law.a)
+        F -= p * law.a * np.arcsinh(inside) + scene.interface.alpha * v
+        x = np.abs(v) * theta / law.D_c
+        evolves = 1 - x if law.evolution == "ageing" else -x * np.log(x)
+        return np.concatenate([v, F / scene.m, evolves])
+
+    return rates
+
+
+@pytest.mark.parametrize("evolution", EVOLUTIONS)
+@pytest.mark.parametrize("more", [{}, {"V_c": 0.05, "alpha": 0.2}])
+def test_runs_are_those_of_an_own_integration_to_third_order(evolution, more):
+    """Against SciPy's DOP853 with tolerances at rounding; speeds grow from 0.08 to 0.7 m/s."""
+    scene, t_end = row(evolution=evolution, **more), 1e-3
+    first = sliding(scene, 1e-7, [0.12, 0.1, 0.1, 0.1])
+    start = np.concatenate([np.zeros(4), first.y[0, 2], first.theta])
+    push = scene.driver.K * first.u_drv0
+    exact = solve_ivp(
+        twin(scene, push), (0, t_end), start, method="DOP853", rtol=1e-12, atol=1e-16
+    ).y[:, -1]
+    errors, energy = [], []
+    for n in (3000, 6000):
+        begin = sliding(scene, t_end / n, [0.12, 0.1, 0.1, 0.1])
+        before = total(scene, begin)
+        advance(scene, "linear", begin, n, **IMEX)
+        found = np.concatenate([begin.y[0, 0], begin.y[0, 2], begin.theta])
+        errors.append(np.abs(found / exact - 1).max())
+        energy.append(abs(total(scene, begin) - before) / begin.work[0])
+    assert errors[0] < 3e-7
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(3, abs=0.15)
+    assert energy[0] < 3e-6
+    assert np.log2(energy[0] / energy[1]) == pytest.approx(3, abs=0.2)
+
+
+@pytest.mark.parametrize("share", [0.8, 1.25])
+@pytest.mark.parametrize("V", [0.03, 0.3])
+def test_growth_rates_near_the_critical_stiffness(share, V):
+    """One block, k_c = p (b - a)/D_c (1 + m V^2/(a p D_c)) (Rice & Ruina 1983).
+
+    Three blocks, joined by springs that are far stiffer than the driver, move as one.
+    """
+    p, m = 60.0, 3 * row(3).m
+    a, b, D_c = LAW["a"], LAW["b"], LAW["D_c"]
+    critical = p * (b - a) / D_c * (1 + m * V**2 / (a * p * D_c))
+    scene = row(3, V=V, K=share * critical, p=p / 3)
+    # x'' = -(K x + p (a/V x' + b/theta d))/m, d' = -V/D_c d - x'/V
+    theta = D_c / V
+    matrix = [[0, 1, 0], [-share * critical / m, -p * a / V / m, -p * b / theta / m]]
+    matrix.append([0, -1 / V, -V / D_c])
+    rates = np.linalg.eigvals(np.array(matrix))
+    rate = rates[np.argmax(rates.imag)]
+    assert (rate.real > 0) == (share < 1)
+    period = 2 * np.pi / rate.imag
+    dt = min(0.4 * stability_limit(scene, "imex")[0], period / 200)
+    state, steps = sliding(scene, dt, V), int(period / dt)
+    steady = LAW["f_star"] + (a - b) * np.log(V / scene.law.kind.V_star)
+    carried = steady * p * np.array([0, 2, 1]) / 3  # by the bond before each block
+    state.y[0, 0] = -np.cumsum(carried) / scene.slider.k
+    state.u_drv0 = steady * p / scene.driver.K
+    values, vectors = np.linalg.eig(np.array(matrix))
+    mode = vectors[:, np.argmax(values.imag)]
+    x, w, d = (mode / mode[1] * 1e-4 * V).real  # on the pair of solutions that oscillates
+    state.y[0, 0] += x
+    state.y[0, 2] += w
+    state.theta[:] += d
+    grown = []
+    for _ in range(2):
+        advance(scene, "linear", state, steps, budget=False, **IMEX)
+        grown.append(state.y[0, 2].mean() - V)
+    # over a whole number of periods the oscillation grows by exp(rate t)
+    t = steps * dt
+    expected = [(mode[1] * np.exp(rate * n * t) / mode[1] * 1e-4 * V).real for n in (1, 2)]
+    np.testing.assert_allclose(grown, expected, rtol=0.01)
+
+
+def test_steps_are_stable_at_any_speed():
+    """From 1e-12 to 10 m/s, at the stability limit of the lattice: no energy appears."""
+    scene = small("rod").replace({"interface": rated(theta_0=1.0), "driver.V": 0.0})
+    dt = 0.98 * stability_limit(scene, "imex")[0]
+    for speed in (1e-12, 1e-6, 1e-2, 10.0):
+        state = loaded_state(scene).state(scene, dt)
+        state.y[:-1, 2] += speed * np.cos(np.arange(scene.N_x))
+        model = core.model(scene, "linear", state.u_drv0)
+        before = sum(core.energies(model, state, 0.0).values())
+        advance(scene, "linear", state, 3000, **IMEX)
+        after = sum(core.energies(model, state, 0.0).values())
+        assert np.isfinite(state.y).all()
+        assert np.isfinite(state.theta).all()
+        assert after + state.heat.sum() + state.dissipated.sum() - state.work.sum() < before * (
+            1 + 1e-3
+        )
+        assert np.abs(state.y[:, 2]).max() <= 1.01 * speed + 1e-9
+
+
+@pytest.mark.parametrize("evolution", EVOLUTIONS)
+@pytest.mark.parametrize("geometry", ["linear", "finite"])
+def test_threads_variants_and_cuts_do_not_change_a_bit(evolution, geometry):
+    scene = small("rod", V=0.5).replace({"interface": rated(evolution=evolution, v_0=1e-2, D_c=1e-6)})
+    dt = 0.4 * stability_limit(scene, "imex")[0]
+
+    def run(cuts=(1200,), **how):
+        state = loaded_state(scene, geometry).state(scene, dt)
+        for n in cuts:
+            advance(scene, geometry, state, n, **IMEX, **how)
+        return state
+
+    first = run()
+    assert np.ptp(first.theta) > 0
+    assert (first.mode == 1).any()
+    for cuts, how in [((1200,), {"threads": 3}), ((1, 400, 799), {}), ((600, 600), {"threads": 2})]:
+        assert bits(run(cuts, **how)) == bits(first)
+    for variant in (name for name, runs in core.variants().items() if runs):
+        assert bits(run(variant=variant)) == bits(first)
+
+
+def test_mirrored_scenes_give_mirrored_bits():
+    scene = small("rod", V=0.5).replace({"interface": rated(v_0=1e-2, D_c=1e-6)})
+    dt = 0.4 * stability_limit(scene, "imex")[0]
+    state = loaded_state(scene).state(scene, dt)
+    other = mirrored_state(state)
+    for one, end in ((scene, state), (mirrored_scene(scene), other)):
+        advance(one, "linear", end, 1200, **IMEX)
+    assert np.array_equal(mirrored_state(other).y, state.y)
+    assert np.array_equal(mirrored_state(other).theta, state.theta)
+    assert (state.mode == 1).any()
+
+
+def test_explicit_steps_are_refused_by_the_core():
+    scene = row()
+    state = loaded_state(scene).state(scene, 1e-7)
+    with pytest.raises(ValueError, match="imex"):
+        advance(scene, "linear", state, 1, stepper="rk4", switching="step_end")
+
+
+# --- between ruptures -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("geometry", ["linear", "finite"])
+def test_condensed_loads_are_those_of_static_states(geometry):
+    """Exactly in linear geometry; in finite geometry but for how strains change the stiffness."""
+    scene = setup1(L=0.03, H=0.015, h=0.005, l=0.0025, F_N=200.0).replace({"interface": rated()})
+    known = StaticSolver(scene, geometry)
+    closed = ~known.loaded.open
+    u_x = known.loaded.u[0, 0] + 1e-7 * np.sin(np.arange(scene.N_x))
+    interface = interface_at(scene, known, u_x, closed, 0.01)
+    moved = 1e-6 * np.cos(np.arange(scene.N_x))
+    s = 1e-6 / scene.driver.V
+    load, p = interface.loads(moved, s)
+    there = known.solve(u_x + moved, scene.drive(0.01 + s), free=~closed)
+    changed = np.abs(load - interface.load[0]).max()
+    error = max(np.abs(load + there.f).max(), np.abs(p - there.p).max())
+    force = interface.F_T[0] + interface.F_T[1] * s + interface.F_T[2] @ moved
+    error = max(error, abs(force - there.F_T)) / changed
+    assert error < (1e-9 if geometry == "linear" else 3e-3)
+    assert geometry == "linear" or error > 1e-6
+
+
+@functools.cache
+def cycles(accuracy, evolution="ageing"):
+    """Return a run of some stick-slip cycles: full dynamics for accuracy 0."""
+    law = {"D_c": 1e-6, "v_0": 0.02, "evolution": evolution}
+    scene = chain(L=0.02, V=0.02, K=1e6, p=20.0, tau=0.0, interface=rated(**law))
+    how = {"accuracy": accuracy, "fidelity": "hybrid"} if accuracy else {"fidelity": "dynamic"}
+    return pyfric.simulate(scene, 9e-3, sample=1e-4, progress=False, **how)
+
+
+@pytest.mark.parametrize("evolution", EVOLUTIONS)
+def test_moving_the_hand_over_changes_events_within_the_accuracy(evolution):
+    exact = cycles(0, evolution).events
+    spared = []
+    for accuracy in (1e-3, 1e-4, 1e-5):
+        run = cycles(accuracy, evolution)
+        assert len(run.events) == len(exact)
+        spared.append(run.counts["steps_spared"])
+        F_N = run.scene.F_N
+        for name in ("F_T_start", "F_T_arrest"):
+            off = np.abs(run.events[name] - exact[name]).dropna() / F_N  # the last goes on
+            assert (off < accuracy).all()
+    assert spared[0] > spared[1] > spared[2] > 0
+
+
+def test_a_run_that_goes_on_is_the_whole_run():
+    """From the record of a run that ended in a rupture or between two."""
+    whole = cycles(0)
+    for t in (2e-3, 5.4e-3):
+        first = pyfric.simulate(whole.scene, t, sample=1e-4, fidelity="dynamic", progress=False)
+        rest = pyfric.simulate(whole.scene, 9e-3, initial=first, progress=False)
+        assert bits(rest.final_state) == bits(whole.final_state)
+        assert rest.events.equals(whole.events)
+
+
+def test_plans_measure_their_errors():
+    scene = cycles(0).scene
+    run = pyfric.simulate(scene, 6e-3, tolerance=0.01, sample=1e-4, progress=False)
+    assert run.method.engine == "hybrid"
+    assert run.errors.holds is True
+    exact = cycles(0).events["F_T_start"].iloc[0]
+    assert abs(run.events["F_T_start"].iloc[0] - exact) < 1e-3 * scene.F_N
+
+
+# --- what is refused ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "field"),
+    [
+        ({"a": 1.5}, "a"),
+        ({"b": -0.1}, "b"),
+        ({"D_c": 10.0}, "D_c"),
+        ({"theta_0": 1.0, "v_0": 1e-6}, "v_0"),
+        ({"evolution": "Dieterich"}, "evolution"),
+    ],
+)
+def test_values_that_cannot_be_meant_are_refused(changes, field):
+    refused(lambda: laws.RateAndState(**(LAW | changes)), f"interface.law.{field}")
+
+
+def test_an_interface_has_no_other_coefficients():
+    law = laws.RateAndState(**LAW)
+    refused(lambda: chain(interface=Interface(mu_s=0.7, law=law)).law, "interface.mu_s", "f_star")
+    refused(lambda: chain(interface=Interface(d_c=1e-6, law=law)), "interface.d_c", "D_c")
+    scene = chain(interface=Interface(law=law))
+    assert scene.replace({"interface.law.f_star": 0.5}).law.mu_s == 0.5
+
+
+def test_a_state_is_needed_if_nothing_moves_at_first():
+    refused(lambda: chain(V=0.0, interface=rated()), "interface.law.theta_0", "v_0")
+    assert chain(V=0.0, interface=rated(theta_0=2.0)).law.theta == 2.0
+
+
+@pytest.mark.parametrize(
+    ("options", "field"),
+    [
+        ({"stepper": "rk4"}, "stepper"),
+        ({"switching": "located"}, "switching"),
+        ({"fidelity": "quasistatic"}, "interface.law"),
+    ],
+)
+def test_methods_without_this_friction_are_refused(options, field):
+    how = {"fidelity": "dynamic", "progress": False} | options
+    refused(lambda: pyfric.simulate(row(), 1e-4, **how), field)
+
+
+def test_other_laws_have_no_implicit_steps():
+    refused(lambda: pyfric.simulate("chain", 1e-4, fidelity="dynamic", stepper="imex"), "stepper")

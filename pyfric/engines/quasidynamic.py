@@ -20,6 +20,7 @@ Source of the form: J. R. Rice, J. Geophys. Res. 98, 9885 (1993).
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -27,9 +28,12 @@ import numpy as np
 
 from pyfric import core
 from pyfric.core import OPEN
-from pyfric.engines.dynamic import Run
-from pyfric.engines.integration import just_after, last_step
-from pyfric.statics import ContactProblem, Route, Values, table_rows
+from pyfric.engines.dynamic import Run, RunError
+from pyfric.engines.engine import Engine
+from pyfric.engines.integration import integrate, just_after, last_step
+from pyfric.engines.options import owned
+from pyfric.scene import SceneError
+from pyfric.statics import ContactProblem, Route, Values, check_rests, table_rows
 
 if TYPE_CHECKING:
     from pyfric.scene import RateStateLaw, Scene
@@ -121,7 +125,12 @@ class Phase:
 
 
 class RateHybridRun(Run):
-    """A run that steps through ruptures, and leaves out inertia between them."""
+    """A run that steps through ruptures, and leaves out inertia between them.
+
+    Attributes:
+        Z: radiation damping between ruptures, in N s/m.
+        limit: inertial force from which inertia is not left out, in N.
+    """
 
     name = "hybrid"
 
@@ -129,7 +138,7 @@ class RateHybridRun(Run):
         super().__init__(*args)
         self.made |= {"jumps": 0, "steps_spared": 0, "slow_steps": 0}
         self.worth = self.state.step
-        self.limit = self.method.accuracy * self.scene.F_N
+        self.Z, self.limit = 0.0, self.method.accuracy * self.scene.F_N
 
     def call_length(self) -> int:
         """Return how many steps may be made before the next look at inertia."""
@@ -163,13 +172,14 @@ class RateHybridRun(Run):
         if n_max <= 0:
             return False
         interface = interface_at(scene, self.known, state.y[0, 0], closed, just_after(state))
-        phase = Phase(law, interface, state.theta, closed)
+        phase = Phase(law, interface, state.theta, closed, self.Z)
         begin = state.y[0, 2] if self.made["steps"] else phase.speeds(0.0, phase.begin)[0]
         tolerance, unit = self.method.accuracy, scene.F_N / scene.N_x
         stiff = float(np.abs(np.diag(interface.load[2])).max())
         atol = np.repeat([tolerance * unit / stiff, tolerance / float(np.max(law.b + law.a))], scene.N_x)
         end = n_max * state.dt
         pair = RK45(phase.rates, 0.0, phase.begin, end, rtol=max(tolerance, 1e-12), atol=atol)
+        crossed: list[tuple[Any, ...]] = []
         v, n, y, goes_on, of_column = begin, 0, phase.begin, True, scene.M_rod + scene.slider.M
         for _ in range(PAIRS):
             before = pair.t
@@ -185,14 +195,23 @@ class RateHybridRun(Run):
             self._sample_slip(phase, inside, n, reached)
             if reached > n:
                 n, y = reached, inside(min(reached * state.dt, pair.t))
+            goes_on = bool((p > 0)[closed].all()) and self.goes_on(push, now)
+            if not self.limit < math.inf:
+                crossed.append((inside, before, pair.t, v, now))
             v = now
-            fast = push > self.limit or float(np.abs(v).max()) >= law.kind.v_slip
-            goes_on = not fast and bool((p > 0)[closed].all())
             if not goes_on or pair.status == "finished":
                 break
         if n:
+            self.log_slip(phase, crossed, n * state.dt)
             self._put(phase, y, n)
         return goes_on and n > 0
+
+    def goes_on(self, push: float, v: np.ndarray) -> bool:
+        """Return whether inertia may be left out at an inertial force (N) and velocities (m/s)."""
+        return push <= self.limit and float(np.abs(v).max()) < self.scene.law.kind.v_slip
+
+    def log_slip(self, phase: Phase, steps: list[tuple[Any, ...]], s_end: float) -> None:
+        """Log what begins or ends to slip in a phase; nothing does in this engine."""
 
     def _piece_ends(self, last: int) -> int:
         """Return the last step that a phase may reach, at most `last`, before any breakpoint."""
@@ -247,3 +266,97 @@ class RateHybridRun(Run):
         drive, load = scene.drive(t) + scene.piece("V", t).at(t) * s, scene.load_at(t)
         found = self.known.solve(u_x + v * s, drive, free=free, load=load)
         return found.u, found.rod
+
+
+class QuasidynamicRun(RateHybridRun):
+    """A run without inertia, in which waves carry energy away: Z is the impedance of a block."""
+
+    name = "quasidynamic"
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        scene = self.scene
+        self.Z, self.limit = math.sqrt(scene.slider.k * scene.m / 2), math.inf
+
+    def before_call(self, last: int) -> None:
+        """Make the next part of the run.
+
+        Raises:
+            RunError: a block lifts off, or the integration fails.
+        """
+        state, begin = self.state, self.state.step
+        while state.step < last and state.step < begin + self.most_steps and not self.ending:
+            corner = self._piece_ends(last) <= state.step
+            if corner:  # one step across a breakpoint of a protocol
+                self.call(1)
+            elif not self.slip(last) and state.step < last:
+                message = f"a block lifts off, or slip does not converge, at t = {state.t:.9g} s"
+                raise RunError(f"{message}; fidelity = 'hybrid' has inertia", self.record("failed"))
+            return
+
+    def goes_on(self, push: float, v: np.ndarray) -> bool:
+        """Return that inertia is left out."""
+        return True
+
+    def log_slip(self, phase: Phase, steps: list[tuple[Any, ...]], s_end: float) -> None:
+        """Log when blocks become as fast as v_slip, or slower, up to s_end (s) of a phase."""
+        from scipy.optimize import brentq  # slow to import
+
+        state, scene, limit = self.state, self.scene, self.scene.law.kind.v_slip
+        found: list[tuple[float, int, int]] = []
+        for inside, begin, end, v, now in steps:
+            for i in np.flatnonzero((np.abs(v) >= limit) != (np.abs(now) >= limit)):
+
+                def excess(s: float, i: int = i, inside: Any = inside) -> float:
+                    return abs(phase.speeds(s, inside(s))[0][i]) - limit
+
+                first, last = excess(begin), excess(end)
+                at = brentq(excess, begin, end) if first * last < 0 else end
+                found.append((at, int(i), int(np.sign(now[i])) if last >= 0 else 0))
+        ends = {id(step[0]): step for step in steps}
+        for at, i, new in sorted(found):
+            if at > s_end:
+                continue
+            inside = next(step[0] for step in ends.values() if step[1] <= at <= step[2])
+            y, old = inside(at), int(state.mode[i])
+            if old == new:
+                continue
+            active = bool((np.abs(state.mode) == 1).any())
+            moved = y[: scene.N_x]
+            _, p = phase.interface.loads(moved, at)
+            F_T = phase.interface.F_T
+            state.mode[i] = new
+            step, t, u_x = state.step + math.ceil(at / state.dt), state.t + at, state.y[0, 0] + moved
+            switch = {"step": step, "block": i, "old": old, "new": new, "corner": False, "t": t}
+            switch |= {"u_x": u_x[i], "p": p[i]}
+            now_active = bool((np.abs(state.mode) == 1).any())
+            quiet = {name: values[:0] for name, values in self.log.quiet().items()}
+            if now_active != active:
+                force = F_T[0] + F_T[1] * at + F_T[2] @ moved
+                kind, modes = (1 if now_active else -1), state.mode.copy()
+                row = {"step": step, "t": t, "kind": kind, "F_T": force, "u_x": u_x, "mode": modes}
+                quiet = {n: np.array([row[n]], dtype=v.dtype) for n, v in quiet.items()}
+            types = self.log.switches()
+            self._add_logs(
+                {n: np.array([switch[n]], dtype=v.dtype) for n, v in types.items()}, quiet
+            )
+
+
+def check_scene(scene: Scene) -> None:
+    """Raise SceneError for a scene without rate-and-state friction, or without static states."""
+    check_rests(scene)
+    if not scene.law.flows:
+        kind, allowed = scene.interface.law.kind, "'rate_and_state', or another engine"
+        reason = "without inertia, speeds follow from friction only if it depends on speed"
+        raise SceneError("interface.law", kind, "", allowed, reason)
+
+
+QUASIDYNAMIC = Engine(
+    name=QuasidynamicRun.name,
+    models="rate-and-state friction, radiation damping",
+    leaves_out=("inertia", "waves"),
+    options=owned("run", "events", "steps", "jumps"),
+    steppers=("imex",),
+    check=check_scene,
+    follow=functools.partial(integrate, QuasidynamicRun),
+)

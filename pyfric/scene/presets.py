@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple, TypedDict, Unpack
 
 from pyfric.scene.change import changed, full_name, joined, once, scene_fields
 from pyfric.scene.errors import SceneError, naming, unknown
-from pyfric.scene.laws import FrictionLaw, Junctions
+from pyfric.scene.laws import FrictionLaw, Junctions, RateAndState
 from pyfric.scene.parts import (
     PARTS,
     DistributedLoad,
@@ -111,6 +111,13 @@ _SLOW = Scene(
     ),
     name="slow",
 )
+_RATED = Scene(
+    slider=Slider(L=0.14, H=0.075, l=2.5e-3, k=13.5e6, M=0.0756),
+    top=Rod(F_N=3500.0),
+    driver=Driver(K=4e6, V=4e-4, h=5e-3),
+    interface=Interface(law=RateAndState(a=0.01, b=0.015, D_c=2e-7)),
+    name="rate_and_state",
+)
 _CHAIN = Scene(
     slider=Slider(L=0.14, H=0.0, l=2.5e-3, k=5.4e8, M=0.0756),
     top=PrescribedLoad(p=3500.0 / 57),
@@ -173,6 +180,21 @@ def slow(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     """
     given = joined(changes, fields)
     return _made(_SLOW, given, slider_M=_mass, interface_k_f=lambda slider: slider.k / 2)
+
+
+def rate_and_state(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
+    """Return setup 1 with rate-and-state friction.
+
+    L = 140 mm, H = 75 mm, l = 2.5 mm, k = 13.5 MN/m, M = 75.6 g, F_N = 3500 N, K = 4 MN/m, h = 5 mm
+    as in `setup1`, V = 0.4 mm/s. a = 0.01, b = 0.015, f* = 0.6 and V* = 1 um/s are those of the
+    velocity-weakening part of the benchmark problem BP1. Its D_c is 8 mm; here D_c = 0.2 um, a
+    choice of this project: weakening then acts over four blocks, and precursors grow. Parameters of `pyfric.laws.RateAndState` can be changed by name, too.
+
+    Changes and errors are those of `preset`.
+
+    Source: B. A. Erickson et al., Seismol. Res. Lett. 91, 874 (2020), problem BP1.
+    """
+    return _made(_RATED, joined(changes, fields), slider_M=_mass)
 
 
 def setup2(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
@@ -340,6 +362,7 @@ PRESETS: MappingProxyType[str, Preset] = MappingProxyType(
             ("setup2-", setup2, {"top.theta": -0.833}, "much load on the trailing edge"),
             ("chain", chain, {}, "setup 1 lumped into one row"),
             ("slow", slow, {}, "setup 1 on junctions that break and pin again: slow fronts"),
+            ("rate_and_state", rate_and_state, {}, "setup 1 with rate-and-state friction"),
             ("tpv3", tpv3, {}, "a benchmark of earthquake rupture"),
         )
     }

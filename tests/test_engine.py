@@ -18,6 +18,7 @@ simulate = functools.partial(pyfric.simulate, progress=False)
 SCENES = {
     "of the paper": SCENE,
     "junctions": preset("slow"),
+    "rate and state": preset("rate_and_state", L=0.03, H=0.015),
     "pushed": pyfric.forced(SCENE, x=0.01, length=5e-3, speed=100.0),
     "no driver": chain(K=0.0),
     "viscous": setup1(L=0.03, H=0.015, alpha=1e-3),
@@ -65,12 +66,12 @@ def test_a_new_engine_runs_by_its_name(monkeypatch):
     [
         ("dt", 1e-6, "'hybrid' or 'dynamic'"),
         ("method", "paper", "'hybrid' or 'dynamic'"),
-        ("stepper", "verlet", "'rk4', or fidelity = 'dynamic'"),
-        ("accuracy", 1e-7, "None, or fidelity = 'hybrid'"),
+        ("stepper", "verlet", "None, or fidelity = 'dynamic'"),
+        ("accuracy", 1e-7, "None, or fidelity = 'quasidynamic' or 'hybrid'"),
         ("energies", True, "False, or fidelity = 'dynamic'"),
         ("sample", 1e-3, "makes no time steps"),
-        ("geometry", "finite", "'linear', or fidelity = 'hybrid' or 'dynamic'"),
-        ("verify", "sample", "'none', or fidelity = 'quasistatic' or 'hybrid' or 'dynamic'"),
+        ("geometry", "finite", "'linear', or fidelity = 'quasidynamic' or 'hybrid' or 'dynamic'"),
+        ("verify", "sample", "or fidelity = 'quasistatic' or 'quasidynamic' or 'hybrid'"),
         ("verify", "full", "finds no event"),
     ],
 )
@@ -97,12 +98,13 @@ def test_a_new_engine_is_verified_if_it_finds_events(monkeypatch, steps):
 @pytest.mark.parametrize("verify", ["sample", "full"])
 def test_who_asks_for_errors_gets_them_or_a_refusal(name, verify):
     options = pyfric.Options(fidelity=name, verify=verify)
+    scene = SCENES["rate and state"] if name == "quasidynamic" else SCENE
     if name != "auto" and (error := ENGINES[name].lacks(options)) is not None:
         assert error.field == "verify"
         with pytest.raises(SceneError, match="verify"):
-            simulate(SCENE, 1e-3, options)
+            simulate(scene, 1e-3, options)
     else:
-        record = simulate(SCENE, 1e-3, options)
+        record = simulate(scene, 1e-3, options)
         assert record.errors.by or any("errors" in note for note in record.notes)
 
 
@@ -113,6 +115,7 @@ def test_an_engine_says_what_it_cannot_run(engine, scene):
     expected = {
         "of the paper": {"equilibrium", "quasistatic", "hybrid", "dynamic"},
         "viscous": {"equilibrium", "hybrid", "dynamic"},
+        "rate and state": {"quasidynamic", "hybrid", "dynamic"},
     }
     assert (reason == "") == (engine.name in expected.get(scene, {"dynamic"}))
     if reason:

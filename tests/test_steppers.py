@@ -472,7 +472,7 @@ def test_plans_keep_the_method_that_was_asked_for():
         ("dynamic", {"rtol": 1e-3}, "rtol", "stepper = 'adaptive'"),
         ("dynamic", {"stepper": "adaptive", "rtol": 0.0}, "rtol", ">="),
         ("dynamic", {"stepper": "adaptive", "rtol": float("nan")}, "rtol", "finite"),
-        ("hybrid", {"stepper": "verlet"}, "stepper", "'rk4_opposite', or fidelity = 'dynamic'"),
+        ("hybrid", {"stepper": "verlet"}, "stepper", "'imex', or fidelity = 'dynamic'"),
         ("quasistatic", {"stepper": "verlet"}, "stepper", "makes no time steps"),
         ("quasistatic", {"switching": "located"}, "switching", "makes no time steps"),
     ],

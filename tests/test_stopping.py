@@ -218,7 +218,7 @@ def test_refused_conditions():
     beyond = {"stop_when": "reached = 5", "progress": False}
     refused(lambda: pyfric.simulate("fig1", 1.0, **beyond), "stop_when", "beyond the interface")
     junctions = {"stop_when": "at_rest", "progress": False}
-    refused(lambda: pyfric.simulate("slow", 1e-4, **junctions), "stop_when", "blocks on junctions")
+    refused(lambda: pyfric.simulate("slow", 1e-4, **junctions), "stop_when", "no threshold")
     assert options(stop_when=["arrested"]).stop_when == ("arrested",)
     assert options(stop_when=()).stop_when == ()
     assert all(due.__doc__ for due in CONDITIONS.values())

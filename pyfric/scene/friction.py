@@ -66,6 +66,8 @@ class Law:
     """Names and shapes of the state variables of a block; all are numbers."""
     rests: ClassVar[bool] = True
     """Whether a block can stick, with constant u_x. Other laws need full dynamics."""
+    restless: ClassVar[str] = ""
+    """Why no block rests, "" if blocks can."""
     flows: ClassVar[bool] = False
     """Whether friction is that of a speed, so that steps are implicit in it."""
     junctions: ClassVar[int] = 0
@@ -229,6 +231,9 @@ class JunctionLaw(Law):
     t_R_std: Any
 
     rests: ClassVar[bool] = False
+    restless: ClassVar[str] = (
+        "junctions break and pin all the time under load: no jump over a rest gains anything"
+    )
 
     @classmethod
     def of(cls, kind: Junctions, given: Callable[[str], Any], p: float, V: float) -> JunctionLaw:
@@ -352,6 +357,7 @@ class RateStateLaw(Law):
     theta: Any
 
     rests: ClassVar[bool] = False
+    restless: ClassVar[str] = "with rate-and-state friction no block ever rests"
     flows: ClassVar[bool] = True
     memory: ClassVar[np.dtype] = np.dtype([("theta", float)])
 

@@ -10,7 +10,6 @@ from pyfric.statics.lattice import bonds, spring_stiffness
 from pyfric.statics.memory import Memory
 from pyfric.statics.operators import damping, dispersion, extended, mass, stiffness
 from pyfric.statics.rest import (
-    NO_RESTS,
     Equilibrium,
     EquilibriumError,
     check_rests,

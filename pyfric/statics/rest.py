@@ -15,9 +15,6 @@ from pyfric.scene import SceneError
 if TYPE_CHECKING:
     from pyfric.scene import OnDriven, Scene
 
-NO_RESTS = "blocks on junctions, or with rate-and-state friction, are always in motion under load"
-"""Why junctions need full dynamics."""
-
 
 class EquilibriumError(RuntimeError):
     """No equilibrium was found.
@@ -145,7 +142,7 @@ def check_sticks(scene: Scene) -> None:
     if not scene.law.rests:
         kind = scene.interface.law.kind
         allowed = "fidelity = 'dynamic' (or 'auto', which chooses it), or another friction law"
-        raise SceneError("interface.law", kind, "", allowed, NO_RESTS)
+        raise SceneError("interface.law", kind, "", allowed, scene.law.restless)
 
 
 def as_prescribed(scene: Scene) -> Equilibrium:

@@ -67,11 +67,11 @@ def test_a_new_engine_runs_by_its_name(monkeypatch):
         ("dt", 1e-6, "'hybrid' or 'dynamic'"),
         ("method", "paper", "'hybrid' or 'dynamic'"),
         ("stepper", "verlet", "None, or fidelity = 'dynamic'"),
-        ("accuracy", 1e-7, "None, or fidelity = 'quasidynamic' or 'hybrid'"),
+        ("accuracy", 1e-7, "None, or fidelity = 'hybrid'"),
         ("energies", True, "False, or fidelity = 'dynamic'"),
         ("sample", 1e-3, "makes no time steps"),
-        ("geometry", "finite", "'linear', or fidelity = 'quasidynamic' or 'hybrid' or 'dynamic'"),
-        ("verify", "sample", "or fidelity = 'quasistatic' or 'quasidynamic' or 'hybrid'"),
+        ("geometry", "finite", "'linear', or fidelity = 'hybrid' or 'dynamic'"),
+        ("verify", "sample", "'none', or fidelity = 'quasistatic' or 'hybrid' or 'dynamic'"),
         ("verify", "full", "finds no event"),
     ],
 )
@@ -98,13 +98,12 @@ def test_a_new_engine_is_verified_if_it_finds_events(monkeypatch, steps):
 @pytest.mark.parametrize("verify", ["sample", "full"])
 def test_who_asks_for_errors_gets_them_or_a_refusal(name, verify):
     options = pyfric.Options(fidelity=name, verify=verify)
-    scene = SCENES["rate and state"] if name == "quasidynamic" else SCENE
     if name != "auto" and (error := ENGINES[name].lacks(options)) is not None:
         assert error.field == "verify"
         with pytest.raises(SceneError, match="verify"):
-            simulate(scene, 1e-3, options)
+            simulate(SCENE, 1e-3, options)
     else:
-        record = simulate(scene, 1e-3, options)
+        record = simulate(SCENE, 1e-3, options)
         assert record.errors.by or any("errors" in note for note in record.notes)
 
 
@@ -115,7 +114,7 @@ def test_an_engine_says_what_it_cannot_run(engine, scene):
     expected = {
         "of the paper": {"equilibrium", "quasistatic", "hybrid", "dynamic"},
         "viscous": {"equilibrium", "hybrid", "dynamic"},
-        "rate and state": {"quasidynamic", "hybrid", "dynamic"},
+        "rate and state": {"hybrid", "dynamic"},
     }
     assert (reason == "") == (engine.name in expected.get(scene, {"dynamic"}))
     if reason:

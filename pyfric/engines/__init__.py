@@ -39,8 +39,7 @@ from pyfric.engines.options import (
 )
 from pyfric.engines.pauses import coarser, longest_pause, pause_notes, relaxation_time
 from pyfric.engines.prediction import prediction_curve
-from pyfric.engines.quasidynamic import QUASIDYNAMIC
 from pyfric.engines.quasistatic import EQUILIBRIUM, QUASISTATIC, QuasistaticRun
 from pyfric.engines.stopping import ended_by_condition, stopping_of
 
-ENGINES.update({engine.name: engine for engine in (EQUILIBRIUM, QUASISTATIC, QUASIDYNAMIC, HYBRID, DYNAMIC)})
+ENGINES.update({engine.name: engine for engine in (EQUILIBRIUM, QUASISTATIC, HYBRID, DYNAMIC)})

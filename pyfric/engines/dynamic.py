@@ -117,7 +117,9 @@ class Run:
         self.known, self.solver = solver, RememberedStates(solver)
         self.model = core.model(scene, method.geometry, state.u_drv0, just_after(state))
         self.piece: int | None = None  # of the protocols, that the model follows
-        step = {"block_evaluations": core.STEPPERS[method.stepper].evaluations * scene.N_x * scene.N_z}
+        step = {
+            "block_evaluations": core.STEPPERS[method.stepper].evaluations * scene.N_x * scene.N_z
+        }
         # Where a call ends decides when a jump is tried, and when a pilot run ends. It therefore
         # follows from counted work, not from the clock.
         steps = int(CALL_SECONDS / work(scene, method.geometry, step))

@@ -28,7 +28,7 @@ from pyfric.engines.integration import integrate, just_after, last_step
 from pyfric.engines.jump import Jump, Landing, Outside, Stale, Wait, at, path_from, rest
 from pyfric.engines.modes import Modes, modes_of
 from pyfric.engines.options import Options, owned
-from pyfric.engines.quasidynamic import RateHybridRun
+from pyfric.engines.slow_slip import RateHybridRun
 from pyfric.engines.space import N_MODES, Space
 from pyfric.statics import (
     EquilibriumError,

@@ -75,7 +75,7 @@ MAX_STEPS = 10**12
 MAX_THREADS = 4096
 """Most threads that may be asked for."""
 
-Fidelity = Literal["auto", "equilibrium", "quasistatic", "quasidynamic", "hybrid", "dynamic"]
+Fidelity = Literal["auto", "equilibrium", "quasistatic", "hybrid", "dynamic"]
 """The engine, or "auto" for the cheapest one that is accurate enough."""
 Want = Literal["loading_curve", "precursors", "stress", "front_speed", "motion"]
 """The quantity that a run is made for."""
@@ -122,7 +122,7 @@ class Options:
         "plan",
         """the engine, or "auto" for the cheapest one that meets the tolerance. "dynamic" integrates
         everything. "hybrid" integrates events and jumps over the time between them. "quasistatic"
-        leaves out inertia, and "quasidynamic" as well, with rate-and-state friction. "equilibrium" is the stuck slider up to its first slip. "auto" makes
+        leaves out inertia. "equilibrium" is the stuck slider up to its first slip. "auto" makes
         the levels of `pyfric.plan` for `want` and `tolerance`. Options given below hold for the run
         that is returned.""",
     )

@@ -288,7 +288,9 @@ def _caption(record: Record, event: int, lines: pd.DataFrame) -> str:
         if name not in ("exact", "LEFM")
     )
     shown = "Share of pinned junctions in" if "pinned" in record.motion else "Slip rate of"
-    again = ", run again with full dynamics from a state just before it" * ("pinned" not in record.motion)
+    again = ", run again with full dynamics from a state just before it" * (
+        "pinned" not in record.motion
+    )
     what = (
         f"{shown} event {event} (first slip at t = {row['t_start']:.6g} s, "
         f"L_p/L = {row['L_p_over_L']:.3g}){again}. Lines from where the front starts to run: "

@@ -94,7 +94,9 @@ def changed(scene: S, changes: Mapping[str, Any]) -> S:
     law, interface = names.get("interface.law"), parts["interface"]
     new = isinstance(law, FrictionLaw) and law.ends() is not None
     if new or any(name.startswith("interface.law.") for name in names):
-        known_ends = interface.law.ends() or (None, None) if isinstance(interface, Interface) else ()
+        known_ends = (
+            interface.law.ends() or (None, None) if isinstance(interface, Interface) else ()
+        )
         for mu, end in zip(("mu_s", "mu_k"), known_ends, strict=False):
             follows = new or (end is not None and getattr(interface, mu) == end)
             if follows and not any(name.startswith(f"interface.{mu}") for name in names):

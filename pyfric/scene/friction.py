@@ -324,7 +324,9 @@ class JunctionLaw(Law):
 
     @property
     def core_numbers(self) -> tuple[dict[str, int], dict[str, float]]:
-        low, high = np.array([self.kind.seed % 2**32, self.kind.seed >> 32], np.uint32).view(np.int32)
+        low, high = np.array([self.kind.seed % 2**32, self.kind.seed >> 32], np.uint32).view(
+            np.int32
+        )
         counts = {"n_junctions": self.kind.n_s, "seed_low": low, "seed_high": high}
         return counts, {"ruptured": self.kind.ruptured}
 
@@ -376,7 +378,9 @@ class RateStateLaw(Law):
             if np.any(given(name) != f):
                 reason = "rate-and-state friction has f_star"
                 allowed = "none, or f_star of the law"
-                raise SceneError(f"interface.{name}", float(np.max(given(name))), "", allowed, reason)
+                raise SceneError(
+                    f"interface.{name}", float(np.max(given(name))), "", allowed, reason
+                )
         if kind.theta_0 is not None:
             theta = given("theta_0")
         elif kind.v_0 is None and not V > 0:
@@ -422,20 +426,17 @@ class RateStateLaw(Law):
             return psi
         return np.logaddexp(psi, math.log(self.kind.V_star / self.kind.V_c))
 
-    def speed(
-        self, load: np.ndarray, p: np.ndarray, log_theta: np.ndarray, Z: float = 0.0
-    ) -> np.ndarray:
+    def speed(self, load: np.ndarray, p: np.ndarray, log_theta: np.ndarray) -> np.ndarray:
         """Return the velocities at which friction and damping balance loads, shape (N_x,), in m/s.
 
-        The equation is p a asinh(v/(2V*) exp((f* + b psi)/a)) + (Z + alpha) v = load.
+        The equation is p a asinh(v/(2V*) exp((f* + b psi)/a)) + alpha v = load.
 
         Args:
             load: forces on the blocks along the interface, shape (N_x,), in N.
             p: normal forces, > 0, shape (N_x,), in N.
             log_theta: ln of theta (s), shape (N_x,).
-            Z: damping of each block, in N s/m.
         """
-        V, damping = self.kind.V_star, Z + self.alpha
+        V, damping = self.kind.V_star, np.asarray(self.alpha)
         w, unit = np.abs(load), p * self.a
         kappa = (self.mu_k + self.b * self.psi(log_theta)) / self.a
         q = w / unit
@@ -443,7 +444,8 @@ class RateStateLaw(Law):
             eta = q + np.log1p(-np.exp(-2 * q)) - kappa  # ln of v/V* without damping
             if not np.any(damping):
                 return np.sign(load) * V * np.exp(np.minimum(eta, MOST))
-            eta = np.maximum(np.minimum(eta, np.log(w / (damping * V))), -MOST)
+            highest = np.minimum(eta, np.log(w / (damping * V)))
+            eta = highest = np.clip(highest, -MOST, MOST)
         for _ in range(NEWTON):  # from above, on a convex function of eta
             speed, half = damping * V * np.exp(eta), np.exp(-2 * np.abs(eta + kappa))
             root = np.sqrt(1 + 4 * half)
@@ -454,7 +456,7 @@ class RateStateLaw(Law):
             left = np.where(up, left, np.arcsinh(low))
             slope = np.where(up, 1 / root, low / np.sqrt(1 + low**2))
             step = (speed + unit * left - w) / (speed + unit * slope)
-            eta = eta - step
+            eta = np.clip(eta - step, -MOST, highest)
             if not (np.abs(step) > SETTLED).any():
                 break
         return np.where(load == 0, 0.0, np.sign(load) * V * np.exp(eta))

@@ -188,7 +188,8 @@ def rate_and_state(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scen
     L = 140 mm, H = 75 mm, l = 2.5 mm, k = 13.5 MN/m, M = 75.6 g, F_N = 3500 N, K = 4 MN/m, h = 5 mm
     as in `setup1`, V = 0.4 mm/s. a = 0.01, b = 0.015, f* = 0.6 and V* = 1 um/s are those of the
     velocity-weakening part of the benchmark problem BP1. Its D_c is 8 mm; here D_c = 0.2 um, a
-    choice of this project: weakening then acts over four blocks, and precursors grow. Parameters of `pyfric.laws.RateAndState` can be changed by name, too.
+    choice of this project: weakening then acts over four blocks, and precursors grow. Parameters of
+    `pyfric.laws.RateAndState` can be changed by name, too.
 
     Changes and errors are those of `preset`.
 

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from pyfric.scene.checked import NotNegative, Positive, Quantity
+from pyfric.scene.checked import Positive, Quantity
 from pyfric.scene.errors import SceneError
 from pyfric.scene.laws.kinds import FrictionLaw, Means, Tables, law
 from pyfric.scene.spread import FIELD, Field
@@ -32,8 +32,8 @@ class RateAndState(FrictionLaw):
     block evolves with its speed.
 
     A block counts as slipping while |v| >= v_slip: contact states, episodes, events and fronts are
-    those of such blocks. The interface needs no mu_s and mu_k, which are both f*: it is the friction
-    coefficient of the loaded slider at t = 0 and the unit of prestress.
+    those of such blocks. The interface needs no mu_s and mu_k, which are both f*. With f* p the
+    slider holds while it is loaded, before t = 0.
 
     Args:
         a: direct effect, in (0, 1].

@@ -3,24 +3,23 @@
 Elasticity is linear, and the slider is condensed onto its interface (`pyfric.statics`). Friction
 then gives the speed of each block from the load on it and from its state:
 
-    p_i(u, t) a asinh( v_i/(2V*) exp((f* + b psi_i)/a) ) + (Z + alpha) v_i = tau_i(u, t) ,
+    p_i(u, t) a asinh( v_i/(2V*) exp((f* + b psi_i)/a) ) + alpha v_i = tau_i(u, t) ,
     du_i/dt = v_i ,   d(ln theta_i)/dt by the evolution law ,
 
 2 N_x equations, which an embedded Runge-Kutta pair of orders 5 and 4 (SciPy's RK45) advances, for
-seconds or years alike. In finite geometry they are those of the slider linearised about the state
+seconds or years alike. In finite geometry they are those of linear geometry, with the static state
 in which a phase begins.
 
-`RateHybridRun` hands over to full dynamics, with Z = 0, where inertia is no longer small: where the
-sum over columns of M/N_x |dv_i/dt| exceeds the accuracy times F_N. It returns when the sum of
-|m a| over all blocks is below that again. Both directions keep u, v and theta of the interface. The
-rest of the slider is then in its static state for these u, or moves with its rates.
+`RateHybridRun` hands over to full dynamics where inertia is no longer small: where the sum over
+columns of M/N_x |dv_i/dt| exceeds the accuracy times F_N. It returns when the sum of |m a| over all
+blocks is below that again. Both directions keep u, v and theta of the interface. The rest of the
+slider is then in its static state for these u, or moves with its rates.
 
-Source of the form: J. R. Rice, J. Geophys. Res. 98, 9885 (1993).
+Source of the equations: J. R. Rice, J. Geophys. Res. 98, 9885 (1993), without radiation damping.
 """
 
 from __future__ import annotations
 
-import functools
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -28,12 +27,9 @@ import numpy as np
 
 from pyfric import core
 from pyfric.core import OPEN
-from pyfric.engines.dynamic import Run, RunError
-from pyfric.engines.engine import Engine
-from pyfric.engines.integration import integrate, just_after, last_step
-from pyfric.engines.options import owned
-from pyfric.scene import SceneError
-from pyfric.statics import ContactProblem, Route, Values, check_rests, table_rows
+from pyfric.engines.dynamic import Run
+from pyfric.engines.integration import just_after, last_step
+from pyfric.statics import ContactProblem, Route, Values, table_rows
 
 if TYPE_CHECKING:
     from pyfric.scene import RateStateLaw, Scene
@@ -97,25 +93,19 @@ class Phase:
         interface: the condensed slider about that state.
         theta: state variables, shape (N_x,), in s.
         closed: blocks in contact, shape (N_x,), bool.
-        Z: radiation damping of a block, in N s/m.
     """
 
     def __init__(
-        self,
-        law: RateStateLaw,
-        interface: Interface,
-        theta: np.ndarray,
-        closed: np.ndarray,
-        Z: float = 0.0,
+        self, law: RateStateLaw, interface: Interface, theta: np.ndarray, closed: np.ndarray
     ) -> None:
-        self.law, self.interface, self.closed, self.Z = law, interface, closed, Z
+        self.law, self.interface, self.closed = law, interface, closed
         self.N_x = len(theta)
         self.begin = np.concatenate([np.zeros(self.N_x), np.log(theta)])
 
     def speeds(self, s: float, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return velocities (m/s) and normal forces (N) at s (s); blocks without contact stay."""
         load, p = self.interface.loads(y[: self.N_x], s)
-        v = self.law.speed(load, np.where(p > 0, p, np.nan), y[self.N_x :], self.Z)
+        v = self.law.speed(load, np.where(p > 0, p, np.nan), y[self.N_x :])
         return np.where(self.closed, np.nan_to_num(v), 0.0), p
 
     def rates(self, s: float, y: np.ndarray) -> np.ndarray:
@@ -125,12 +115,7 @@ class Phase:
 
 
 class RateHybridRun(Run):
-    """A run that steps through ruptures, and leaves out inertia between them.
-
-    Attributes:
-        Z: radiation damping between ruptures, in N s/m.
-        limit: inertial force from which inertia is not left out, in N.
-    """
+    """A run that steps through ruptures, and leaves out inertia between them."""
 
     name = "hybrid"
 
@@ -138,7 +123,7 @@ class RateHybridRun(Run):
         super().__init__(*args)
         self.made |= {"jumps": 0, "steps_spared": 0, "slow_steps": 0}
         self.worth = self.state.step
-        self.Z, self.limit = 0.0, self.method.accuracy * self.scene.F_N
+        self.limit = self.method.accuracy * self.scene.F_N
 
     def call_length(self) -> int:
         """Return how many steps may be made before the next look at inertia."""
@@ -172,14 +157,15 @@ class RateHybridRun(Run):
         if n_max <= 0:
             return False
         interface = interface_at(scene, self.known, state.y[0, 0], closed, just_after(state))
-        phase = Phase(law, interface, state.theta, closed, self.Z)
+        phase = Phase(law, interface, state.theta, closed)
         begin = state.y[0, 2] if self.made["steps"] else phase.speeds(0.0, phase.begin)[0]
         tolerance, unit = self.method.accuracy, scene.F_N / scene.N_x
         stiff = float(np.abs(np.diag(interface.load[2])).max())
-        atol = np.repeat([tolerance * unit / stiff, tolerance / float(np.max(law.b + law.a))], scene.N_x)
+        atol = np.repeat(
+            [tolerance * unit / stiff, tolerance / float(np.max(law.b + law.a))], scene.N_x
+        )
         end = n_max * state.dt
         pair = RK45(phase.rates, 0.0, phase.begin, end, rtol=max(tolerance, 1e-12), atol=atol)
-        crossed: list[tuple[Any, ...]] = []
         v, n, y, goes_on, of_column = begin, 0, phase.begin, True, scene.M_rod + scene.slider.M
         for _ in range(PAIRS):
             before = pair.t
@@ -195,23 +181,14 @@ class RateHybridRun(Run):
             self._sample_slip(phase, inside, n, reached)
             if reached > n:
                 n, y = reached, inside(min(reached * state.dt, pair.t))
-            goes_on = bool((p > 0)[closed].all()) and self.goes_on(push, now)
-            if not self.limit < math.inf:
-                crossed.append((inside, before, pair.t, v, now))
+            slow = push <= self.limit and float(np.abs(now).max()) < law.kind.v_slip
+            goes_on = slow and bool((p > 0)[closed].all())
             v = now
             if not goes_on or pair.status == "finished":
                 break
         if n:
-            self.log_slip(phase, crossed, n * state.dt)
             self._put(phase, y, n)
         return goes_on and n > 0
-
-    def goes_on(self, push: float, v: np.ndarray) -> bool:
-        """Return whether inertia may be left out at an inertial force (N) and velocities (m/s)."""
-        return push <= self.limit and float(np.abs(v).max()) < self.scene.law.kind.v_slip
-
-    def log_slip(self, phase: Phase, steps: list[tuple[Any, ...]], s_end: float) -> None:
-        """Log what begins or ends to slip in a phase; nothing does in this engine."""
 
     def _piece_ends(self, last: int) -> int:
         """Return the last step that a phase may reach, at most `last`, before any breakpoint."""
@@ -238,7 +215,7 @@ class RateHybridRun(Run):
 
     def _put(self, phase: Phase, y: np.ndarray, n: int) -> None:
         """Set the state to that after n steps of a phase."""
-        state, scene, known, N_x = self.state, self.scene, self.known, self.scene.N_x
+        state, scene, N_x = self.state, self.scene, self.scene.N_x
         v, _ = phase.speeds(n * state.dt, y)
         u_x = state.y[0, 0] + y[:N_x]
         state.theta[:] = np.exp(y[N_x:])
@@ -252,7 +229,10 @@ class RateHybridRun(Run):
         if scene.rigid:
             X, Z, phi = state.rod[3:]
             state.y[-1, 2], state.y[-1, 3] = X, Z + phi * scene.x
-        state.y[0, 0, phase.closed], state.y[0, 2, phase.closed] = u_x[phase.closed], v[phase.closed]
+        state.y[0, 0, phase.closed], state.y[0, 2, phase.closed] = (
+            u_x[phase.closed],
+            v[phase.closed],
+        )
         state.margin[:] = scene.law.kind.v_slip - np.abs(v)
         self.good = None
         self.made["jumps"] += 1
@@ -266,97 +246,3 @@ class RateHybridRun(Run):
         drive, load = scene.drive(t) + scene.piece("V", t).at(t) * s, scene.load_at(t)
         found = self.known.solve(u_x + v * s, drive, free=free, load=load)
         return found.u, found.rod
-
-
-class QuasidynamicRun(RateHybridRun):
-    """A run without inertia, in which waves carry energy away: Z is the impedance of a block."""
-
-    name = "quasidynamic"
-
-    def __init__(self, *args: Any) -> None:
-        super().__init__(*args)
-        scene = self.scene
-        self.Z, self.limit = math.sqrt(scene.slider.k * scene.m / 2), math.inf
-
-    def before_call(self, last: int) -> None:
-        """Make the next part of the run.
-
-        Raises:
-            RunError: a block lifts off, or the integration fails.
-        """
-        state, begin = self.state, self.state.step
-        while state.step < last and state.step < begin + self.most_steps and not self.ending:
-            corner = self._piece_ends(last) <= state.step
-            if corner:  # one step across a breakpoint of a protocol
-                self.call(1)
-            elif not self.slip(last) and state.step < last:
-                message = f"a block lifts off, or slip does not converge, at t = {state.t:.9g} s"
-                raise RunError(f"{message}; fidelity = 'hybrid' has inertia", self.record("failed"))
-            return
-
-    def goes_on(self, push: float, v: np.ndarray) -> bool:
-        """Return that inertia is left out."""
-        return True
-
-    def log_slip(self, phase: Phase, steps: list[tuple[Any, ...]], s_end: float) -> None:
-        """Log when blocks become as fast as v_slip, or slower, up to s_end (s) of a phase."""
-        from scipy.optimize import brentq  # slow to import
-
-        state, scene, limit = self.state, self.scene, self.scene.law.kind.v_slip
-        found: list[tuple[float, int, int]] = []
-        for inside, begin, end, v, now in steps:
-            for i in np.flatnonzero((np.abs(v) >= limit) != (np.abs(now) >= limit)):
-
-                def excess(s: float, i: int = i, inside: Any = inside) -> float:
-                    return abs(phase.speeds(s, inside(s))[0][i]) - limit
-
-                first, last = excess(begin), excess(end)
-                at = brentq(excess, begin, end) if first * last < 0 else end
-                found.append((at, int(i), int(np.sign(now[i])) if last >= 0 else 0))
-        ends = {id(step[0]): step for step in steps}
-        for at, i, new in sorted(found):
-            if at > s_end:
-                continue
-            inside = next(step[0] for step in ends.values() if step[1] <= at <= step[2])
-            y, old = inside(at), int(state.mode[i])
-            if old == new:
-                continue
-            active = bool((np.abs(state.mode) == 1).any())
-            moved = y[: scene.N_x]
-            _, p = phase.interface.loads(moved, at)
-            F_T = phase.interface.F_T
-            state.mode[i] = new
-            step, t, u_x = state.step + math.ceil(at / state.dt), state.t + at, state.y[0, 0] + moved
-            switch = {"step": step, "block": i, "old": old, "new": new, "corner": False, "t": t}
-            switch |= {"u_x": u_x[i], "p": p[i]}
-            now_active = bool((np.abs(state.mode) == 1).any())
-            quiet = {name: values[:0] for name, values in self.log.quiet().items()}
-            if now_active != active:
-                force = F_T[0] + F_T[1] * at + F_T[2] @ moved
-                kind, modes = (1 if now_active else -1), state.mode.copy()
-                row = {"step": step, "t": t, "kind": kind, "F_T": force, "u_x": u_x, "mode": modes}
-                quiet = {n: np.array([row[n]], dtype=v.dtype) for n, v in quiet.items()}
-            types = self.log.switches()
-            self._add_logs(
-                {n: np.array([switch[n]], dtype=v.dtype) for n, v in types.items()}, quiet
-            )
-
-
-def check_scene(scene: Scene) -> None:
-    """Raise SceneError for a scene without rate-and-state friction, or without static states."""
-    check_rests(scene)
-    if not scene.law.flows:
-        kind, allowed = scene.interface.law.kind, "'rate_and_state', or another engine"
-        reason = "without inertia, speeds follow from friction only if it depends on speed"
-        raise SceneError("interface.law", kind, "", allowed, reason)
-
-
-QUASIDYNAMIC = Engine(
-    name=QuasidynamicRun.name,
-    models="rate-and-state friction, radiation damping",
-    leaves_out=("inertia", "waves"),
-    options=owned("run", "events", "steps", "jumps"),
-    steppers=("imex",),
-    check=check_scene,
-    follow=functools.partial(integrate, QuasidynamicRun),
-)

@@ -146,7 +146,7 @@ contains
       root = sqrt(1.0_dp + 4.0_dp*s)
       value = 2.0_dp*s/(1.0_dp + root)
       slope = 1.0_dp/root
-    elsewhere
+    else where
       root = sqrt(1.0_dp + 0.25_dp*s*s)
       value = 0.5_dp*s + 0.25_dp*s*s/(1.0_dp + root)
       slope = 0.5_dp*s/root

@@ -89,7 +89,7 @@ class Stepper:
 
     @functools.cached_property
     def columns(self) -> np.ndarray:
-        """Coefficients for the core: c, b; if not swept bbar, e, ebar, a, abar; s - a, a (s - a), s."""
+        """Coefficients for the core: c, b; if not swept bbar, e, ebar, a, abar; implicit ones."""
         columns = [self.c, self.b]
         if not self.swept:
             columns += [self.bbar, self.e, _product(self.e, self.a), self.a, self.abar]

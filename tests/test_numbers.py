@@ -32,6 +32,7 @@ KINDS = {
         "catalogue": "MAIN_EVENT_BLOCKS",
         "classes": "FROM_BLOCK SLOW LAST",
         "errors": "AGAIN SAME",
+        "zones": "RESOLVED_L_B",
         "measured": "COVERED",
         "method": "T_GAP",
         "quasistatic": "BENDS",

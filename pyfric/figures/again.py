@@ -10,6 +10,7 @@ import numpy as np
 
 from pyfric import core
 from pyfric.core import State
+from pyfric.engines import ENGINES
 from pyfric.figures.style import single
 from pyfric.planning import simulate
 from pyfric.record import Record
@@ -52,8 +53,10 @@ def again(
     steps = {"stepper": method.stepper, "switching": method.switching}
     if method.rtol is not None:
         steps["rtol"] = method.rtol
-    how = {"geometry": method.geometry, "dt": method.dt, "progress": False}
-    engine = "hybrid" if scene.has_rests and scene.law.rests else "dynamic"
+    how: dict[str, Any] = {"geometry": method.geometry, "dt": method.dt, "progress": False}
+    engine = "dynamic" if ENGINES["hybrid"].cannot(scene) else "hybrid"
+    if engine == method.engine == "hybrid":
+        how["accuracy"] = method.accuracy
     made = simulate(scene, begin, fidelity=engine, initial=initial, **how, **steps)
     state: State = made.final_state
     before = record.events["t_start"] <= begin

@@ -248,7 +248,7 @@ def _said(scene: Scene, engine: str, seconds: float, progress: object) -> list[s
     if seconds <= LONG:
         return []
     hint = "larger blocks take less: twice l, about a tenth of the time"
-    if engine == "dynamic" and scene.law.rests and not scene.prescribed:
+    if engine == "dynamic" and not ENGINES["hybrid"].cannot(scene):
         hint = f"fidelity = 'hybrid' often takes a small part of that; {hint}"
     note = f"{engine}: this run takes about {seconds / 60:.2g} minutes on one core; {hint}"
     if progress in (None, True) and sys.stderr is not None:

@@ -155,11 +155,11 @@ def energy_release(record: RecordData, event: int) -> pd.DataFrame:
 
     Raises:
         SceneError: no such event, the record holds no state just before it, or the interface has
-            junctions, whose fracture energy is not defined.
+            a law under which no block rests, whose fracture energy is not defined.
     """
     if not record.scene.law.rests:
-        kind, reason = record.scene.interface.law.kind, "their fracture energy is not defined"
-        raise SceneError("interface.law", kind, "", "a law without junctions", reason)
+        kind, reason = record.scene.interface.law.kind, "its fracture energy is not defined"
+        raise SceneError("interface.law", kind, "", "a law under which blocks rest", reason)
     contact, scene = _before(record, event), record.scene
     law, order = scene.law, np.argsort(scene.n_of_i)
     G, Gamma = np.full(scene.N_x, np.nan), np.full(scene.N_x, np.nan)

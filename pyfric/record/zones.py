@@ -38,6 +38,8 @@ from pyfric.theory import A_II, Material
 RESOLVED = 6
 """Fewest blocks in X_c0 with which a front is resolved: fronts of a crack under uniform stress drop
 then run within 5 % of fracture mechanics where viscosity is low (`reference_data/fronts`)."""
+RESOLVED_L_B = 3
+"""Fewest blocks in L_b with which rate-and-state friction counts as resolved."""
 RESOLVED_ERROR = 0.05
 """That 5 %, which falls in proportion to l, and beyond which a note speaks of viscosity."""
 VISCOUS = {"full": 0.136, "along": 0.05}
@@ -176,7 +178,11 @@ def zone_notes(scene: Scene, engine: str, catalogue: Slipped) -> tuple[str, ...]
     main = catalogue.events["is_main"].to_numpy(dtype=bool)
     fast = np.isfinite(catalogue.front_speed) & main[:, None]
     if not scene.law.rests:  # on junctions there is no cohesive zone
-        return ()
+        blocks = scene.law.blocks_in_L_b(scene.F_N / scene.N_x, scene.slider.k)
+        if not blocks < RESOLVED_L_B:
+            return ()
+        said = f"weakening acts over L_b = {blocks:.2g} blocks, fewer than {RESOLVED_L_B}"
+        return (f"{engine}: {said}: results depend on l",)
     if not scene.law.weakens:
         short = bool((main & catalogue.events["is_precursor"]).any())
         said = ["front speeds are set by the lattice"] * bool(fast.any())

@@ -153,6 +153,15 @@ class Law:
         """Whether friction depends on slip."""
         return self.tables.slide is not None and bool(np.any(np.greater(self.drop, 0)))
 
+    def blocks_in_L_b(self, p: float, k: float) -> float:
+        """Return L_b/l, over which rate-and-state friction weakens; inf for other laws.
+
+        Args:
+            p: load of a block, in N.
+            k: stiffness of a bond, in N/m.
+        """
+        return math.inf
+
     def fracture_energy(self, p: Any) -> Any:
         """Return the work against friction above mu_k p during a slip, in J.
 
@@ -418,6 +427,10 @@ class RateStateLaw(Law):
         """Return the heat of friction, of which that of alpha is a part; switches lose nothing."""
         terms = {"friction_heat": heat, "switching_loss": loss}
         return terms | {"viscous_heat": parts[1]} if np.any(self.alpha) else terms
+
+    def blocks_in_L_b(self, p: float, k: float) -> float:
+        """Return L_b/l, L_b = E* D_c l B/(b p), with E* B = 4 k/3 of the lattice; see `Law`."""
+        return float(np.min(4 * k * self.D_c / (3 * np.maximum(self.b, np.finfo(float).tiny) * p)))
 
     def psi(self, log_theta: np.ndarray) -> np.ndarray:
         """Return ln(V* theta/D_c + V*/V_c) from ln theta (theta in s)."""

@@ -156,7 +156,7 @@ def _run_of(
         record = record_of(source)
     else:
         scene = scene_of(source, changes)
-        engine = "hybrid" if scene.has_rests and scene.law.rests else "dynamic"
+        engine = "dynamic" if pyfric.engines.ENGINES["hybrid"].cannot(scene) else "hybrid"
         t_end = 1.0 if t_end is None else t_end
         record = pyfric.simulate(scene, t_end, fidelity=engine, progress=tell.progress)
         stop_unless_complete(record, "")

@@ -150,6 +150,7 @@ ROOMS = (
     "core",
     "statics",
     "record",
+    "measured",
     "engines",
     "planning",
     "sweeps",

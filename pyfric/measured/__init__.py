@@ -1,0 +1,4 @@
+"""Measurements: read a loading curve, find its events."""
+
+from pyfric.measured.curve import Curve, sampled
+from pyfric.measured.reading import read

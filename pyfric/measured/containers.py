@@ -86,9 +86,8 @@ class Found:
             self.add(name, Column(lambda: values.ravel().astype(float), head, unit))
         elif values.shape[1] <= MAX_COLUMNS:
             for c in range(values.shape[1]):
-                self.add(
-                    f"{name}:{c + 1}", Column(lambda c=c: values[:, c].astype(float), head, unit)
-                )
+                numbers = functools.partial(lambda c: values[:, c].astype(float), c)
+                self.add(f"{name}:{c + 1}", Column(numbers, f"{head}:{c + 1}", unit))
 
 
 def refused(path: Any, allowed: str, reason: str) -> SceneError:

@@ -25,6 +25,7 @@ class Curve:
             decrease.
         F_N: normal force, N, where the table has none; None: not known.
         area: of the interface, m^2; None: not known.
+        noise: standard deviation of the noise of F_T/F_N; None: not known.
         source: where it is from.
         notes: what was understood, in words.
     """
@@ -32,6 +33,7 @@ class Curve:
     table: pd.DataFrame
     F_N: float | None = None
     area: float | None = None
+    noise: float | None = None
     source: str = ""
     notes: tuple[str, ...] = field(default=())
 
@@ -177,7 +179,8 @@ def sampled(
     load_point = [scene.drive(time) for time in t]
     columns = {"t": t, "F_T": F_T, "load_point": load_point}
     table = pd.DataFrame(columns | ({"F_N": F_N} if loads else {}))
-    return Curve(table=table, F_N=None if loads else scene.F_N, source="a run, sampled")
+    normal = None if loads else scene.F_N
+    return Curve(table=table, F_N=normal, noise=noise, source="a run, sampled")
 
 
 def _at_steps(t: np.ndarray, F_T: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:

@@ -24,6 +24,7 @@ COLUMNS = {
     "valley": ("1", "F_T/F_N at t_stop"),
     "drop": ("1", "peak - valley"),
     "peak_error": ("1", "standard error of peak"),
+    "valley_error": ("1", "standard error of valley, of its own"),
     "drop_error": ("1", "standard error of drop"),
     "rate": ("1/s", "rise of F_T/F_N over time since the event before"),
     "stiffness": ("1/m", "rise of F_T/F_N over the load point; times F_N, a stiffness"),
@@ -212,6 +213,7 @@ def _table(
                 **{"t_start": t[start], "t_stop": t[stop], "peak": peak, "valley": valley},
                 "drop": peak - valley,
                 "peak_error": float(np.hypot(peak_error, within * np.nan_to_num(rate))),
+                "valley_error": valley_error,
                 "drop_error": float(np.hypot(peak_error, valley_error)),
                 "rate": rate,
                 "stiffness": _slope(x[before], f[before]),
@@ -277,7 +279,8 @@ def _of_record(record: Record, threshold: float, t_gap: float) -> pd.DataFrame:
             together[-1] |= {"t_stop": stop, "valley": valley, "drop": drop}
         else:
             row = {"t_start": start, "t_stop": stop, "peak": peak, "valley": valley}
-            together.append(row | {"drop": peak - valley, "peak_error": 0.0, "drop_error": 0.0})
+            errors = dict.fromkeys(("peak_error", "valley_error", "drop_error"), 0.0)
+            together.append(row | {"drop": peak - valley} | errors)
     rows, t, valley = [], first[0], over(*first)
     for row in together:
         if row["drop"] > threshold:

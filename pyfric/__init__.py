@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pyfric import figures, theory
     from pyfric.core import State, StateError
     from pyfric.engines import Options, Progress, RunError, prediction_curve, step_size
+    from pyfric.fitting import Fit, fit
     from pyfric.paper import claims
     from pyfric.planning import Level, Plan, plan, released, simulate
     from pyfric.record import (
@@ -85,6 +86,7 @@ __all__ = [
     "Driver",
     "Equilibrium",
     "EquilibriumError",
+    "Fit",
     "Interface",
     "Job",
     "JobError",
@@ -118,6 +120,7 @@ __all__ = [
     "chain",
     "claims",
     "figures",
+    "fit",
     "forced",
     "front_speed",
     "label_map",
@@ -154,6 +157,7 @@ ROOMS = (
     "engines",
     "planning",
     "sweeps",
+    "fitting",
     "figures",
     "paper",
     "checks",

@@ -85,8 +85,8 @@ def events(
         smooth: number of samples of a mean; None: 8, or 1 without noise. Falls within so many
             samples are one event.
         threshold: smallest drop of an event, over F_N; None: what is clear of the noise.
-        t_gap: without noise, and in runs: falls within this pause are one event, s, whose drop is
-            the sum of theirs; None: that of `pyfric.build_catalogue`.
+        t_gap: without noise, and in runs: falls within this pause are one event, s, at the time of
+            the largest, whose drop is the sum of theirs; None: that of `pyfric.build_catalogue`.
 
     Returns:
         A data frame with a row for each event, counted from 1, and columns as in `COLUMNS`; its
@@ -259,7 +259,7 @@ def _slope(x: np.ndarray, f: np.ndarray) -> float:
 def _of_record(record: Record, threshold: float, t_gap: float) -> pd.DataFrame:
     """Return the events of a catalogue with finite static forces and a drop above a threshold.
 
-    Those within a pause are one; its drop is the sum of theirs.
+    Those within a pause are one.
     """
     scene, found = record.scene, record.events
 
@@ -269,20 +269,17 @@ def _of_record(record: Record, threshold: float, t_gap: float) -> pd.DataFrame:
 
     first = float(record.curve["t"].iloc[0]), float(record.curve["F_T"].iloc[0])
     names = ["t_start", "t_stop", "F_T_start", "F_T_arrest"]
-    together: list[dict[str, float]] = []
+    together: list[list[tuple[float, ...]]] = []
     for start, stop, F_start, F_stop in found[names].itertuples(index=False):
-        peak, valley = over(start, F_start), over(stop, F_stop)
-        if not np.isfinite(peak - valley):
+        fall = (start, stop, over(start, F_start), over(stop, F_stop))
+        if not np.isfinite(fall[2] - fall[3]):
             continue
-        if together and start - together[-1]["t_stop"] <= t_gap:
-            drop = together[-1]["drop"] + peak - valley
-            together[-1] |= {"t_stop": stop, "valley": valley, "drop": drop}
+        if together and start - together[-1][-1][1] <= t_gap:
+            together[-1].append(fall)
         else:
-            row = {"t_start": start, "t_stop": stop, "peak": peak, "valley": valley}
-            errors = dict.fromkeys(("peak_error", "valley_error", "drop_error"), 0.0)
-            together.append(row | {"drop": peak - valley} | errors)
+            together.append([fall])
     rows, t, valley = [], first[0], over(*first)
-    for row in together:
+    for row in map(_as_one, together):
         if row["drop"] > threshold:
             passed, rise = row["t_start"] - t, row["peak"] - valley
             moved = scene.drive(row["t_start"]) - scene.drive(t)
@@ -292,3 +289,16 @@ def _of_record(record: Record, threshold: float, t_gap: float) -> pd.DataFrame:
             t, valley = row["t_stop"], row["valley"]
     table = pd.DataFrame(rows, columns=[name for name in COLUMNS if name != "recurrence"])
     return _finished(table, 0.0, 1, threshold)
+
+
+def _as_one(falls: list[tuple[float, ...]]) -> dict[str, float]:
+    """Return falls (t_start, t_stop, peak, valley) as one at the time of the largest.
+
+    Its drop is the sum of theirs, and its peak and valley are those of loading without the others.
+    """
+    drops = [peak - valley for _, _, peak, valley in falls]
+    main = int(np.argmax(drops))
+    t_start, t_stop, peak, _ = falls[main]
+    peak, drop = peak + sum(drops[:main]), sum(drops)
+    ends = {"t_start": t_start, "t_stop": t_stop, "peak": peak, "valley": peak - drop, "drop": drop}
+    return ends | dict.fromkeys(("peak_error", "valley_error", "drop_error"), 0.0)

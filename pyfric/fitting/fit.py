@@ -1,0 +1,518 @@
+"""Parameters of a scene from the events of measured curves, with what is known of them.
+
+The misfit is that of `pyfric.fitting.misfit`. It is minimised from several starts: least squares
+of the overview, then of the misfit with a tolerance of forces that goes to zero. It ends with
+profiles. A profile is the least misfit against the value of one parameter, with all others free.
+An interval holds all values whose misfit is above the least one by no more than the quantile of
+chi^2 with one degree of freedom; a parameter whose profile stays below it up to a bound is not
+determined there.
+
+Runs are quasi-static by default. One run of a finer engine at the best parameters says whether that
+serves: its difference has to be below the errors of the measurement.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import scipy
+
+from pyfric.display import html
+from pyfric.fitting.misfit import CAP, PER_EVENT, Misfit, misfit, overview
+from pyfric.measured import Curve, events
+from pyfric.planning import simulate
+from pyfric.scene import SceneError, SceneLike, as_scene, check_number, check_whole
+from pyfric.statics import EquilibriumError
+
+OF_THE_CURVE = ("offset", "drift")
+"""Parameters of a curve, not of a scene: a force added to it (over F_N), and one per time (1/s)."""
+TOLERANCES = (0.01, 0.003, 0.0)
+"""Standard deviations of forces added while the minimum is searched, over F_N. A policy."""
+STARTS = 8
+"""Starts, spread over the bounds, that are followed at most until the residuals are those of noise.
+A policy."""
+COARSE = 1e-2
+"""Step of differences of the overview, over the bounds: a policy."""
+STEP = 1e-3
+"""Step of differences over the bounds: a policy."""
+POINTS = 5
+"""Points of a profile on either side; they reach to `REACH` standard deviations. Policies."""
+REACH = 2.4
+WIDER = 4
+"""How often a profile is widened, each time by a factor of two, until it has an end."""
+LONGER = 1.1
+"""Time of runs over that of the measurement: a policy."""
+DOUBTFUL = 0.01
+"""Probability of the residuals below which the model is said not to fit. A policy."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """Parameters that fit measured events, and what is known of them.
+
+    Attributes:
+        scenes: the scenes with the best parameters, one for each curve.
+        values: best parameters by name.
+        intervals: name -> ends of the confidence interval; an end is NaN where the bound is reached
+            before the misfit tells.
+        profiles: name -> data frame with columns value and chi2.
+        level: confidence of the intervals.
+        chi2, dof: sum of squares, and degrees of freedom.
+        table: measured events with columns curve, event, peak, valley, model_peak, model_valley
+            (over F_N), off_peak, off_valley (standard deviations).
+        missing, extra: events of the measurement that the model has not, and the reverse.
+        level_error: root mean square difference of forces to the finer run, over F_N; None if there
+            was none.
+        checked_by: the engine of the finer run.
+        noise: median error of a measured force, over F_N.
+        runs: number of runs that were made.
+        bounds: name -> bounds that were searched.
+    """
+
+    scenes: tuple[Any, ...]
+    values: Mapping[str, float]
+    intervals: Mapping[str, tuple[float, float]]
+    profiles: Mapping[str, pd.DataFrame]
+    level: float
+    chi2: float
+    dof: int
+    table: pd.DataFrame
+    missing: int
+    extra: int
+    level_error: float | None
+    checked_by: str
+    noise: float
+    runs: int
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def probability(self) -> float:
+        """Of a sum of squares at least this large, if the model is right."""
+        return float(scipy.stats.chi2.sf(self.chi2, max(self.dof, 1)))
+
+    @property
+    def fits(self) -> bool:
+        """Whether the residuals are those of noise: `probability` at least 0.01."""
+        return self.probability >= DOUBTFUL
+
+    def __str__(self) -> str:
+        lines = []
+        for name, value in self.values.items():
+            low, high = self.intervals[name]
+            if math.isnan(low) and math.isnan(high):
+                lines.append(
+                    f"{name} = {value:.5g}: not determined within {_said(self.bounds[name])}"
+                )
+                continue
+            least, most = self.bounds[name]
+            ends = f"{f'{low:.5g}' if low == low else f'< {least:.5g}'} to "
+            ends += f"{high:.5g}" if high == high else f"> {most:.5g}"
+            lines.append(f"{name} = {value:.5g}, {self.level:.0%}: {ends}")
+        n = len(self.table)
+        lines.append(
+            f"chi^2 {self.chi2:.4g} with {self.dof} degrees of freedom, {n} events measured, "
+            f"{self.missing} missing in the model, {self.extra} more in the model"
+        )
+        if not self.fits:
+            lines.append(
+                f"THE MODEL DOES NOT FIT (probability {self.probability:.1g}): intervals do not "
+                "hold; try another law, disorder, or another parameter"
+            )
+        if self.level_error is not None:
+            serves = self.level_error <= self.noise
+            where = "below" if serves else "ABOVE"
+            lines.append(
+                f"forces differ by {self.level_error:.2g} F_N from those of the {self.checked_by} "
+                f"engine, {where} the errors of the measurement, {self.noise:.2g}"
+            )
+            if not serves:
+                fix = f"model_error={self.level_error:.1g}, or fidelity={self.checked_by!r}"
+                lines.append(f"intervals do not include this: add {fix}")
+        lines.append(f"{self.runs} runs")
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+    _repr_html_ = html
+
+
+def _said(bounds: tuple[float, float]) -> str:
+    return f"{bounds[0]:.5g} to {bounds[1]:.5g}"
+
+
+class _Problem:
+    """Residuals of parameters between 0 and 1, for scenes and tables of events."""
+
+    def __init__(
+        self,
+        scenes: Sequence[Any],
+        tables: Sequence[pd.DataFrame],
+        bounds: Mapping[str, tuple[float, float]],
+        options: Mapping[str, Any],
+        model_error: float,
+    ) -> None:
+        self.scenes, self.tables, self.options = scenes, tables, options
+        self.names = list(bounds)
+        self.low, self.high = (np.array(ends) for ends in zip(*bounds.values(), strict=True))
+        self.model_error = model_error
+        self.size = sum(PER_EVENT * len(table) + 2 for table in tables)
+        self.known: dict[tuple[float, ...], list[pd.DataFrame] | None] = {}
+        self.runs = 0
+
+    def values(self, u: np.ndarray) -> dict[str, float]:
+        """Return the parameters by name."""
+        return dict(zip(self.names, (self.low + u * (self.high - self.low)).tolist(), strict=True))
+
+    def scenes_of(self, values: Mapping[str, float]) -> list[Any]:
+        """Return the scenes with these parameters."""
+        changes = {name: value for name, value in values.items() if name not in OF_THE_CURVE}
+        return [scene.replace(**changes) for scene in self.scenes]
+
+    def model(self, u: np.ndarray) -> list[pd.DataFrame] | None:
+        """Return the tables of events of the model; None where it has no run."""
+        values = self.values(u)
+        of_scene = tuple(value for name, value in values.items() if name not in OF_THE_CURVE)
+        if of_scene not in self.known:
+            try:
+                self.known[of_scene] = [
+                    self.run(scene, table, **self.options)
+                    for scene, table in zip(self.scenes_of(values), self.tables, strict=True)
+                ]
+            except (SceneError, EquilibriumError):
+                self.known[of_scene] = None
+        found = self.known[of_scene]
+        offset, drift = (values.get(name, 0.0) for name in OF_THE_CURVE)
+        if found is None or not (offset or drift):
+            return found
+        moved = []
+        for table in found:
+            added = {
+                name: table[name] + offset + drift * table[time]
+                for name, time in (("peak", "t_start"), ("valley", "t_stop"))
+            }
+            moved.append(table.assign(**added))
+        return moved
+
+    def run(self, scene: Any, table: pd.DataFrame, **options: Any) -> pd.DataFrame:
+        """Return the events of a run as long as the measurement."""
+        self.runs += 1
+        t_end = LONGER * float(table.attrs.get("t_end", table["t_stop"].max()))
+        record = simulate(scene, t_end, progress=False, **options)
+        return events(record, t_gap=table.attrs.get("resolution", 0.0))
+
+    def misfits(self, u: np.ndarray, tolerance: float = 0.0) -> list[Misfit] | None:
+        """Return the misfit of each curve, None where there is no run."""
+        model = self.model(u)
+        if model is None:
+            return None
+        tolerance = math.hypot(tolerance, self.model_error)
+        pairs = zip(self.tables, model, strict=True)
+        return [misfit(table, found, tolerance=tolerance) for table, found in pairs]
+
+    def overview(self, u: np.ndarray) -> np.ndarray:
+        """Return the overview of all curves; large numbers where there is no run."""
+        model = self.model(u)
+        if model is None:
+            return np.full(self.size - 2 * len(self.tables), 10 * CAP)
+        pairs = zip(self.tables, model, strict=True)
+        return np.concatenate([overview(table, found) for table, found in pairs])
+
+    def residuals(self, u: np.ndarray, tolerance: float = 0.0) -> np.ndarray:
+        """Return the residuals of all curves, shape (size,)."""
+        found = self.misfits(u, tolerance)
+        if found is None:
+            return np.full(self.size, CAP)
+        return np.concatenate([one.residuals for one in found])
+
+    def chi2(self, u: np.ndarray, tolerance: float = 0.0) -> float:
+        """Return the sum of squares."""
+        return float(np.sum(self.residuals(u, tolerance) ** 2))
+
+
+def fit(
+    scene: SceneLike | Sequence[SceneLike],
+    measured: Curve | pd.DataFrame | Sequence[Curve | pd.DataFrame],
+    vary: Mapping[str, tuple[float, float]],
+    *,
+    level: float = 0.9,
+    model_error: float = 0.0,
+    check: str | None = "hybrid",
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+    **options: Any,
+) -> Fit:
+    """Fit parameters of a scene to the events of a measured curve.
+
+    Args:
+        scene: scene, preset or file, or one for each curve, with everything that is known.
+        measured: curve, or its table of events (`pyfric.measured.events`), or several.
+        vary: name of a parameter, as in `Scene.replace`, -> bounds in SI units. Also "offset", a
+            force over F_N added to the curve, and "drift", 1/s.
+        level: confidence of the intervals, > 0, < 1.
+        model_error: standard deviation of forces of the model, over F_N, that is added to the
+            errors of the measurement.
+        check: engine of one run at the end that says whether the level serves; None: no such run.
+        seed: of the runs that are spread over the bounds.
+        progress: function that is told what is done.
+        options: of the runs, as of `pyfric.simulate`; fidelity = "quasistatic" by default.
+
+    Returns:
+        The best parameters, their intervals and profiles, and residuals.
+
+    Raises:
+        SceneError: an argument is refused, a curve has fewer than two events, or no parameters in
+            the bounds have a run.
+    """
+    several = isinstance(measured, Sequence)
+    measured = list(measured) if several else [measured]
+    scenes = list(scene) if isinstance(scene, list | tuple) else [scene] * len(measured)
+    if len(scenes) != len(measured):
+        allowed = f"one, or {len(measured)}, as there are curves"
+        raise SceneError("scene", len(scenes), "", allowed, "scenes")
+    level = check_number("level", level, "", gt=0.0, lt=1.0)
+    model_error = check_number("model_error", model_error, "", ge=0.0)
+    seed = check_whole("seed", seed, 0)
+    say = progress or (lambda text: None)
+    tables = [_table_of(one) for one in measured]
+    options = {"fidelity": "quasistatic"} | options
+    problem = _Problem(
+        [as_scene(one, {}) for one in scenes], tables, _bounds(vary), options, model_error
+    )
+    u = _best(problem, seed, say)
+    u, profiles, intervals = _profiles(problem, u, level, say)
+    found, values = problem.misfits(u), problem.values(u)
+    assert found is not None  # the best of those that have a run
+    missing = sum(one.missing for one in found)
+    count = sum(len(table) for table in tables) - missing
+    best = problem.scenes_of(values)
+    level_error = None
+    if check is not None and check != options["fidelity"]:
+        say(f"one run by the {check} engine")
+        level_error = _level_error(problem, u, {"fidelity": check})
+    forces = np.concatenate([table["peak_error"] for table in tables])
+    return Fit(
+        scenes=tuple(best),
+        values=values,
+        intervals=intervals,
+        profiles=profiles,
+        level=level,
+        chi2=sum(one.chi2 for one in found),
+        dof=PER_EVENT * count + len(tables) - len(values),
+        table=_compared(problem, u, found),
+        missing=missing,
+        extra=sum(one.extra for one in found),
+        level_error=level_error,
+        checked_by=check or "",
+        noise=float(np.median(np.hypot(forces, model_error))),
+        runs=problem.runs,
+        bounds=dict(vary),
+    )
+
+
+def _table_of(measured: Curve | pd.DataFrame) -> pd.DataFrame:
+    """Return a table of events that knows where it ends, and what it resolves."""
+    if isinstance(measured, Curve):
+        table, t = events(measured), measured.t
+        step = float(np.median(np.diff(t)))
+        resolution = table.attrs["smooth"] * step if table.attrs["noise"] else 0.0
+        table.attrs |= {"t_end": float(t[-1] - t[0]), "resolution": resolution}
+    else:
+        table = measured
+    if len(table) < 2:
+        raise SceneError("measured", len(table), "", "a curve with two or more events", "events")
+    if not (table[["peak_error", "valley_error"]] > 0).all(axis=None):
+        allowed = "events of a curve with noise: pyfric.measured.events(curve, noise=1e-3)"
+        raise SceneError("measured", None, "", allowed, "forces without errors")
+    return table
+
+
+def _bounds(vary: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+    """Return checked bounds."""
+    if not vary:
+        raise SceneError(
+            "vary", None, "", 'names and bounds, such as {"mu_k": (0.3, 0.6)}', "empty"
+        )
+    found = {}
+    for name, ends in vary.items():
+        try:
+            low, high = (check_number(f"vary.{name}", end, "") for end in ends)
+        except (TypeError, ValueError) as error:
+            if isinstance(error, SceneError):
+                raise
+            raise SceneError(f"vary.{name}", str(ends), "", "two bounds", "") from None
+        if not low < high:
+            raise SceneError(f"vary.{name}", str(ends), "", "two bounds, the smaller one first", "")
+        found[name] = low, high
+    return found
+
+
+def _best(problem: _Problem, seed: int, say: Callable[[str], None]) -> np.ndarray:
+    """Return the parameters of least misfit."""
+    dim = len(problem.names)
+    sobol = scipy.stats.qmc.Sobol(dim, rng=np.random.default_rng(seed))
+    best, least = None, math.inf
+    for number, start in enumerate([np.full(dim, 0.5), *sobol.random(STARTS)], 1):
+        if problem.model(start) is None:
+            continue
+        say(f"least squares from start {number}")
+        u = _solved(problem.overview, start, COARSE)
+        for tolerance in TOLERANCES:
+            u = _solved(functools.partial(problem.residuals, tolerance=tolerance), u, STEP)
+        if (chi2 := problem.chi2(u)) < least:
+            best, least = u, chi2
+        if scipy.stats.chi2.sf(least, problem.size - dim) >= DOUBTFUL:
+            break
+    if best is None:
+        raise SceneError("vary", ", ".join(problem.names), "", "bounds with a run", "none has one")
+    return best
+
+
+def _solved(
+    residuals: Callable[[np.ndarray], np.ndarray], u: np.ndarray, step: float
+) -> np.ndarray:
+    """Return the parameters of a local minimum."""
+    u = np.clip(u, 2 * step, 1 - 2 * step)
+    how = {"bounds": (0.0, 1.0), "diff_step": step, "xtol": 1e-4, "ftol": 1e-2, "max_nfev": 12}
+    return scipy.optimize.least_squares(residuals, u, **how).x
+
+
+def _profiles(
+    problem: _Problem, u: np.ndarray, level: float, say: Callable[[str], None]
+) -> tuple[np.ndarray, dict[str, pd.DataFrame], dict[str, tuple[float, float]]]:
+    """Return the best parameters, profiles, and intervals.
+
+    Where a profile finds a lower misfit, it is the new best, and profiles begin again.
+    """
+    limit = float(scipy.stats.chi2.ppf(level, 1))
+    for _ in range(3):
+        least, lower = problem.chi2(u), None
+        made: dict[str, list[tuple[float, float]]] = {}
+        jacobian = _jacobian(problem, u)
+        for k, name in enumerate(problem.names):
+            say(f"profile of {name}")
+            made[name], lowest = _profile(problem, u, jacobian, k, least, limit)
+            if lowest[0] < (lower or (least,))[0] - 1e-9:
+                lower = lowest
+        if lower is None:
+            break
+        u = lower[1]
+    least = problem.chi2(u)
+    profiles, intervals = {}, {}
+    for k, name in enumerate(problem.names):
+        low, width = problem.low[k], problem.high[k] - problem.low[k]
+        points = sorted([*made[name], (u[k], least)])
+        at, chi2 = np.array(points).T
+        profiles[name] = pd.DataFrame({"value": low + at * width, "chi2": chi2})
+        ends = _interval(at, chi2, min(least, chi2.min()) + limit)
+        intervals[name] = tuple(float(low + end * width) for end in ends)
+    return u, profiles, intervals
+
+
+def _jacobian(problem: _Problem, u: np.ndarray) -> np.ndarray:
+    """Return derivatives of the residuals by central differences."""
+    columns = []
+    for k in range(len(u)):
+        ends = [np.clip(u + sign * 2 * STEP * (np.arange(len(u)) == k), 0, 1) for sign in (-1, 1)]
+        low, high = (problem.residuals(end) for end in ends)
+        columns.append((high - low) / (ends[1][k] - ends[0][k]))
+    return np.array(columns).T
+
+
+def _profile(
+    problem: _Problem, u: np.ndarray, jacobian: np.ndarray, k: int, least: float, limit: float
+) -> tuple[list[tuple[float, float]], tuple[float, np.ndarray]]:
+    """Return points (value, chi2) of one profile, and the least misfit with its parameters."""
+    others = np.arange(len(u)) != k
+    normal = jacobian.T @ jacobian
+    inverse = np.linalg.pinv(normal)
+    deviation = math.sqrt(max(inverse[k, k], 0.0)) or 1.0
+    ridge = inverse[:, k] / inverse[k, k] if inverse[k, k] > 0 else np.eye(len(u))[k]
+    points, lowest = [], (least, u)
+    for side in (-1, 1):
+        step, at, chi2 = REACH * deviation / POINTS, 0.0, least
+        for number in range(POINTS * WIDER):
+            if number and number % POINTS == 0:
+                step *= 2
+            if chi2 > least + 1.3 * limit and number >= 3:
+                break
+            at += step
+            start = np.clip(u + side * at * ridge, 0, 1)
+            if not 0 < u[k] + side * at < 1:
+                break
+            found, chi2 = _least_of_others(problem, start, jacobian, others)
+            points.append((float(found[k]), chi2))
+            if chi2 < lowest[0]:
+                lowest = chi2, found
+    return points, lowest
+
+
+def _least_of_others(
+    problem: _Problem, start: np.ndarray, jacobian: np.ndarray, others: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Return the parameters of least misfit with one of them held, by steps of Gauss and Newton."""
+    best, residuals = start, problem.residuals(start)
+    for _ in range(2 if others.any() else 0):
+        change = np.linalg.lstsq(jacobian[:, others], -residuals, rcond=None)[0]
+        tried = best.copy()
+        tried[others] = np.clip(tried[others] + change, 0, 1)
+        new = problem.residuals(tried)
+        if new @ new >= residuals @ residuals:
+            break
+        best, residuals = tried, new
+    return best, float(residuals @ residuals)
+
+
+def _interval(at: np.ndarray, chi2: np.ndarray, limit: float) -> tuple[float, float]:
+    """Return the outermost places where a profile passes a limit; NaN where it does not."""
+    inside = np.flatnonzero(chi2 <= limit)
+    ends = []
+    for edge, out in ((inside[0], -1), (inside[-1], 1)):
+        beyond = edge + out
+        if not 0 <= beyond < len(at):
+            ends.append(np.nan)
+            continue
+        share = (limit - chi2[edge]) / (chi2[beyond] - chi2[edge])
+        ends.append(at[edge] + share * (at[beyond] - at[edge]))
+    return ends[0], ends[1]
+
+
+def _level_error(problem: _Problem, u: np.ndarray, options: Mapping[str, Any]) -> float:
+    """Return the root mean square difference of matched forces to those of another engine."""
+    scenes, model = problem.scenes_of(problem.values(u)), problem.model(u)
+    off = []
+    for scene, table, found in zip(scenes, problem.tables, model or [], strict=True):
+        finer = problem.run(scene, table, **options)
+        error = {"peak_error": 1e-2, "valley_error": 1e-2}
+        seen = found[found["drop"] > table.attrs.get("threshold", 0.0)].assign(**error)
+        seen.attrs = dict(table.attrs)
+        one = misfit(seen, finer)
+        rows = np.flatnonzero(one.partner >= 0)
+        for name in ("peak", "valley"):
+            values = finer[name].to_numpy()[one.partner[rows]] - seen[name].to_numpy()[rows]
+            off.append(values)
+    together = np.concatenate(off)
+    return float(np.sqrt(np.mean(together**2))) if len(together) else math.nan
+
+
+def _compared(problem: _Problem, u: np.ndarray, found: Sequence[Misfit]) -> pd.DataFrame:
+    """Return measured events beside those of the model."""
+    parts = []
+    for n, (table, model, one) in enumerate(
+        zip(problem.tables, problem.model(u) or [], found, strict=True), 1
+    ):
+        part = table[["t_start", "peak", "valley", "peak_error", "valley_error"]].copy()
+        part.insert(0, "event", table.index)
+        part.insert(0, "curve", n)
+        with_none = model.reindex(model.index[one.partner].where(one.partner >= 0, -1))
+        for name in ("peak", "valley"):
+            part[f"model_{name}"] = with_none[name].to_numpy()
+        half = len(table)
+        part["off_peak"], part["off_valley"] = one.residuals[:half], one.residuals[half : 2 * half]
+        parts.append(part)
+    return pd.concat(parts, ignore_index=True)

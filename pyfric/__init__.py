@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pyfric import figures, theory
     from pyfric.core import State, StateError
     from pyfric.engines import Options, Progress, RunError, prediction_curve, step_size
-    from pyfric.fitting import Fit, fit
+    from pyfric.fitting import Fit, Sensitivity, fit, sensitivity
     from pyfric.paper import claims
     from pyfric.planning import Level, Plan, plan, released, simulate
     from pyfric.record import (
@@ -104,6 +104,7 @@ __all__ = [
     "RunError",
     "Scene",
     "SceneError",
+    "Sensitivity",
     "Shared",
     "Slider",
     "Span",
@@ -137,6 +138,7 @@ __all__ = [
     "released",
     "resolve",
     "run_all",
+    "sensitivity",
     "setup1",
     "setup2",
     "simulate",

@@ -2,3 +2,4 @@
 
 from pyfric.fitting.fit import Fit, fit
 from pyfric.fitting.misfit import Misfit, misfit
+from pyfric.fitting.sensitivity import COUNTS, QUANTITIES, Sensitivity, sensitivity

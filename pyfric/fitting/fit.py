@@ -7,8 +7,9 @@ An interval holds all values whose misfit is above the least one by no more than
 chi^2 with one degree of freedom; a parameter whose profile stays below it up to a bound is not
 determined there.
 
-Runs are quasi-static by default. One run of a finer engine at the best parameters says whether that
-serves: its difference has to be below the errors of the measurement.
+The search for starts takes quasi-static runs, where friction allows them; the rest is done with the
+engine that is asked for. Quasi-static runs alone serve for questions of statics: they lack what
+inertia does, which is 0.01 to 0.05 F_N after large events.
 """
 
 from __future__ import annotations
@@ -24,9 +25,10 @@ import pandas as pd
 import scipy
 
 from pyfric.display import html
+from pyfric.engines import Options
 from pyfric.fitting.misfit import CAP, PER_EVENT, Misfit, misfit, overview
 from pyfric.measured import Curve, events
-from pyfric.planning import simulate
+from pyfric.planning import check_run, simulate
 from pyfric.scene import SceneError, SceneLike, as_scene, check_number, check_whole
 from pyfric.statics import EquilibriumError
 
@@ -37,6 +39,8 @@ TOLERANCES = (0.01, 0.003, 0.0)
 STARTS = 8
 """Starts, spread over the bounds, that are followed at most until the residuals are those of noise.
 A policy."""
+SEARCH, FOLLOWED = "quasistatic", 3
+"""Engine that searches for starts, and how many of its minima are followed by others. Policies."""
 COARSE = 1e-2
 """Step of differences of the overview, over the bounds: a policy."""
 STEP = 1e-3
@@ -67,11 +71,8 @@ class Fit:
         table: measured events with columns curve, event, peak, valley, model_peak, model_valley
             (over F_N), off_peak, off_valley (standard deviations).
         missing, extra: events of the measurement that the model has not, and the reverse.
-        level_error: root mean square difference of forces to the finer run, over F_N; None if there
-            was none.
-        checked_by: the engine of the finer run.
-        noise: median error of a measured force, over F_N.
-        runs: number of runs that were made.
+        engine: the engine of its runs.
+        runs: number of runs that were made, also those of the search.
         bounds: name -> bounds that were searched.
     """
 
@@ -85,9 +86,7 @@ class Fit:
     table: pd.DataFrame
     missing: int
     extra: int
-    level_error: float | None
-    checked_by: str
-    noise: float
+    engine: str
     runs: int
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
@@ -124,17 +123,7 @@ class Fit:
                 f"THE MODEL DOES NOT FIT (probability {self.probability:.1g}): intervals do not "
                 "hold; try another law, disorder, or another parameter"
             )
-        if self.level_error is not None:
-            serves = self.level_error <= self.noise
-            where = "below" if serves else "ABOVE"
-            lines.append(
-                f"forces differ by {self.level_error:.2g} F_N from those of the {self.checked_by} "
-                f"engine, {where} the errors of the measurement, {self.noise:.2g}"
-            )
-            if not serves:
-                fix = f"model_error={self.level_error:.1g}, or fidelity={self.checked_by!r}"
-                lines.append(f"intervals do not include this: add {fix}")
-        lines.append(f"{self.runs} runs")
+        lines.append(f"{self.runs} runs, {self.engine} at the end")
         return "\n".join(lines)
 
     __repr__ = __str__
@@ -164,6 +153,15 @@ class _Problem:
         self.size = sum(PER_EVENT * len(table) + 2 for table in tables)
         self.known: dict[tuple[float, ...], list[pd.DataFrame] | None] = {}
         self.runs = 0
+
+    def can(self, engine: str) -> bool:
+        """Whether an engine can run the scenes."""
+        try:
+            for scene in self.scenes:
+                check_run(scene, Options(fidelity=engine))
+        except SceneError:
+            return False
+        return True
 
     def values(self, u: np.ndarray) -> dict[str, float]:
         """Return the parameters by name."""
@@ -203,7 +201,7 @@ class _Problem:
         """Return the events of a run as long as the measurement."""
         self.runs += 1
         t_end = LONGER * float(table.attrs.get("t_end", table["t_stop"].max()))
-        record = simulate(scene, t_end, progress=False, **options)
+        record = simulate(scene, t_end, **options)
         return events(record, t_gap=table.attrs.get("resolution", 0.0))
 
     def misfits(self, u: np.ndarray, tolerance: float = 0.0) -> list[Misfit] | None:
@@ -242,7 +240,6 @@ def fit(
     *,
     level: float = 0.9,
     model_error: float = 0.0,
-    check: str | None = "hybrid",
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
     **options: Any,
@@ -257,10 +254,9 @@ def fit(
         level: confidence of the intervals, > 0, < 1.
         model_error: standard deviation of forces of the model, over F_N, that is added to the
             errors of the measurement.
-        check: engine of one run at the end that says whether the level serves; None: no such run.
         seed: of the runs that are spread over the bounds.
         progress: function that is told what is done.
-        options: of the runs, as of `pyfric.simulate`; fidelity = "quasistatic" by default.
+        options: of the runs, as of `pyfric.simulate`; fidelity = "hybrid" by default.
 
     Returns:
         The best parameters, their intervals and profiles, and residuals.
@@ -279,25 +275,26 @@ def fit(
     model_error = check_number("model_error", model_error, "", ge=0.0)
     seed = check_whole("seed", seed, 0)
     say = progress or (lambda text: None)
-    tables = [_table_of(one) for one in measured]
-    options = {"fidelity": "quasistatic"} | options
-    problem = _Problem(
-        [as_scene(one, {}) for one in scenes], tables, _bounds(vary), options, model_error
-    )
-    u = _best(problem, seed, say)
-    u, profiles, intervals = _profiles(problem, u, level, say)
+    tables, bounds = [_table_of(one) for one in measured], _bounds(vary)
+    options = {"fidelity": "hybrid", "progress": False} | options
+    problem = _Problem([as_scene(one, {}) for one in scenes], tables, bounds, options, model_error)
+    dim = len(bounds)
+    spread = scipy.stats.qmc.Sobol(dim, rng=np.random.default_rng(seed)).random(STARTS)
+    starts = [np.full(dim, 0.5), *spread]
+    if options["fidelity"] != SEARCH and problem.can(SEARCH):
+        search = _Problem(problem.scenes, tables, bounds, {"fidelity": SEARCH}, model_error)
+        starts = _minima(search, starts, TOLERANCES[:1], say)[:FOLLOWED]
+        problem.runs += search.runs
+    minima = _minima(problem, starts, TOLERANCES, say)
+    if not minima:
+        raise SceneError("vary", ", ".join(bounds), "", "bounds with a run", "none has one")
+    u, profiles, intervals = _profiles(problem, minima[0], level, say)
     found, values = problem.misfits(u), problem.values(u)
     assert found is not None  # the best of those that have a run
     missing = sum(one.missing for one in found)
     count = sum(len(table) for table in tables) - missing
-    best = problem.scenes_of(values)
-    level_error = None
-    if check is not None and check != options["fidelity"]:
-        say(f"one run by the {check} engine")
-        level_error = _level_error(problem, u, {"fidelity": check})
-    forces = np.concatenate([table["peak_error"] for table in tables])
     return Fit(
-        scenes=tuple(best),
+        scenes=tuple(problem.scenes_of(values)),
         values=values,
         intervals=intervals,
         profiles=profiles,
@@ -307,11 +304,9 @@ def fit(
         table=_compared(problem, u, found),
         missing=missing,
         extra=sum(one.extra for one in found),
-        level_error=level_error,
-        checked_by=check or "",
-        noise=float(np.median(np.hypot(forces, model_error))),
+        engine=options["fidelity"],
         runs=problem.runs,
-        bounds=dict(vary),
+        bounds=bounds,
     )
 
 
@@ -352,25 +347,30 @@ def _bounds(vary: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, f
     return found
 
 
-def _best(problem: _Problem, seed: int, say: Callable[[str], None]) -> np.ndarray:
-    """Return the parameters of least misfit."""
-    dim = len(problem.names)
-    sobol = scipy.stats.qmc.Sobol(dim, rng=np.random.default_rng(seed))
-    best, least = None, math.inf
-    for number, start in enumerate([np.full(dim, 0.5), *sobol.random(STARTS)], 1):
+def _minima(
+    problem: _Problem,
+    starts: Sequence[np.ndarray],
+    tolerances: Sequence[float],
+    say: Callable[[str], None],
+) -> list[np.ndarray]:
+    """Return minima of the misfit with the last of some tolerances, the least one first.
+
+    Where residuals are those of noise, no further start is followed.
+    """
+    found: list[tuple[float, np.ndarray]] = []
+    engine = problem.options["fidelity"]
+    for number, start in enumerate(starts, 1):
         if problem.model(start) is None:
             continue
-        say(f"least squares from start {number}")
+        say(f"least squares by the {engine} engine from start {number}")
         u = _solved(problem.overview, start, COARSE)
-        for tolerance in TOLERANCES:
+        for tolerance in tolerances:
             u = _solved(functools.partial(problem.residuals, tolerance=tolerance), u, STEP)
-        if (chi2 := problem.chi2(u)) < least:
-            best, least = u, chi2
-        if scipy.stats.chi2.sf(least, problem.size - dim) >= DOUBTFUL:
+        found.append((problem.chi2(u, tolerances[-1]), u))
+        least = min(chi2 for chi2, _ in found)
+        if scipy.stats.chi2.sf(least, problem.size - len(u)) >= DOUBTFUL:
             break
-    if best is None:
-        raise SceneError("vary", ", ".join(problem.names), "", "bounds with a run", "none has one")
-    return best
+    return [u for _, u in sorted(found, key=lambda pair: pair[0])]
 
 
 def _solved(
@@ -480,24 +480,6 @@ def _interval(at: np.ndarray, chi2: np.ndarray, limit: float) -> tuple[float, fl
         share = (limit - chi2[edge]) / (chi2[beyond] - chi2[edge])
         ends.append(at[edge] + share * (at[beyond] - at[edge]))
     return ends[0], ends[1]
-
-
-def _level_error(problem: _Problem, u: np.ndarray, options: Mapping[str, Any]) -> float:
-    """Return the root mean square difference of matched forces to those of another engine."""
-    scenes, model = problem.scenes_of(problem.values(u)), problem.model(u)
-    off = []
-    for scene, table, found in zip(scenes, problem.tables, model or [], strict=True):
-        finer = problem.run(scene, table, **options)
-        error = {"peak_error": 1e-2, "valley_error": 1e-2}
-        seen = found[found["drop"] > table.attrs.get("threshold", 0.0)].assign(**error)
-        seen.attrs = dict(table.attrs)
-        one = misfit(seen, finer)
-        rows = np.flatnonzero(one.partner >= 0)
-        for name in ("peak", "valley"):
-            values = finer[name].to_numpy()[one.partner[rows]] - seen[name].to_numpy()[rows]
-            off.append(values)
-    together = np.concatenate(off)
-    return float(np.sqrt(np.mean(together**2))) if len(together) else math.nan
 
 
 def _compared(problem: _Problem, u: np.ndarray, found: Sequence[Misfit]) -> pd.DataFrame:

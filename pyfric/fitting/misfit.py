@@ -105,7 +105,8 @@ def overview(measured: pd.DataFrame, model: pd.DataFrame) -> np.ndarray:
     """Return how far a model is, event by event, without a match: shape (2 n,).
 
     An event counts by the part of it that would have been seen: none at half of the threshold of
-    the measurement, half at the threshold.
+    the measurement, half at the threshold. Numbers of events may differ by a constant, as small
+    early events may be lost in noise.
     """
     threshold = measured.attrs.get("threshold", 0.0)
 
@@ -119,7 +120,7 @@ def overview(measured: pd.DataFrame, model: pd.DataFrame) -> np.ndarray:
     forces = np.append(0.0, model["peak"].to_numpy())
     off = np.interp(at, known, forces) - measured["peak"].to_numpy()
     more = np.interp(at, known, of_model) - count
-    return np.concatenate([off / OF_FORCES, more / OF_COUNTS])
+    return np.concatenate([off / OF_FORCES, (more - np.median(more)) / OF_COUNTS])
 
 
 def _rate_off(measured: pd.DataFrame, model: pd.DataFrame) -> float:

@@ -20,7 +20,7 @@ from pyfric.measured import sampled
 
 __all__ = ["report", "study"]
 
-SETS: dict[str, int] = {"right": 100, "disorder": 10, "height": 10}
+SETS: dict[str, int] = {"right": 40, "disorder": 3, "height": 3}
 """Sets of truths, and how many."""
 RANGES = {"mu_s": (0.6, 0.8), "mu_k": (0.35, 0.55)}
 """Of truths, drawn evenly."""

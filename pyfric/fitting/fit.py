@@ -18,7 +18,7 @@ import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -26,7 +26,7 @@ import scipy
 
 from pyfric.display import html
 from pyfric.engines import Options
-from pyfric.fitting.misfit import CAP, PER_EVENT, Misfit, misfit, overview
+from pyfric.fitting.misfit import CAP, PER_EVENT, Misfit, misfit, onset, overview
 from pyfric.measured import Curve, events
 from pyfric.planning import check_run, simulate
 from pyfric.scene import SceneError, SceneLike, as_scene, check_number, check_whole
@@ -43,8 +43,12 @@ SEARCH, FOLLOWED = "quasistatic", 3
 """Engine that searches for starts, and how many of its minima are followed by others. Policies."""
 COARSE = 1e-2
 """Step of differences of the overview, over the bounds: a policy."""
+OTHERS = 4
+"""Residuals of a curve that are not of its events."""
 STEP = 1e-3
 """Step of differences over the bounds: a policy."""
+WALK, FAR, WALKS = 2e-3, 8, 3
+"""Step of the search for minima nearby, over the bounds; steps either way; how often. Policies."""
 POINTS = 5
 """Points of a profile on either side; they reach to `REACH` standard deviations. Policies."""
 REACH = 2.4
@@ -142,15 +146,16 @@ class _Problem:
         self,
         scenes: Sequence[Any],
         tables: Sequence[pd.DataFrame],
+        later: Sequence[pd.DataFrame | None],
         bounds: Mapping[str, tuple[float, float]],
         options: Mapping[str, Any],
         model_error: float,
     ) -> None:
-        self.scenes, self.tables, self.options = scenes, tables, options
+        self.scenes, self.tables, self.later, self.options = scenes, tables, later, options
         self.names = list(bounds)
         self.low, self.high = (np.array(ends) for ends in zip(*bounds.values(), strict=True))
         self.model_error = model_error
-        self.size = sum(PER_EVENT * len(table) + 2 for table in tables)
+        self.size = sum(PER_EVENT * len(table) + OTHERS for table in tables)
         self.known: dict[tuple[float, ...], list[pd.DataFrame] | None] = {}
         self.runs = 0
 
@@ -200,7 +205,7 @@ class _Problem:
     def run(self, scene: Any, table: pd.DataFrame, **options: Any) -> pd.DataFrame:
         """Return the events of a run as long as the measurement."""
         self.runs += 1
-        t_end = LONGER * float(table.attrs.get("t_end", table["t_stop"].max()))
+        t_end = LONGER * float(table.attrs["t_end"])
         record = simulate(scene, t_end, **options)
         return events(record, t_gap=table.attrs.get("resolution", 0.0))
 
@@ -210,14 +215,16 @@ class _Problem:
         if model is None:
             return None
         tolerance = math.hypot(tolerance, self.model_error)
-        pairs = zip(self.tables, model, strict=True)
-        return [misfit(table, found, tolerance=tolerance) for table, found in pairs]
+        return [
+            misfit(table, found, tolerance=tolerance, later=later)
+            for table, found, later in zip(self.tables, model, self.later, strict=True)
+        ]
 
     def overview(self, u: np.ndarray) -> np.ndarray:
         """Return the overview of all curves; large numbers where there is no run."""
         model = self.model(u)
         if model is None:
-            return np.full(self.size - 2 * len(self.tables), 10 * CAP)
+            return np.full(self.size - OTHERS * len(self.tables), 10 * CAP)
         pairs = zip(self.tables, model, strict=True)
         return np.concatenate([overview(table, found) for table, found in pairs])
 
@@ -239,6 +246,7 @@ def fit(
     vary: Mapping[str, tuple[float, float]],
     *,
     level: float = 0.9,
+    part: Literal["onset", "all"] = "onset",
     model_error: float = 0.0,
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
@@ -252,6 +260,9 @@ def fit(
         vary: name of a parameter, as in `Scene.replace`, -> bounds in SI units. Also "offset", a
             force over F_N added to the curve, and "drift", 1/s.
         level: confidence of the intervals, > 0, < 1.
+        part: "onset": events before the first large one (a fifth of the largest drop) are compared
+            one by one, and large ones by their mean forces; "all": all are compared one by one, for
+            periodic sequences.
         model_error: standard deviation of forces of the model, over F_N, that is added to the
             errors of the measurement.
         seed: of the runs that are spread over the bounds.
@@ -277,22 +288,31 @@ def fit(
     say = progress or (lambda text: None)
     tables, bounds = [_table_of(one) for one in measured], _bounds(vary)
     options = {"fidelity": "hybrid", "progress": False} | options
-    problem = _Problem([as_scene(one, {}) for one in scenes], tables, bounds, options, model_error)
+    if part not in ("onset", "all"):
+        raise SceneError("part", part, "", "'onset' or 'all'")
+    wholes, later = tables, [None] * len(tables)
+    if part == "onset":
+        tables = [onset(whole) for whole in wholes]
+        later = [whole.iloc[len(head) :] for whole, head in zip(wholes, tables, strict=True)]
+    scenes = [as_scene(one, {}) for one in scenes]
+    problem = _Problem(scenes, tables, later, bounds, options, model_error)
     dim = len(bounds)
     spread = scipy.stats.qmc.Sobol(dim, rng=np.random.default_rng(seed)).random(STARTS)
     starts = [np.full(dim, 0.5), *spread]
     if options["fidelity"] != SEARCH and problem.can(SEARCH):
-        search = _Problem(problem.scenes, tables, bounds, {"fidelity": SEARCH}, model_error)
+        search = _Problem(scenes, tables, later, bounds, {"fidelity": SEARCH}, model_error)
         starts = _minima(search, starts, TOLERANCES[:1], say)[:FOLLOWED]
         problem.runs += search.runs
     minima = _minima(problem, starts, TOLERANCES, say)
     if not minima:
         raise SceneError("vary", ", ".join(bounds), "", "bounds with a run", "none has one")
-    u, profiles, intervals = _profiles(problem, minima[0], level, say)
+    u = _walked(problem, minima[0], say)
+    u, profiles, intervals = _profiles(problem, u, level, say)
     found, values = problem.misfits(u), problem.values(u)
     assert found is not None  # the best of those that have a run
     missing = sum(one.missing for one in found)
     count = sum(len(table) for table in tables) - missing
+    others = int(sum(np.count_nonzero(one.residuals[-OTHERS:]) for one in found))
     return Fit(
         scenes=tuple(problem.scenes_of(values)),
         values=values,
@@ -300,7 +320,7 @@ def fit(
         profiles=profiles,
         level=level,
         chi2=sum(one.chi2 for one in found),
-        dof=PER_EVENT * count + len(tables) - len(values),
+        dof=PER_EVENT * count + others - len(values),
         table=_compared(problem, u, found),
         missing=missing,
         extra=sum(one.extra for one in found),
@@ -318,7 +338,8 @@ def _table_of(measured: Curve | pd.DataFrame) -> pd.DataFrame:
         resolution = table.attrs["smooth"] * step if table.attrs["noise"] else 0.0
         table.attrs |= {"t_end": float(t[-1] - t[0]), "resolution": resolution}
     else:
-        table = measured
+        table = measured.copy()
+        table.attrs = {"t_end": float(table["t_stop"].max()), **measured.attrs}
     if len(table) < 2:
         raise SceneError("measured", len(table), "", "a curve with two or more events", "events")
     if not (table[["peak_error", "valley_error"]] > 0).all(axis=None):
@@ -371,6 +392,39 @@ def _minima(
         if scipy.stats.chi2.sf(least, problem.size - len(u)) >= DOUBTFUL:
             break
     return [u for _, u in sorted(found, key=lambda pair: pair[0])]
+
+
+def _walked(problem: _Problem, u: np.ndarray, say: Callable[[str], None]) -> np.ndarray:
+    """Return the parameters of a lower minimum nearby, if residuals are not those of noise.
+
+    Each parameter is moved either way, with the others along.
+    """
+    for _ in range(WALKS):
+        least = problem.chi2(u)
+        if scipy.stats.chi2.sf(least, problem.size - len(u)) >= DOUBTFUL:
+            break
+        say("minima nearby")
+        jacobian, best = _jacobian(problem, u), u
+        for k in range(len(u)):
+            others = np.arange(len(u)) != k
+            for step in WALK * np.concatenate([np.arange(-FAR, 0), np.arange(1, FAR + 1)]):
+                start = np.clip(u + step * _ridge(jacobian, k)[0], 0, 1)
+                tried, chi2 = _least_of_others(problem, start, jacobian, others)
+                if chi2 < least:
+                    best, least = tried, chi2
+        if best is u:
+            break
+        u = _solved(problem.residuals, best, STEP)
+        u = u if problem.chi2(u) < least else best
+    return u
+
+
+def _ridge(jacobian: np.ndarray, k: int) -> tuple[np.ndarray, float]:
+    """Return the change of all parameters with one, others free, and its standard deviation."""
+    inverse = np.linalg.pinv(jacobian.T @ jacobian)
+    if not inverse[k, k] > 0:
+        return np.eye(len(inverse))[k], 1.0
+    return inverse[:, k] / inverse[k, k], math.sqrt(inverse[k, k])
 
 
 def _solved(
@@ -429,10 +483,7 @@ def _profile(
 ) -> tuple[list[tuple[float, float]], tuple[float, np.ndarray]]:
     """Return points (value, chi2) of one profile, and the least misfit with its parameters."""
     others = np.arange(len(u)) != k
-    normal = jacobian.T @ jacobian
-    inverse = np.linalg.pinv(normal)
-    deviation = math.sqrt(max(inverse[k, k], 0.0)) or 1.0
-    ridge = inverse[:, k] / inverse[k, k] if inverse[k, k] > 0 else np.eye(len(u))[k]
+    ridge, deviation = _ridge(jacobian, k)
     points, lowest = [], (least, u)
     for side in (-1, 1):
         step, at, chi2 = REACH * deviation / POINTS, 0.0, least

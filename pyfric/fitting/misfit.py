@@ -28,6 +28,10 @@ ALONE = 3.0
 worse once in ninety times (chi^2 with two degrees of freedom)."""
 OF_FORCES, OF_COUNTS = 3e-3, 0.2
 """Standard deviations of an overview: of forces over F_N, and of numbers of events. Policies."""
+LARGE = 0.2
+"""Drop of a large event over the largest one: a policy."""
+FEWEST = 3
+"""Large events whose mean is compared. A policy."""
 PER_EVENT = 2
 """Residuals of a measured event: at its start and its end."""
 
@@ -37,8 +41,9 @@ class Misfit:
     """How far a model is from a table of events.
 
     Attributes:
-        residuals: in standard deviations, shape (2 n + 2,): at starts and ends of the n measured
-            events, of the rate of loading, and of events of the model that were not measured.
+        residuals: in standard deviations, shape (2 n + 4,): at starts and ends of the n measured
+            events, of the rate of loading, of events of the model that were not measured, and of
+            the mean forces at starts and ends of large events.
         partner: row of the model for each measured event, -1 where there is none, shape (n,).
         extra: number of events of the model between matched ones that would have been seen.
     """
@@ -58,11 +63,24 @@ class Misfit:
         return int((self.partner < 0).sum())
 
 
-def misfit(measured: pd.DataFrame, model: pd.DataFrame, *, tolerance: float = 0.0) -> Misfit:
+def onset(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the events before the first large one; all, where these are fewer than `FEWEST`."""
+    large = np.flatnonzero(table["drop"] >= LARGE * table["drop"].max())
+    return table.iloc[: large[0]] if len(large) and large[0] >= FEWEST else table
+
+
+def misfit(
+    measured: pd.DataFrame,
+    model: pd.DataFrame,
+    *,
+    tolerance: float = 0.0,
+    later: pd.DataFrame | None = None,
+) -> Misfit:
     """Return how far the events of a model are from measured ones.
 
     Args:
         measured, model: tables of `pyfric.measured.events`; errors are those of the first.
+        later: measured events of which only the means of large ones count.
         tolerance: standard deviation of forces that is added to the errors, over F_N.
     """
     n, m = len(measured), len(model)
@@ -94,6 +112,7 @@ def misfit(measured: pd.DataFrame, model: pd.DataFrame, *, tolerance: float = 0.
         between[partner[rows]] = False
     extra = unseen[between]
     other = [_rate_off(measured, model), float(np.sqrt(np.sum(extra**2)))]
+    other += _means_off(later, model, tolerance)
     return Misfit(
         residuals=np.concatenate([at_start, at_end, other]),
         partner=partner,
@@ -121,6 +140,24 @@ def overview(measured: pd.DataFrame, model: pd.DataFrame) -> np.ndarray:
     off = np.interp(at, known, forces) - measured["peak"].to_numpy()
     more = np.interp(at, known, of_model) - count
     return np.concatenate([off / OF_FORCES, (more - np.median(more)) / OF_COUNTS])
+
+
+def _means_off(
+    later: pd.DataFrame | None, model: pd.DataFrame, tolerance: float
+) -> tuple[float, float]:
+    """Return differences of mean forces of large events after the first, in standard deviations."""
+    if later is None:
+        return 0.0, 0.0
+    parts = [later, model.iloc[len(onset(model)) :]]
+    parts = [part[part["drop"] >= LARGE * part["drop"].max()] for part in parts]
+    if min(map(len, parts)) < FEWEST:
+        return 0.0, 0.0
+    off = []
+    for name in ("peak", "valley"):
+        known, found = (part[name].to_numpy() for part in parts)
+        variance = known.var(ddof=1) / len(known) + found.var(ddof=1) / len(found) + tolerance**2
+        off.append(float(np.clip((found.mean() - known.mean()) / np.sqrt(variance), -CAP, CAP)))
+    return off[0], off[1]
 
 
 def _rate_off(measured: pd.DataFrame, model: pd.DataFrame) -> float:

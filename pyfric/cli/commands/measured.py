@@ -86,6 +86,13 @@ def _bounds(texts: tuple[str, ...]) -> dict[str, tuple[float, float]]:
     help="Engine of the runs.",
     show_default=True,
 )
+@click.option(
+    "--part",
+    type=click.Choice(["onset", "all"]),
+    default="onset",
+    help="Events that are compared one by one; others by their mean forces.",
+    show_default=True,
+)
 @set_option
 @stem_option("--out", help="Names of the files of the figure. [default: fit_SCENE]")
 @overwrite_option
@@ -101,6 +108,7 @@ def fit(
     noise: float | None,
     model_error: float,
     fidelity: str,
+    part: str,
     changes: tuple[str, ...],
     out: Path | None,
     overwrite: bool,
@@ -123,7 +131,7 @@ def fit(
     units = _pairs("--unit", unit, "MEANING=UNIT, such as F_T=N")
     read: Any = measured.read(curve, _columns(column), units=units, F_N=F_N, area=area)
     read = dataclasses.replace(read, noise=noise)
-    how: Any = {"model_error": model_error, "fidelity": fidelity}
+    how: Any = {"model_error": model_error, "fidelity": fidelity, "part": part}
     found = pyfric.fit(what, read, bounds, **how, progress=tell.step)
     figures.save_figure(figures.fit_page(found), stem)
     told = {"values": dict(found.values), "intervals": dict(found.intervals)}

@@ -47,7 +47,9 @@ def fit_page(fit: Fit) -> DataFigure:
     legend(forces, loc="lower right")
     for limit in (0, *LIMITS):
         residuals.axhline(limit, color=GREY, lw=0.6, ls="-" if not limit else "--", zorder=0)
-    residuals.set(xlabel="event", ylabel="residual (std. dev.)")
+    residuals.set(xlabel="event", ylabel="residual\n(std. dev.)")
+    residuals.margins(y=0.15)
+    residuals.locator_params(axis="x", integer=True)
     forces.sharex(residuals)
     forces.tick_params(labelbottom=False)
     style(forces, "a")
@@ -98,26 +100,26 @@ def tornado(found: Sensitivity) -> DataFigure:
         change = part[["low", "high"]].sub(base, axis=0).fillna(0.0)
         order = np.argsort(change.abs().max(axis=1).to_numpy(), kind="stable")
         for end, colour, text in (("low", BLUE, "lower"), ("high", ORANGE, "higher")):
-            axes.barh(np.arange(n), change[end].to_numpy()[order], color=colour, label=text)
-        steps = [
-            f"{_said(p)} $\\pm$ {s:.3g}"
-            for p, s in zip(part["parameter"], part["step"], strict=True)
-        ]
+            at = np.arange(n) + (0.2 if end == "high" else -0.2)
+            bars = change[end].to_numpy()[order]
+            axes.barh(at, bars, height=0.4, color=colour, label=text)
+        shares = 100 * part["step"] / part["value"].abs()
+        names_of = zip(part["parameter"], shares, strict=True)
+        steps = [f"{_said(key)} $\\pm$ {share:.2g} %" for key, share in names_of]
         axes.set_yticks(np.arange(n), [steps[i] for i in order])
         axes.axvline(0, color=BLACK, lw=0.6)
         if not change.to_numpy().any():
             axes.set_xlim(-1, 1)
         said = TEXTS[name] + (f" ({unit})" if unit != "1" else "")
         axes.set_xlabel(f"change of {said}; {base:.4g} now")
-        if name in COUNTS:
-            axes.xaxis.get_major_locator().set_params(integer=True)
+        axes.locator_params(axis="x", nbins=5, integer=name in COUNTS)
         style(axes, "abcdefgh"[k])
         axes.tick_params(which="both", right=False, left=False)
         axes.xaxis.label.set_size(SMALL)
     if len(names):
         legend(grid[0], loc="lower right", title="parameter")
     fig.caption = (
-        "Changes of quantities if one parameter is lower or higher by its step (SI units): "
+        "Changes of quantities if one parameter is lower or higher by its step: "
         + "; ".join(f"({'abcdefgh'[k]}) {QUANTITIES[name][1]}" for k, name in enumerate(names))
         + "."
     )

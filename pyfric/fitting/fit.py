@@ -4,8 +4,9 @@ The misfit is that of `pyfric.fitting.misfit`. It is minimised from several star
 of the overview, then of the misfit with a tolerance of forces that goes to zero. It ends with
 profiles. A profile is the least misfit against the value of one parameter, with all others free.
 An interval holds all values whose misfit is above the least one by no more than the quantile of
-chi^2 with one degree of freedom; a parameter whose profile stays below it up to a bound is not
-determined there.
+chi^2 with one degree of freedom. Forces of the model jump where an event takes another block; their
+scatter adds to the variance, and the quantile grows with it. A parameter whose profile stays below
+it up to a bound is not determined there.
 
 The search for starts takes quasi-static runs, where friction allows them; the rest is done with the
 engine that is asked for. Quasi-static runs alone serve for questions of statics: they lack what
@@ -52,6 +53,8 @@ WALK, FAR, WALKS = 2e-3, 8, 3
 POINTS = 5
 """Points of a profile on either side; they reach to `REACH` standard deviations. Policies."""
 REACH = 2.4
+BEYOND = 2
+"""Points of a profile in a row beyond the limit, where it ends; one may be a jump. A policy."""
 WIDER = 4
 """How often a profile is widened, each time by a factor of two, until it has an end."""
 LONGER = 1.1
@@ -443,11 +446,12 @@ def _profiles(
 
     Where a profile finds a lower misfit, it is the new best, and profiles begin again.
     """
-    limit = float(scipy.stats.chi2.ppf(level, 1))
+    quantile = float(scipy.stats.chi2.ppf(level, 1))
     for _ in range(3):
         least, lower = problem.chi2(u), None
         made: dict[str, list[tuple[float, float]]] = {}
-        jacobian = _jacobian(problem, u)
+        jacobian, jumps = _derivatives(problem, u)
+        limit = quantile * (1 + jumps)
         for k, name in enumerate(problem.names):
             say(f"profile of {name}")
             made[name], lowest = _profile(problem, u, jacobian, k, least, limit)
@@ -470,12 +474,18 @@ def _profiles(
 
 def _jacobian(problem: _Problem, u: np.ndarray) -> np.ndarray:
     """Return derivatives of the residuals by central differences."""
-    columns = []
+    return _derivatives(problem, u)[0]
+
+
+def _derivatives(problem: _Problem, u: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return derivatives of the residuals, and the mean variance of their jumps, per residual."""
+    columns, jumps, here = [], [], problem.residuals(u)
     for k in range(len(u)):
         ends = [np.clip(u + sign * 2 * STEP * (np.arange(len(u)) == k), 0, 1) for sign in (-1, 1)]
         low, high = (problem.residuals(end) for end in ends)
         columns.append((high - low) / (ends[1][k] - ends[0][k]))
-    return np.array(columns).T
+        jumps.append(np.clip(high + low - 2 * here, -1, 1) ** 2 / 6)
+    return np.array(columns).T, float(np.mean(jumps))
 
 
 def _profile(
@@ -486,11 +496,11 @@ def _profile(
     ridge, deviation = _ridge(jacobian, k)
     points, lowest = [], (least, u)
     for side in (-1, 1):
-        step, at, chi2 = REACH * deviation / POINTS, 0.0, least
+        step, at, beyond = REACH * deviation / POINTS, 0.0, 0
         for number in range(POINTS * WIDER):
             if number and number % POINTS == 0:
                 step *= 2
-            if chi2 > least + 1.3 * limit and number >= 3:
+            if beyond == BEYOND and number >= 3:
                 break
             at += step
             start = np.clip(u + side * at * ridge, 0, 1)
@@ -498,6 +508,7 @@ def _profile(
                 break
             found, chi2 = _least_of_others(problem, start, jacobian, others)
             points.append((float(found[k]), chi2))
+            beyond = beyond + 1 if chi2 > least + limit else 0
             if chi2 < lowest[0]:
                 lowest = chi2, found
     return points, lowest

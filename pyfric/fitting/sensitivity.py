@@ -45,8 +45,9 @@ class Sensitivity:
     """Changes of measured quantities with parameters.
 
     Attributes:
-        table: a row for each parameter and quantity, with columns parameter, step (SI), quantity,
-            low, base, high: values at the parameter less the step, as it is, and with it.
+        table: a row for each parameter and quantity, with columns parameter, value and step (SI
+            units), quantity, and low, base, high: at the value less the step, as it is, and with
+            the step.
         scene: the scene.
     """
 
@@ -106,7 +107,7 @@ def sensitivity(
         ]
         for quantity, now in base.items():
             low, high = (end[quantity] for end in ends)
-            row = {"parameter": name, "step": step, "quantity": quantity}
+            row = {"parameter": name, "value": value, "step": step, "quantity": quantity}
             rows.append(row | {"low": low, "base": now, "high": high})
     return Sensitivity(table=pd.DataFrame(rows), scene=scene)
 

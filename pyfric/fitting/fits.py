@@ -1,6 +1,6 @@
 """Parameters of a scene from the events of measured curves, with what is known of them.
 
-The misfit is that of `pyfric.fitting.misfit`. It is minimised from several starts: least squares
+The misfit is that of `pyfric.fitting.misfits`. It is minimised from several starts: least squares
 of the overview, then of the misfit with a tolerance of forces that goes to zero. It ends with
 profiles. A profile is the least misfit against the value of one parameter, with all others free.
 An interval holds all values whose misfit is above the least one by no more than the quantile of
@@ -27,7 +27,7 @@ import scipy
 
 from pyfric.display import html
 from pyfric.engines import Options
-from pyfric.fitting.misfit import CAP, PER_EVENT, Misfit, misfit, onset, overview
+from pyfric.fitting.misfits import CAP, PER_EVENT, Misfit, misfit, onset, overview
 from pyfric.measured import Curve, events
 from pyfric.planning import check_run, simulate
 from pyfric.scene import SceneError, SceneLike, as_scene, check_number, check_whole
@@ -116,9 +116,9 @@ class Fit:
                     f"{name} = {value:.5g}: not determined within {_said(self.bounds[name])}"
                 )
                 continue
-            least, most = self.bounds[name]
+            least, largest = self.bounds[name]
             ends = f"{f'{low:.5g}' if low == low else f'< {least:.5g}'} to "
-            ends += f"{high:.5g}" if high == high else f"> {most:.5g}"
+            ends += f"{high:.5g}" if high == high else f"> {largest:.5g}"
             lines.append(f"{name} = {value:.5g}, {self.level:.0%}: {ends}")
         n = len(self.table)
         lines.append(
@@ -236,7 +236,7 @@ class _Problem:
         found = self.misfits(u, tolerance)
         if found is None:
             return np.full(self.size, CAP)
-        return np.concatenate([one.residuals for one in found])
+        return np.concatenate([apart.residuals for apart in found])
 
     def chi2(self, u: np.ndarray, tolerance: float = 0.0) -> float:
         """Return the sum of squares."""
@@ -289,7 +289,7 @@ def fit(
     model_error = check_number("model_error", model_error, "", ge=0.0)
     seed = check_whole("seed", seed, 0)
     say = progress or (lambda text: None)
-    tables, bounds = [_table_of(one) for one in measured], _bounds(vary)
+    tables, bounds = [_table_of(curve) for curve in measured], _bounds(vary)
     options = {"fidelity": "hybrid", "progress": False} | options
     if part not in ("onset", "all"):
         raise SceneError("part", part, "", "'onset' or 'all'")
@@ -297,7 +297,7 @@ def fit(
     if part == "onset":
         tables = [onset(whole) for whole in wholes]
         later = [whole.iloc[len(head) :] for whole, head in zip(wholes, tables, strict=True)]
-    scenes = [as_scene(one, {}) for one in scenes]
+    scenes = [as_scene(each, {}) for each in scenes]
     problem = _Problem(scenes, tables, later, bounds, options, model_error)
     dim = len(bounds)
     spread = scipy.stats.qmc.Sobol(dim, rng=np.random.default_rng(seed)).random(STARTS)
@@ -313,20 +313,20 @@ def fit(
     u, profiles, intervals = _profiles(problem, u, level, say)
     found, values = problem.misfits(u), problem.values(u)
     assert found is not None  # the best of those that have a run
-    missing = sum(one.missing for one in found)
+    missing = sum(apart.missing for apart in found)
     count = sum(len(table) for table in tables) - missing
-    others = int(sum(np.count_nonzero(one.residuals[-OTHERS:]) for one in found))
+    others = int(sum(np.count_nonzero(apart.residuals[-OTHERS:]) for apart in found))
     return Fit(
         scenes=tuple(problem.scenes_of(values)),
         values=values,
         intervals=intervals,
         profiles=profiles,
         level=level,
-        chi2=sum(one.chi2 for one in found),
+        chi2=sum(apart.chi2 for apart in found),
         dof=PER_EVENT * count + others - len(values),
         table=_compared(problem, u, found),
         missing=missing,
-        extra=sum(one.extra for one in found),
+        extra=sum(apart.extra for apart in found),
         engine=options["fidelity"],
         runs=problem.runs,
         bounds=bounds,
@@ -479,12 +479,12 @@ def _jacobian(problem: _Problem, u: np.ndarray) -> np.ndarray:
 
 def _derivatives(problem: _Problem, u: np.ndarray) -> tuple[np.ndarray, float]:
     """Return derivatives of the residuals, and the mean variance of their jumps, per residual."""
-    columns, jumps, here = [], [], problem.residuals(u)
+    columns, jumps, centre = [], [], problem.residuals(u)
     for k in range(len(u)):
         ends = [np.clip(u + sign * 2 * STEP * (np.arange(len(u)) == k), 0, 1) for sign in (-1, 1)]
         low, high = (problem.residuals(end) for end in ends)
         columns.append((high - low) / (ends[1][k] - ends[0][k]))
-        jumps.append(np.clip(high + low - 2 * here, -1, 1) ** 2 / 6)
+        jumps.append(np.clip(high + low - 2 * centre, -1, 1) ** 2 / 6)
     return np.array(columns).T, float(np.mean(jumps))
 
 
@@ -547,16 +547,19 @@ def _interval(at: np.ndarray, chi2: np.ndarray, limit: float) -> tuple[float, fl
 def _compared(problem: _Problem, u: np.ndarray, found: Sequence[Misfit]) -> pd.DataFrame:
     """Return measured events beside those of the model."""
     parts = []
-    for n, (table, model, one) in enumerate(
+    for n, (table, model, apart) in enumerate(
         zip(problem.tables, problem.model(u) or [], found, strict=True), 1
     ):
         part = table[["t_start", "peak", "valley", "peak_error", "valley_error"]].copy()
         part.insert(0, "event", table.index)
         part.insert(0, "curve", n)
-        with_none = model.reindex(model.index[one.partner].where(one.partner >= 0, -1))
+        with_none = model.reindex(model.index[apart.partner].where(apart.partner >= 0, -1))
         for name in ("peak", "valley"):
             part[f"model_{name}"] = with_none[name].to_numpy()
         half = len(table)
-        part["off_peak"], part["off_valley"] = one.residuals[:half], one.residuals[half : 2 * half]
+        part["off_peak"], part["off_valley"] = (
+            apart.residuals[:half],
+            apart.residuals[half : 2 * half],
+        )
         parts.append(part)
     return pd.concat(parts, ignore_index=True)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pyfric import figures, theory
     from pyfric.core import State, StateError
     from pyfric.engines import Options, Progress, RunError, prediction_curve, step_size
+    from pyfric.fitting import Fit, Sensitivity, fit, sensitivity
     from pyfric.paper import claims
     from pyfric.planning import Level, Plan, plan, released, simulate
     from pyfric.record import (
@@ -85,6 +86,7 @@ __all__ = [
     "Driver",
     "Equilibrium",
     "EquilibriumError",
+    "Fit",
     "Interface",
     "Job",
     "JobError",
@@ -102,6 +104,7 @@ __all__ = [
     "RunError",
     "Scene",
     "SceneError",
+    "Sensitivity",
     "Shared",
     "Slider",
     "Span",
@@ -118,6 +121,7 @@ __all__ = [
     "chain",
     "claims",
     "figures",
+    "fit",
     "forced",
     "front_speed",
     "label_map",
@@ -134,6 +138,7 @@ __all__ = [
     "released",
     "resolve",
     "run_all",
+    "sensitivity",
     "setup1",
     "setup2",
     "simulate",
@@ -150,9 +155,11 @@ ROOMS = (
     "core",
     "statics",
     "record",
+    "measured",
     "engines",
     "planning",
     "sweeps",
+    "fitting",
     "figures",
     "paper",
     "checks",

@@ -394,6 +394,24 @@ def collapse(fronts: Path, out: Path | None, overwrite: bool, tell: Tell) -> Non
     tell.table(frame, collapse.report)
 
 
+@main.command(section="Methods")
+@figure_out_option
+@telling
+def fits(out: Path, tell: Tell) -> None:
+    """Fit 120 random truths, and count intervals that cover them (15 minutes).
+
+    The next call goes on where this one was stopped.
+    """
+    check_folder(out)
+    import fits
+
+    from pyfric.record import provenance
+
+    table = fits.study(out / "fits.csv", say=tell.step)
+    provenance(out / "fits_provenance.toml", f"{RUN} fits")
+    tell.table(table, fits.report)
+
+
 @main.command(section="Physics")
 @figure_out_option
 @folder_option("--runs", metavar="DIR", help="Folder of its runs. [default: runs in --out]")

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pyfric import laws
 from pyfric.scene import Interface, Scene, SceneError, chain
-from pyfric.scene.laws.columns import _unit_in
+from pyfric.scene.tables import unit_in
 
 FALL = ((0.0, 0.65), (8.0, 0.453))
 
@@ -109,6 +109,34 @@ def test_units_that_are_not_understood_are_refused(tmp_path, heads, text):
     assert '"name (m)"' in caught.value.allowed
 
 
+@pytest.mark.parametrize(
+    "content",
+    [
+        "slip (um);mu\n0,0;0,65\n8,0;0,453\n",
+        "slip (um)\tmu\n0\t0,65\n8\t0,453\n",
+        "slip (um)   mu\n0,0 0,65\n8,0  0,453\n",
+        "slip_um mu\n0 0.65\n8 0.453\n",
+        "# slip_um mu\n0.0e0 6.5e-1\n8 0.453\n",
+    ],
+)
+def test_blanks_and_decimal_commas(tmp_path, content):
+    law = table(tmp_path, content)
+    assert (law.slip, law.mu) == ((0.0, 8e-6), (0.65, 0.453))
+
+
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [
+        ("0,0,0,65\n8,0,0,453\n", "row 1: 4 columns, separated by commas; allowed: .* decimal"),
+        ("0;0,65\n8;0.453\n", "row 1 has a decimal comma, row 2 a decimal point"),
+        ("0;1,453\n8;1,412\n", "comma in row 1 may be decimal, or part thousands"),
+    ],
+)
+def test_commas_are_not_guessed(tmp_path, content, text):
+    with pytest.raises(SceneError, match=text):
+        table(tmp_path, content)
+
+
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "cm": 1e-2, "inch": 0.0254, "Nm": None}
 POWERS = {"10^-6": 1e-6, "10-3": 1e-3, "1e-6": 1e-6, "10⁻⁶": 1e-6, "10^{-3}": 1e-3, "1000": 1e3}
 POWERS |= {"10**-6": 1e-6, "10^3": 1e3, "100": 100.0}
@@ -133,7 +161,7 @@ def test_any_head_is_read_with_its_factor_or_refused(name, unit, power, form, ti
     of = f"{power} {unit}".strip() if power and not before else unit
     head = form.format(what, of) if of else what
     try:
-        read = _unit_in(head, "m")
+        read = unit_in(head, "m")
     except ValueError as error:
         assert len(str(error)) > 20
         return
@@ -148,7 +176,7 @@ def test_any_head_is_read_with_its_factor_or_refused(name, unit, power, form, ti
 )
 def test_a_friction_coefficient_has_no_unit_but_per_cent(name, unit, form):
     try:
-        assert _unit_in(form.format(name, unit), "") == unit == "%"
+        assert unit_in(form.format(name, unit), "") == unit == "%"
     except ValueError as error:
         assert len(str(error)) > 20
 

@@ -104,7 +104,7 @@ def _code(error: Exception) -> Exit | None:
 
 @click.group(
     cls=Commands,
-    sections=("Simulate", "Look", "The paper", "Methods", "This build"),
+    sections=("Simulate", "Measure", "Look", "The paper", "Methods", "This build"),
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 @click.version_option(package_name="pyfric")

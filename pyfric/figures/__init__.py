@@ -6,6 +6,7 @@ leaves no global state and needs no display. Colours are from the Okabe-Ito set,
 distinguishable under colour blindness; markers or line widths differ as well.
 """
 
+from pyfric.figures.fitted import fit_page, tornado
 from pyfric.figures.interface import fig3a, fig3b, fig4a, fig4b
 from pyfric.figures.lengths import fig2a, fig2b
 from pyfric.figures.loading import fig1b, figure_caption, slip_segments
@@ -32,6 +33,7 @@ __all__ = [
     "fig4a",
     "fig4b",
     "figure_caption",
+    "fit_page",
     "has_ffmpeg",
     "phase_map",
     "record_page",
@@ -39,4 +41,5 @@ __all__ = [
     "sketch",
     "slip_segments",
     "space_time",
+    "tornado",
 ]

@@ -302,7 +302,9 @@ def compare_curve(
     """Return how far a measured loading curve is from a run, as it stands and shifted in time.
 
     The force of the run is linear between its points. Measured points outside the run do not
-    count, and a shift leaves at least half of them inside.
+    count, and a shift leaves at least half of them inside. In stick-slip this says little, as a
+    small difference of the period puts events beside each other; `pyfric.measured.events` compares
+    them.
 
     Args:
         t, F_T: measured times, s, increasing, and forces, N, shape (n,), n >= 2.

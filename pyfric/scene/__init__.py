@@ -22,6 +22,7 @@ from pyfric.scene.files import (
     check_writable,
     clean_drafts,
     figure_stem,
+    read_at_most,
     sealed,
     unsealed,
     write,
@@ -55,10 +56,13 @@ from pyfric.scene.presets import (
 from pyfric.scene.protocol import Leg, Push, legs
 from pyfric.scene.scene import Scene
 from pyfric.scene.spread import Spread
+from pyfric.scene.tables import Line, fits, is_number, lines_of, unit_in
 from pyfric.scene.text import law_notes
 from pyfric.scene.toml import parsed
 from pyfric.scene.units import (
+    LARGEST,
     PREFIXES,
+    SMALLEST,
     check_number,
     check_whole,
     parse_quantity,

@@ -5,6 +5,7 @@ from pyfric.cli.commands import (
     build,
     cache,
     look,
+    measured,
     methods,
     paper,
     run,

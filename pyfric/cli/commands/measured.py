@@ -1,0 +1,192 @@
+"""Measurements: fit a scene to a curve, and see what its parameters change."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from pyfric.cli.app import main
+from pyfric.cli.shared import (
+    SceneName,
+    Seconds,
+    Tell,
+    check_out,
+    figure_ends,
+    overwrite_option,
+    scene_of,
+    set_option,
+    stem_option,
+    telling,
+)
+
+FITTED = figure_ends("events", "profiles")
+TORNADO = figure_ends("sensitivity")
+
+
+def _pairs(name: str, texts: tuple[str, ...], form: str) -> dict[str, str]:
+    """Return NAME=VALUE as a dict.
+
+    Raises:
+        click.UsageError: no = in one of them.
+    """
+    pairs = [text.partition("=") for text in texts]
+    if wrong := next(
+        (text for text, (_, sign, _) in zip(texts, pairs, strict=True) if not sign), ""
+    ):
+        raise click.UsageError(f"{name} {wrong}: write {form}.")
+    return {key.strip(): value.strip() for key, _, value in pairs}
+
+
+def _columns(texts: tuple[str, ...]) -> dict[str, str | int] | None:
+    found = _pairs("--column", texts, "MEANING=NAME, such as F_T='Shear force'")
+    return {key: int(v) if v.isdigit() else v for key, v in found.items()} or None
+
+
+def _bounds(texts: tuple[str, ...]) -> dict[str, tuple[float, float]]:
+    form = "NAME=LOW:HIGH, such as mu_k=0.3:0.6"
+    found = {}
+    for name, text in _pairs("--vary", texts, form).items():
+        low, _, high = text.partition(":")
+        try:
+            found[name] = float(low), float(high)
+        except ValueError:
+            raise click.UsageError(f"--vary {name}={text}: write {form}.") from None
+    return found
+
+
+@main.command(section="Measure")
+@click.argument("scene", type=SceneName())
+@click.argument("curve", metavar="FILE", type=click.Path())
+@click.option(
+    "--vary",
+    multiple=True,
+    required=True,
+    metavar="NAME=LOW:HIGH",
+    help="A parameter and its bounds, in SI units; may be repeated. Also offset and drift.",
+)
+@click.option(
+    "--column",
+    multiple=True,
+    metavar="MEANING=NAME",
+    help="Name or number of the column of t, F_T, F_N, tau, sigma_n, mu or load_point.",
+)
+@click.option("--unit", multiple=True, metavar="MEANING=UNIT", help="Unit of a column.")
+@click.option("--normal", "F_N", metavar="FORCE", help="Normal force, such as '400 N'.")
+@click.option("--area", metavar="AREA", help="Area of the interface, such as '6 cm^2'.")
+@click.option("--noise", type=float, help="Noise of the force over F_N. [default: estimated]")
+@click.option(
+    "--model-error", type=float, default=0.0, help="Error of forces of the model over F_N."
+)
+@click.option(
+    "--fidelity",
+    type=click.Choice(["quasistatic", "hybrid", "dynamic"]),
+    default="hybrid",
+    help="Engine of the runs.",
+    show_default=True,
+)
+@click.option(
+    "--part",
+    type=click.Choice(["onset", "all"]),
+    default="onset",
+    help="Events that are compared one by one; others by their mean forces.",
+    show_default=True,
+)
+@set_option
+@stem_option("--out", help="Names of the files of the figure. [default: fit_SCENE]")
+@overwrite_option
+@telling
+def fit(
+    scene: str,
+    curve: str,
+    vary: tuple[str, ...],
+    column: tuple[str, ...],
+    unit: tuple[str, ...],
+    F_N: str | None,
+    area: str | None,
+    noise: float | None,
+    model_error: float,
+    fidelity: str,
+    part: str,
+    changes: tuple[str, ...],
+    out: Path | None,
+    overwrite: bool,
+    tell: Tell,
+) -> None:
+    """Fit parameters of SCENE to the events of the measured curve in FILE.
+
+    FILE may be text, MATLAB, HDF5, TDMS or Look. The figure shows data over model, residuals, and a
+    profile for each parameter.
+    """
+    import dataclasses
+
+    import pyfric
+    from pyfric import figures, measured
+    from pyfric.display import plain
+
+    stem = out or Path(f"fit_{Path(scene).stem}")
+    check_out(stem, overwrite, ends=FITTED, reads=[scene, curve])
+    bounds, what = _bounds(vary), scene_of(scene, changes)
+    units = _pairs("--unit", unit, "MEANING=UNIT, such as F_T=N")
+    read: Any = measured.read(curve, _columns(column), units=units, F_N=F_N, area=area)
+    read = dataclasses.replace(read, noise=noise)
+    how: Any = {"model_error": model_error, "fidelity": fidelity, "part": part}
+    found = pyfric.fit(what, read, bounds, **how, progress=tell.step)
+    figures.save_figure(figures.fit_page(found), stem)
+    told = {"values": dict(found.values), "intervals": dict(found.intervals)}
+    told |= {"chi2": found.chi2, "dof": found.dof, "probability": found.probability}
+    told |= {"missing": found.missing, "extra": found.extra, "correction": found.correction}
+    tell.result(plain(told), lambda: f"{read}\n{found}")
+
+
+@main.command(section="Measure")
+@click.argument("scene", type=SceneName())
+@click.option("--t-end", type=Seconds(), default=1.5, help="End of the runs. [default: 1.5 s]")
+@click.option(
+    "--step",
+    multiple=True,
+    metavar="NAME=STEP",
+    help="A parameter and its change, in SI units or in %. [default: six of them]",
+)
+@click.option(
+    "--fidelity",
+    type=click.Choice(["quasistatic", "hybrid", "dynamic"]),
+    default="quasistatic",
+    help="Engine of the runs; only the last two have fronts.",
+    show_default=True,
+)
+@set_option
+@stem_option("--out", help="Names of the files of the figure. [default: sensitivity_SCENE]")
+@overwrite_option
+@telling
+def sensitivity(
+    scene: str,
+    t_end: float,
+    step: tuple[str, ...],
+    fidelity: str,
+    changes: tuple[str, ...],
+    out: Path | None,
+    overwrite: bool,
+    tell: Tell,
+) -> None:
+    """Say and draw how much forces, lengths, counts and speeds change with parameters of SCENE."""
+    import pyfric
+    from pyfric import figures
+
+    stem = out or Path(f"sensitivity_{Path(scene).stem}")
+    check_out(stem, overwrite, ends=TORNADO, reads=[scene])
+    given = _pairs("--step", step, "NAME=STEP, such as mu_k=0.01 or K=5%")
+    steps = {
+        name: text if text.endswith("%") else _number(name, text) for name, text in given.items()
+    }
+    found = pyfric.sensitivity(scene_of(scene, changes), t_end, steps or None, fidelity=fidelity)
+    figures.save_figure(figures.tornado(found), stem)
+    tell.table(found.table, lambda table: str(found))
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise click.UsageError(f"--step {name}={text}: a number, or a share in %.") from None

@@ -1,0 +1,5 @@
+"""Parameters from measurements: misfit of events, fits, profiles, sensitivities."""
+
+from pyfric.fitting.fits import Fit, fit
+from pyfric.fitting.misfits import Misfit, misfit
+from pyfric.fitting.sensitivities import COUNTS, QUANTITIES, Sensitivity, sensitivity

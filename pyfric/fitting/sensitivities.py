@@ -1,0 +1,174 @@
+"""How much what is measured of a scene changes with each parameter.
+
+Each parameter is changed either way by what a measurement would not notice. Counts jump; forces and
+lengths jump with them, so that a change is a difference and no derivative.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pyfric.display import html
+from pyfric.planning import simulate
+from pyfric.record import (
+    Record,
+    front_speed,
+    precursor_lengths,
+    system_size_events,
+)
+from pyfric.scene import Number, Scene, SceneError, SceneLike, as_scene, check_number
+
+STEPS = {"mu_s": 0.01, "mu_k": 0.01, "F_N": "1 %", "V": "1 %", "K": "5 %", "k": "5 %"}
+"""Default steps: what is known of parameters in a good experiment. A policy."""
+QUANTITIES = {
+    "first_force": ("1", "F_T/F_N at the start of the first main event"),
+    "largest_force": ("1", "largest F_T/F_N at the start of a main event"),
+    "largest_drop": ("1", "largest drop of F_T/F_N in a main event"),
+    "precursors": ("1", "number of precursors before the first system-size event"),
+    "longest": ("1", "L_p/L of the longest of them"),
+    "system_size": ("1", "number of system-size events"),
+    "recurrence": ("s", "mean time between system-size events"),
+    "front_speed": ("m/s", "median speed of fronts; not without dynamics"),
+}
+"""Quantities: unit and meaning. NaN where a run has none."""
+COUNTS = ("precursors", "system_size")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensitivity:
+    """Changes of measured quantities with parameters.
+
+    Attributes:
+        table: a row for each parameter and quantity, with columns parameter, value and step (SI
+            units), quantity, and low, base, high: at the value less the step, as it is, and with
+            the step.
+        scene: the scene.
+    """
+
+    table: pd.DataFrame
+    scene: Scene
+
+    def __str__(self) -> str:
+        lines = []
+        for quantity, part in self.table.groupby("quantity", sort=False):
+            base = part["base"].iloc[0]
+            if not np.isfinite(base):
+                continue
+            unit, text = QUANTITIES[str(quantity)]
+            lines.append(f"{quantity} = {base:.4g}{f' {unit}' * (unit != '1')}: {text}")
+            size = np.nanmax(np.abs(part[["low", "high"]].sub(base, axis=0)), axis=1)
+            for row in part.assign(size=size).sort_values("size", ascending=False).itertuples():
+                jump = quantity in COUNTS and row.size >= 1
+                lines.append(
+                    f"  {row.parameter} -/+ {row.step:.4g}: {row.low - base:+.3g}, "
+                    f"{row.high - base:+.3g}" + ", a jump" * jump
+                )
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+    _repr_html_ = html
+
+
+def sensitivity(
+    scene: SceneLike,
+    t_end: Number,
+    steps: Mapping[str, float | str] | None = None,
+    **options: Any,
+) -> Sensitivity:
+    """Return how forces, lengths, counts and speeds change with the parameters of a scene.
+
+    Args:
+        scene: a scene, the name of a preset, or the path of a scene file.
+        t_end: end of each run, s.
+        steps: name of a parameter -> its change either way, in SI units, or a share such as "5 %".
+            None: mu_s and mu_k by 0.01, F_N and V by 1 %, K and k by 5 %, as far as the scene has
+            them.
+        options: of the runs, as of `pyfric.simulate`; fidelity = "quasistatic" by default.
+
+    Raises:
+        SceneError: an argument is refused.
+    """
+    scene = as_scene(scene, {})
+    t_end = check_number("t_end", t_end, "s", gt=0.0)
+    options = {"fidelity": "quasistatic", "progress": False} | options
+    base = quantities(simulate(scene, t_end, **options))
+    rows = []
+    for name, (value, step) in _steps(scene, steps).items():
+        ends = [
+            quantities(simulate(scene.replace({name: value + sign * step}), t_end, **options))
+            for sign in (-1, 1)
+        ]
+        for quantity, now in base.items():
+            low, high = (end[quantity] for end in ends)
+            row = {"parameter": name, "value": value, "step": step, "quantity": quantity}
+            rows.append(row | {"low": low, "base": now, "high": high})
+    return Sensitivity(table=pd.DataFrame(rows), scene=scene)
+
+
+def _steps(scene: Scene, steps: Mapping[str, float | str] | None) -> dict[str, tuple[float, float]]:
+    """Return values and steps of parameters, in SI units."""
+    found = {}
+    for name, step in (STEPS if steps is None else steps).items():
+        value = _value(scene, name)
+        if not isinstance(value, float | int) or isinstance(value, bool):
+            if steps is None:
+                continue
+            raise SceneError(
+                f"steps.{name}", name, "", "names of numbers of the scene", "no number"
+            )
+        if isinstance(step, str):
+            number, sign, rest = step.partition("%")
+            if not sign or rest.strip():
+                raise SceneError(f"steps.{name}", step, "", "a number in SI units, or a share in %")
+            step = abs(value) * 0.01 * check_number(f"steps.{name}", _number(name, number), "")
+        found[name] = float(value), check_number(f"steps.{name}", step, "", gt=0.0)
+    return found
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise SceneError(f"steps.{name}", text, "", 'a share such as "5 %"', "no number") from None
+
+
+def _value(scene: Scene, name: str) -> Any:
+    """Return the value of a field by its name, None if no part, or several, have it."""
+    part, _, end = name.rpartition(".")
+    parts = {"slider": scene.slider, "top": scene.top, "driver": scene.driver}
+    parts["interface"] = scene.interface
+    found = [
+        getattr(of, end) for key, of in parts.items() if part in ("", key) and hasattr(of, end)
+    ]
+    return found[0] if len(found) == 1 else None
+
+
+def quantities(record: Record) -> dict[str, float]:
+    """Return the quantities of `QUANTITIES` of a run."""
+    scene, events = record.scene, record.events
+    main = events[events["is_main"]]
+    start, arrest = main["F_T_start"] / scene.F_N, main["F_T_arrest"] / scene.F_N
+    sliding, lengths = system_size_events(record), precursor_lengths(record)["L_p_over_L"]
+    speeds = math.nan
+    if record.method.engine != "quasistatic":
+        times = record.rupture_times[events["is_main"].to_numpy()]
+        speed = front_speed(times, scene.slider.l, scene.d)
+        speeds = float(np.nanmedian(speed)) if np.isfinite(speed).any() else math.nan
+    gaps = sliding["t_start"].diff().iloc[1:]
+    return {
+        "first_force": float(start.iloc[0]) if len(main) else math.nan,
+        "largest_force": float(start.max()),
+        "largest_drop": float((start - arrest).max()),
+        "precursors": float(len(lengths)),
+        "longest": float(lengths.max()) if len(lengths) else math.nan,
+        "system_size": float(len(sliding)),
+        "recurrence": float(gaps.mean()) if len(gaps) else math.nan,
+        "front_speed": speeds,
+    }

@@ -1,0 +1,5 @@
+"""Measurements: read a loading curve, find its events."""
+
+from pyfric.measured.curve import Curve, sampled
+from pyfric.measured.picking import COLUMNS, events, noise_of, robust_line
+from pyfric.measured.reading import read

@@ -1,0 +1,361 @@
+"""Columns of numbers in the files of laboratories: text, MATLAB, HDF5, TDMS and Look.
+
+Nothing is understood here: a column has a name, numbers, and the unit that the file states.
+
+A Look file, as the biaxial apparatus at Penn State writes, has a head of 36 bytes (a title of 20
+characters and four integers: rows, columns, two without use), then a head of 84 bytes for each of
+16 or 32 channels (13 characters of name, 13 of unit, an integer, 50 of comment, number of values),
+then the values of each channel in turn. Integers are big-endian; values have 4 or 8 bytes, in the
+order of the computer that wrote them.
+"""
+
+from __future__ import annotations
+
+import csv
+import functools
+import os
+import re
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pyfric.measured.meanings import MEANINGS, SPELLED
+from pyfric.scene import (
+    LARGEST,
+    SMALLEST,
+    Line,
+    SceneError,
+    fits,
+    is_number,
+    lines_of,
+    read_at_most,
+)
+
+MAX_BYTES = 512 * 1024**2
+"""Largest file that is read."""
+MAX_COLUMNS = 64
+"""Most columns of an array that is a table, not a picture."""
+HDF5 = b"\x89HDF\r\n\x1a\n"
+GAPS = ("", "-", "--", "NA", "N/A", "na", "n/a")
+"""Cells without a number, beside NaN."""
+_SUFFIXED = re.compile(
+    r"(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>[^\W\d_][^\s,;]*)"
+)
+"""A number with a unit behind it."""
+_CHANNEL = np.dtype(
+    [("name", "S13"), ("unit", "S13"), ("_", ">i4"), ("comment", "S50"), ("count", ">i4")]
+)
+HEAD = 36
+CHANNELS = (16, 32)
+VALUES = (4, 8)
+"""Of Look files: bytes of the head, possible numbers of channels, and of bytes of a value."""
+
+
+@dataclass
+class Column:
+    """A column of a file: what to call for its numbers, its head, and the stated unit."""
+
+    numbers: Callable[[], np.ndarray]
+    head: str
+    unit: str = ""
+
+
+@dataclass
+class Found:
+    """What a file holds: its kind, columns by name, in order, and notes."""
+
+    kind: str
+    columns: dict[str, Column] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def add(self, name: str, column: Column) -> None:
+        """Add a column; later ones of the same name get a number."""
+        n, plain = 1, name
+        while name in self.columns:
+            n, name = n + 1, f"{plain}:{n + 1}"
+        self.columns[name] = column
+
+    def add_array(self, name: str, head: str, values: np.ndarray, unit: str = "") -> None:
+        """Add an array: a column, or a table with a sample in each row; a name has the group."""
+        if values.dtype.kind not in "iufb" or values.ndim > 2 or values.size < 2:
+            return
+        if values.ndim == 1 or 1 in values.shape:
+            self.add(name, Column(lambda: values.ravel().astype(float), head, unit))
+        elif values.shape[1] <= MAX_COLUMNS:
+            for c in range(values.shape[1]):
+                numbers = functools.partial(lambda c: values[:, c].astype(float), c)
+                self.add(f"{name}:{c + 1}", Column(numbers, f"{head}:{c + 1}", unit))
+
+
+def refused(path: Any, allowed: str, reason: str) -> SceneError:
+    """Return the error for a file that is not understood."""
+    return SceneError("path", os.fspath(path), "", allowed, reason)
+
+
+def contents(path: str | os.PathLike[str], *, head: int, decimal: str | None) -> Found:
+    """Return the columns of a file, whose beginning says of which kind it is.
+
+    Raises:
+        SceneError: the file cannot be read, or is of no kind that is known.
+    """
+    try:
+        content = read_at_most(path, MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise refused(path, "a file of measurements", reason) from None
+    if len(content) > MAX_BYTES:
+        raise refused(path, f"at most {MAX_BYTES} bytes: cut it", "too large")
+    if content[:8] == HDF5 or content[512:520] == HDF5:
+        return _hdf5(path, content[:6] == b"MATLAB")
+    if content[:6] == b"MATLAB":
+        return _matlab(path)
+    if content[:4] == b"TDSm":
+        return _tdms(path)
+    if content[:2] == b"PK":
+        raise refused(path, "CSV: export the table from the spreadsheet", "a zip file or workbook")
+    if look := _look(path, content):
+        return look
+    return _text(path, content, head, decimal)
+
+
+# --- text ----------------------------------------------------------------------------------------
+
+
+def _text(path: Any, content: bytes, head: int, decimal: str | None) -> Found:
+    found = Found("text")
+    text = _decoded(path, content, found)
+    try:
+        lines = lines_of("\n" * head + "\n".join(text.splitlines()[head:]), decimal=decimal)
+    except (csv.Error, ValueError) as error:
+        allowed = 'decimal="," or decimal="." says which'
+        raise refused(path, allowed, str(error)) from None
+    plain = lines.plain
+    if not plain:
+        raise refused(path, "rows of numbers", "no row of numbers")
+    width = len(plain[-1].cells)
+    pattern = [_numeric(cell) for cell in plain[-1].cells]
+    if not any(pattern):
+        raise refused(path, "rows of numbers", f"the last row, {plain[-1].n}, has no number")
+    begin = len(plain)
+    while begin and _fits_pattern(plain[begin - 1].cells, pattern):
+        begin -= 1
+    rows, heads = plain[begin:], plain[:begin]
+    if wrong := next((row for row in heads if _looks_like_data(row, pattern)), None):
+        reason = f"row {wrong.n}: {len(wrong.cells)} columns, row {rows[0].n}: {width}"
+        allowed = f"rows of equal columns; head={rows[0].n - 1} leaves out the rows above"
+        raise refused(path, allowed, reason)
+    names, units = _names(heads, lines.comments, width, rows[0].n)
+    if lines.commas:
+        found.notes.append("decimal commas")
+    for c in range(width):
+        name = names[c] if names else str(c + 1)
+        suffix = _suffix(rows, c)
+        unit = units[c] if units else suffix
+        found.add(name, Column(lambda c=c: _numbers(path, rows, c), name, unit))
+    return found
+
+
+def _decoded(path: Any, content: bytes, found: Found) -> str:
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return content.decode("utf-16")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        pass
+    text = content.decode("cp1252", errors="replace")
+    if "\0" in text or "\ufffd" in text:
+        kinds = "text, MATLAB, HDF5, TDMS, or a Look file"
+        raise refused(path, kinds, "not a kind of file that is known")
+    found.notes.append("read as Windows text (cp1252), as it is not UTF-8")
+    return text
+
+
+def _numeric(cell: str) -> bool:
+    return is_number(cell) or bool(_SUFFIXED.fullmatch(cell))
+
+
+def _fits_pattern(cells: list[str], pattern: list[bool]) -> bool:
+    """Whether a row has numbers, or gaps, where the last row has numbers."""
+    if len(cells) != len(pattern):
+        return False
+    wanted = [cell for cell, number in zip(cells, pattern, strict=True) if number]
+    return any(map(_numeric, wanted)) and all(_numeric(c) or c in GAPS for c in wanted)
+
+
+def _looks_like_data(row: Line, pattern: list[bool]) -> bool:
+    """Whether a row above the numbers is one of them that was broken off."""
+    share = sum(map(_numeric, row.cells)) / len(row.cells)
+    return len(row.cells) > 1 and share > 0.5 * sum(pattern) / len(pattern)
+
+
+def _names(
+    heads: list[Line], comments: list[Line], width: int, first: int
+) -> tuple[list[str], list[str]]:
+    """Return the names of columns and the row of their units, [] where there is none."""
+    rows = [row for row in heads if len(row.cells) == width]
+    if not rows:
+        rows = [row for row in comments if len(row.cells) == width and row.n < first][-1:]
+    if not rows:
+        return [], []
+    units = [_unbracketed(cell) for cell in rows[-1].cells]
+    if len(rows) > 1 and all(map(_like_unit, units)):
+        return rows[-2].cells, units
+    return rows[-1].cells, []
+
+
+def _unbracketed(cell: str) -> str:
+    return cell.strip().strip("()[]<>").strip()
+
+
+def _like_unit(text: str) -> bool:
+    known = text in ("", "-", ".", "1", "%", "V", "mV", "bits", "bit") or text.lower() in SPELLED
+    return known or any(fits(text, meaning.unit) for meaning in MEANINGS.values())
+
+
+def _suffix(rows: list[Line], c: int) -> str:
+    """Return the unit behind each number of a column, "" if there is none."""
+    if is_number(rows[-1].cells[c]):
+        return ""
+    matches = (_SUFFIXED.fullmatch(row.cells[c]) for row in rows)
+    behind = Counter(match["unit"] for match in matches if match)
+    return re.sub(r"(?<=[A-Za-zµ])\d+$", "", next(iter(behind))) if len(behind) == 1 else ""
+
+
+def _numbers(path: Any, rows: list[Line], c: int) -> np.ndarray:
+    values, behind = np.empty(len(rows)), set()
+    for k, (n, cells) in enumerate(rows):
+        cell = cells[c]
+        try:
+            values[k] = float(cell)
+        except ValueError:
+            match = _SUFFIXED.fullmatch(cell)
+            if not match and cell not in GAPS:
+                reason = f"row {n}, column {c + 1}: not a number"
+                raise refused(path, "numbers in the columns that are read", reason) from None
+            behind |= {match["unit"]} if match else set()
+            values[k] = float(match["number"]) if match else np.nan
+    if len(behind) > 1:
+        raise refused(path, "one unit in a column", f"column {c + 1} has {len(behind)} units")
+    return values
+
+
+# --- containers ----------------------------------------------------------------------------------
+
+
+def _matlab(path: Any) -> Found:
+    from scipy.io import loadmat  # slow to import
+
+    found = Found("MATLAB")
+
+    def visit(name: str, head: str, value: Any) -> None:
+        if isinstance(value, np.ndarray) and value.dtype.names:
+            for each in value.ravel()[:1]:
+                for key in value.dtype.names:
+                    visit(f"{name}.{key}", key, each[key])
+        elif isinstance(value, np.ndarray):
+            found.add_array(name, head, value)
+
+    try:
+        content = loadmat(path)
+    except Exception as error:  # of many kinds
+        raise refused(path, "a MATLAB file that can be read", type(error).__name__) from None
+    for name, value in content.items():
+        if not name.startswith("__"):
+            visit(name, name, value)
+    return found
+
+
+def _hdf5(path: Any, matlab: bool) -> Found:
+    import h5py  # slow to import
+
+    found = Found("MATLAB 7.3" if matlab else "HDF5")
+    try:
+        with h5py.File(path, "r") as file:
+
+            def visit(name: str, item: Any) -> None:
+                if not isinstance(item, h5py.Dataset) or item.dtype.kind not in "iufb":
+                    return
+                if item.attrs.get("MATLAB_class", b"") in (b"char", b"cell"):
+                    return
+                unit = next((item.attrs[key] for key in ("units", "unit") if key in item.attrs), "")
+                unit = unit.decode() if isinstance(unit, bytes) else str(unit)
+                if item.ndim <= 2 and item.size > 1:
+                    values = item[()]
+                    head = name.rpartition("/")[2]
+                    found.add_array(name, head, values.T if matlab else values, unit)
+
+            file.visititems(visit)
+    except (OSError, UnicodeDecodeError) as error:
+        raise refused(path, "an HDF5 file that can be read", str(error)[:80]) from None
+    if matlab:
+        found.columns = {name.replace("/", "."): c for name, c in found.columns.items()}
+    return found
+
+
+def _tdms(path: Any) -> Found:
+    try:
+        from nptdms import TdmsFile
+    except ImportError:
+        raise refused(path, "the extra 'tdms': pip install pyfric[tdms]", "a TDMS file") from None
+    found = Found("TDMS")
+    try:
+        for group in TdmsFile.read(path).groups():
+            for channel in group.channels():
+                if channel.dtype is None or np.dtype(channel.dtype).kind not in "iufb":
+                    continue
+                told = channel.properties
+                unit = told.get("unit_string") or told.get("NI_UnitDescription") or ""
+                name = f"{group.name}/{channel.name}"
+                found.add_array(name, channel.name, np.asarray(channel[:]), str(unit))
+                name = f"{group.name}/time"
+                if told.get("wf_increment") and name not in found.columns:
+                    found.add(name, Column(channel.time_track, "time", "s"))
+    except Exception as error:  # of many kinds
+        raise refused(path, "a TDMS file that can be read", type(error).__name__) from None
+    return found
+
+
+def _look(path: Any, content: bytes) -> Found | None:
+    """Return the channels of a Look file, None if it is none."""
+    if len(content) < HEAD + CHANNELS[0] * _CHANNEL.itemsize:
+        return None
+    for count, size in ((count, size) for count in CHANNELS for size in VALUES):
+        begin = HEAD + count * _CHANNEL.itemsize
+        if len(content) < begin:
+            continue
+        channels = np.frombuffer(content, _CHANNEL, count, HEAD)
+        used = [c for c in channels if _written(c["name"]) and c["count"] > 0]
+        values = sum(int(c["count"]) for c in used)
+        if used and begin + values * size == len(content):
+            found = Found("Look")
+            order = _order(path, content[begin:], size)
+            at = begin
+            for c in used:
+                array = np.frombuffer(content, f"{order}f{size}", int(c["count"]), at)
+                name = _written(c["name"])
+                found.add_array(name, name, array, _written(c["unit"]))
+                at += int(c["count"]) * size
+            return found
+    return None
+
+
+def _written(text: bytes) -> str:
+    """Return a text of a Look file, which ends at its first zero; "" for a channel without use."""
+    text = text.split(b"\0")[0].decode("latin-1").strip()
+    return "" if text.startswith("no_val") else text
+
+
+def _order(path: Any, content: bytes, size: int) -> str:
+    """Return the order of bytes, ">" or "<": in the wrong one, numbers are beyond all bounds."""
+
+    def usual(order: str) -> bool:
+        values = np.abs(np.frombuffer(content, f"{order}f{size}").astype(float))
+        return bool(((values == 0) | ((values > SMALLEST) & (values < LARGEST))).all())
+
+    orders = [order for order in "><" if usual(order)]
+    if len(orders) != 1:
+        raise refused(path, "values in one order of bytes", "a Look file whose order is not clear")
+    return orders[0]

@@ -1,0 +1,193 @@
+"""A measured loading curve: times, forces or their ratio, displacements, in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+
+from pyfric.measured.meanings import MEANINGS
+from pyfric.record import Record
+from pyfric.scene import SceneError, check_number, check_whole
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curve:
+    """A loading curve as measured. `read` makes one from a file, `Curve.of` one from arrays.
+
+    Attributes:
+        table: a row for each sample, with columns t (s) and some of F_T, F_N (N), tau, sigma_n
+            (Pa), mu (1), load_point, slip and normal_displacement (m). NaN is a gap. Times do not
+            decrease.
+        F_N: normal force, N, where the table has none; None: not known.
+        area: of the interface, m^2; None: not known.
+        noise: standard deviation of the noise of F_T/F_N; None: not known.
+        source: where it is from.
+        notes: what was understood, in words.
+    """
+
+    table: pd.DataFrame
+    F_N: float | None = None
+    area: float | None = None
+    noise: float | None = None
+    source: str = ""
+    notes: tuple[str, ...] = field(default=())
+
+    @classmethod
+    def of(
+        cls,
+        *,
+        F_N: float | str | ArrayLike | None = None,
+        area: float | str | None = None,
+        source: str = "",
+        notes: Sequence[str] = (),
+        **columns: ArrayLike,
+    ) -> Curve:
+        """Return the curve of arrays in SI units, by the names of its columns.
+
+        Args:
+            F_N: normal force, N, > 0; a number, a quantity such as "400 N", or one for each sample.
+            area: of the interface, m^2, > 0, or a quantity.
+            source, notes: see `Curve`.
+            columns: t and others, equal lengths, at least 3 samples.
+
+        Raises:
+            SceneError: a name is not known, lengths differ, times decrease or are not finite, no
+                force is among them, or F_N or area is refused.
+        """
+        if np.ndim(F_N) > 0:
+            columns, F_N = columns | {"F_N": F_N}, None
+        if unknown := sorted(set(columns) - set(MEANINGS)):
+            raise SceneError("columns", unknown[0], "", ", ".join(MEANINGS), "unknown column")
+        found: dict[str, np.ndarray] = {}
+        for name, values in columns.items():
+            try:
+                found[name] = np.asarray(values, dtype=float)
+            except (TypeError, ValueError):
+                raise SceneError(name, type(values).__name__, "", "numbers", "") from None
+            if found[name].shape != found[next(iter(found))].shape or found[name].ndim != 1:
+                shape = str(found[name].shape)
+                raise SceneError(name, shape, "", "one row of numbers, all of one length", "shape")
+        if "t" not in found:
+            raise SceneError("t", None, "s", "times", "missing")
+        if not {"F_T", "tau", "mu"} & set(found):
+            raise SceneError("F_T", None, "N", "one of F_T, tau and mu", "no force")
+        t = found["t"]
+        later = np.isfinite(t) & np.append(True, np.diff(t) >= 0)
+        if len(t) < 3 or not later.all():
+            row = int(np.argmin(later))
+            allowed = "three or more finite times that do not decrease"
+            raise SceneError(f"t[{row}]", float(t[row]) if len(t) else None, "s", allowed)
+        ends = {"F_N": F_N, "area": area}
+        for name, unit in (("F_N", "N"), ("area", "m^2")):
+            if ends[name] is not None:
+                ends[name] = check_number(name, ends[name], unit, gt=0.0)
+        return cls(table=pd.DataFrame(found), source=source, notes=tuple(notes), **ends)
+
+    @property
+    def t(self) -> np.ndarray:
+        """Times, s, shape (n,)."""
+        return self.table["t"].to_numpy()
+
+    @property
+    def over_F_N(self) -> np.ndarray:
+        """F_T/F_N, shape (n,): F_T over F_N, else tau over sigma_n, else mu.
+
+        Raises:
+            SceneError: F_N is not known, nor sigma_n, so that a force says nothing.
+        """
+        if "mu" in self.table:
+            return self.table["mu"].to_numpy()
+        if "F_T" in self.table:
+            return self.table["F_T"].to_numpy() / self._normal("F_N", "normal force")
+        if "sigma_n" in self.table:
+            return self.table["tau"].to_numpy() / self.table["sigma_n"].to_numpy()
+        if self.area is None:
+            allowed = 'the area, such as area="100 mm^2", and F_N; or a column sigma_n'
+            raise SceneError("area", None, "m^2", allowed, "missing, and tau is no force")
+        return self.table["tau"].to_numpy() * self.area / self._normal("F_N", "normal force")
+
+    def force(self, F_N: float | None = None) -> np.ndarray:
+        """Return F_T, N, shape (n,).
+
+        Args:
+            F_N: normal force, N; None: that of the curve.
+
+        Raises:
+            SceneError: the curve has no forces in N, and the normal force is not known.
+        """
+        if "F_T" in self.table:
+            return self.table["F_T"].to_numpy()
+        if F_N is None:
+            return self.over_F_N * self._normal("F_N", "normal force")
+        return self.over_F_N * check_number("F_N", F_N, "N", gt=0.0)
+
+    def _normal(self, name: str, text: str) -> Any:
+        if name in self.table:
+            return self.table[name].to_numpy()
+        if self.F_N is None:
+            allowed = f'the {text}, such as F_N="400 N", or a column of it'
+            raise SceneError(name, None, "N", allowed, "missing")
+        return self.F_N
+
+    def __str__(self) -> str:
+        t = self.t
+        lines = [
+            f"{self.source or 'curve'}: {len(t)} samples, {t[0]:.6g} to {t[-1]:.6g} s",
+            *(
+                f"  {name} ({MEANINGS[name].unit or '1'}): {values.min():.4g} to {values.max():.4g}"
+                + f", {values.isna().sum()} gaps" * bool(values.isna().any())
+                for name, values in self.table.items()
+                if name != "t"
+            ),
+            *self.notes,
+        ]
+        return "\n".join(lines)
+
+
+def sampled(
+    record: Record, step: float | str | None = None, *, noise: float = 0.0, seed: int = 0
+) -> Curve:
+    """Return the loading curve of a run as an instrument would have sampled it.
+
+    Args:
+        record: a run.
+        step: time between samples, s, > 0, or a quantity such as "0.5 ms"; None: the samples of the
+            record.
+        noise: standard deviation of the noise of the force, over F_N, >= 0.
+        seed: of the noise.
+
+    Returns:
+        A curve with t, F_T, F_N and load_point, the displacement of the driver.
+
+    Raises:
+        SceneError: step, noise or seed is refused.
+    """
+    noise = check_number("noise", noise, "", ge=0.0)
+    check_whole("seed", seed, 0)
+    t, F_T = (record.curve[name].to_numpy() for name in ("t", "F_T"))
+    if step is not None:
+        t, F_T = _at_steps(t, F_T, check_number("step", step, "s", gt=0.0))
+    scene = record.scene
+    loads = [scene.load_at(time) for time in t] if scene.load_at(0.0) is not None else []
+    F_N = np.array([load[0] for load in loads]) if loads else np.full(len(t), scene.F_N)
+    F_T = F_T + noise * F_N * np.random.default_rng(seed).standard_normal(len(t))
+    load_point = [scene.drive(time) for time in t]
+    columns = {"t": t, "F_T": F_T, "load_point": load_point}
+    table = pd.DataFrame(columns | ({"F_N": F_N} if loads else {}))
+    normal = None if loads else scene.F_N
+    return Curve(table=table, F_N=normal, noise=noise, source="a run, sampled")
+
+
+def _at_steps(t: np.ndarray, F_T: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return times at equal steps (s) and forces there; a drop at a sample is behind it."""
+    times = t[0] + step * np.arange(int((t[-1] - t[0]) / step) + 1)
+    at = np.searchsorted(t, times, side="right") - 1
+    ahead = np.minimum(at + 1, len(t) - 1)
+    share = np.zeros(len(times))
+    np.divide(times - t[at], t[ahead] - t[at], out=share, where=t[ahead] > t[at])
+    return times, F_T[at] + share * (F_T[ahead] - F_T[at])

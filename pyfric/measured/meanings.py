@@ -1,0 +1,120 @@
+"""What columns of a measurement mean: names that laboratories use, and units."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from pyfric.scene import SceneError, fits, parse_quantity, unit_in
+
+
+class Meaning(NamedTuple):
+    """SI unit of a column, its meaning, and names for it, in small letters and digits."""
+
+    unit: str
+    text: str
+    names: frozenset[str]
+
+
+def _meaning(unit: str, text: str, names: str) -> Meaning:
+    return Meaning(unit, text, frozenset(names.split()))
+
+
+MEANINGS = {
+    "t": _meaning("s", "time", "t time times elapsedtime timeelapsed testtime"),
+    "F_T": _meaning(
+        "N",
+        "tangential force of the driver",
+        "ft fs shearforce tangentialforce frictionforce frictionalforce horizontalforce",
+    ),
+    "F_N": _meaning("N", "normal force", "fn normalforce verticalforce normalload"),
+    "tau": _meaning(
+        "Pa", "shear stress: F_T over the area", "tau shearstress shearstres shrstress shstress"
+    ),
+    "sigma_n": _meaning(
+        "Pa",
+        "normal stress: F_N over the area",
+        "sigman sign normalstress norstress nstress effns effnormalstress effectivenormalstress ns",
+    ),
+    "mu": _meaning(
+        "", "F_T/F_N", "mu friction frictioncoefficient coefficientoffriction frictioncoeff cof"
+    ),
+    "load_point": _meaning(
+        "m",
+        "displacement of the load point",
+        "lpdisp lpdisplacement loadpoint loadpointdisp loadpointdisplacement vdcdt verdcdt",
+    ),
+    "slip": _meaning("m", "slip of the interface", "slip obslip sliderdisplacement"),
+    "normal_displacement": _meaning(
+        "m", "displacement normal to the interface", "hdcdt hordcdt normaldisplacement dilation"
+    ),
+}
+"""What a column may be. The vertical DCDT of a biaxial apparatus follows the load point, the
+horizontal one the thickness of the layer."""
+AMBIGUOUS = {
+    **dict.fromkeys(("force", "load", "loadcell", "f"), "F_T or F_N"),
+    **dict.fromkeys(("stress", "sigma"), "tau or sigma_n"),
+    **dict.fromkeys(("displacement", "disp", "position", "x", "d"), "load_point or slip"),
+}
+"""Names that may be either."""
+SPELLED = {
+    **{"mpa": "MPa", "kpa": "kPa", "gpa": "GPa", "kn": "kN", "n": "N", "pa": "Pa"},
+    **{"microns": "um", "mic": "um", "mics": "um", "sec": "s", "secs": "s", "seconds": "s"},
+    **{"mm.": "mm", "s.": "s", "msec": "ms", "newtons": "N"},
+}
+"""Spellings of units that laboratories use; none of them is another unit of the same dimension."""
+_BRACKET = re.compile(r"\s*[(\[<{](?P<unit>[^()\[\]<>{}]*)[)\]>}]\s*$")
+
+
+def bare(name: str) -> str:
+    """Return the name of a column without its unit, in small letters and digits."""
+    name = _BRACKET.sub("", name)
+    for apart in "_/":
+        stem, _, unit = name.rpartition(apart)
+        if stem and (unit.lower() in SPELLED or _is_unit(unit)):
+            name = stem
+    return re.sub(r"[^a-z0-9]", "", name.lower().replace("μ", "mu").replace("σ", "sigma"))
+
+
+def _is_unit(text: str) -> bool:
+    return text == "s" or (len(text) > 1 and any(fits(text, m.unit) for m in MEANINGS.values()))
+
+
+def meaning_of(name: str) -> str:
+    """Return the meaning of a column by its name, "" if it is not known."""
+    word = bare(name)
+    return next((key for key, meaning in MEANINGS.items() if word in meaning.names), "")
+
+
+def factor(field: str, unit: str, si: str) -> tuple[float, str]:
+    """Return SI units in one unit, and the unit as it was read.
+
+    Raises:
+        SceneError: no factor is known.
+    """
+    unit = unit.strip()
+    if unit in ("", "-", "1", ".") and not si:
+        return 1.0, ""
+    if not si:
+        if fits(unit, si):
+            return 0.01, unit
+        raise SceneError(field, unit, "", "a ratio of forces, in % or without a unit", "a unit")
+    if not fits(unit, si):
+        unit = SPELLED.get(unit.lower(), unit)
+    return parse_quantity(field, f"1 {unit}", si), unit
+
+
+def unit_of_name(name: str, si: str) -> str:
+    """Return the unit in the name of a column, "" if there is none.
+
+    Raises:
+        ValueError: it is not understood.
+    """
+    if (bracket := _BRACKET.search(name)) and bracket["unit"].strip():
+        return bracket["unit"].strip()
+    stem, _, last = name.rpartition("_")
+    if stem and not fits(last, si) and last.lower() in SPELLED and si:
+        last = SPELLED[last.lower()]
+        if fits(last, si):
+            return last
+    return unit_in(name, si)

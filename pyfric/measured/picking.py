@@ -1,0 +1,304 @@
+"""Events of a loading curve: one table for measurements and for runs.
+
+An event is a fall of F_T/F_N. In noise, falls are found with the difference D of the means of
+``smooth`` samples after and before each sample, less what loading adds, which has the standard
+deviation noise sqrt(2/smooth). A fall counts where D is below `CLEAR` of these: with 8 samples,
+2.5 times the noise, so that a fall of 5 times the noise is lost once in three million. Within
+``smooth`` samples of an end of the curve nothing is found. Forces at both ends of a fall come from
+robust straight lines through the samples on either side, so that their errors are known, too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from pyfric.measured.curve import Curve
+from pyfric.record import T_GAP, Record
+from pyfric.scene import SceneError, check_number, check_whole
+
+COLUMNS = {
+    "t_start": ("s", "last time before the fall"),
+    "t_stop": ("s", "first time after it"),
+    "peak": ("1", "F_T/F_N at t_start"),
+    "valley": ("1", "F_T/F_N at t_stop"),
+    "drop": ("1", "peak - valley"),
+    "peak_error": ("1", "standard error of peak"),
+    "valley_error": ("1", "standard error of valley, of its own"),
+    "drop_error": ("1", "standard error of drop"),
+    "rate": ("1/s", "rise of F_T/F_N over time since the event before"),
+    "stiffness": ("1/m", "rise of F_T/F_N over the load point; times F_N, a stiffness"),
+    "recurrence": ("s", "time since the start of the event before"),
+}
+"""Columns of a table of events: unit and meaning."""
+SMOOTH = 8
+"""Samples of a mean in noise: a policy."""
+CLEAR = 5.0
+"""Standard deviations of D that are no noise: one false event in 3e6 samples. A policy."""
+NEAR = 4
+"""Lines at the ends of an event go through so many times ``smooth`` samples. A policy."""
+BLOCK = 64
+"""The rate of loading is the median over blocks of so many times ``smooth`` samples."""
+NORMAL = 1.4826
+"""Standard deviation over the median absolute deviation, of a normal distribution."""
+TUKEY = 6.0
+"""Standard deviations beyond which a sample has no weight: efficiency 98 % in normal noise."""
+PASSES = 5
+"""Iterations of weights."""
+ROUNDED = 1e-9
+"""Falls below this share of the largest force are rounding."""
+EQUAL = 0.01
+"""Spread of time steps, over their median, up to which samples are equally spaced."""
+
+
+def noise_of(curve: Curve) -> float:
+    """Return the standard deviation of white noise of F_T/F_N, from its second differences.
+
+    Their median is not moved by events.
+
+    Raises:
+        SceneError: samples are not equally spaced, so that it is not known.
+    """
+    t, f = _samples(curve)
+    steps = np.diff(t)
+    if np.quantile(np.abs(steps / np.median(steps) - 1), 0.9) > EQUAL if steps.all() else True:
+        allowed = "the standard deviation over F_N, such as noise=1e-3, or 0"
+        raise SceneError("noise", None, "", allowed, "samples are not equally spaced")
+    second = np.diff(f, 2)
+    return float(NORMAL * np.median(np.abs(second - np.median(second))) / np.sqrt(6))
+
+
+def events(
+    of: Curve | Record,
+    *,
+    noise: float | None = None,
+    smooth: int | None = None,
+    threshold: float | None = None,
+    t_gap: float | None = None,
+) -> pd.DataFrame:
+    """Return the events of a loading curve, as measured or of a run.
+
+    Args:
+        of: a measured curve, or a run. The events of a run are those of its catalogue, with static
+            forces; `pyfric.measured.sampled` makes a curve of it.
+        noise: standard deviation of the noise of F_T/F_N, >= 0; None: estimated (`noise_of`).
+        smooth: number of samples of a mean; None: 8, or 1 without noise. Falls within so many
+            samples are one event.
+        threshold: smallest drop of an event, over F_N; None: what is clear of the noise.
+        t_gap: without noise, and in runs: falls within this pause are one event, s, at the time of
+            the largest, whose drop is the sum of theirs; None: that of `pyfric.build_catalogue`.
+
+    Returns:
+        A data frame with a row for each event, counted from 1, and columns as in `COLUMNS`; its
+        attrs have noise, smooth and threshold.
+
+    Raises:
+        SceneError: an argument is refused; F_N or the noise is not known.
+    """
+    if t_gap is not None:
+        t_gap = check_number("t_gap", t_gap, "s", ge=0.0)
+    if threshold is not None:
+        threshold = check_number("threshold", threshold, "", ge=0.0)
+    if isinstance(of, Record):
+        return _of_record(of, threshold or 0.0, t_gap or 0.0)
+    t_gap = T_GAP if t_gap is None else t_gap
+    if noise is None:
+        noise = noise_of(of) if of.noise is None else of.noise
+    noise = check_number("noise", noise, "", ge=0.0)
+    smooth = check_whole("smooth", smooth or (SMOOTH if noise else 1), 1)
+    t, f = _samples(of)
+    x = (
+        of.table["load_point"].to_numpy()
+        if "load_point" in of.table
+        else np.full(len(of.t), np.nan)
+    )
+    x = x[np.isfinite(of.over_F_N)]
+    clear = (
+        float(CLEAR * noise * np.sqrt(2 / smooth)) if noise else float(ROUNDED * np.abs(f).max())
+    )
+    threshold = clear if threshold is None else threshold
+    falls = _falls(t, f, smooth, max(clear, threshold)) if noise else _steps(t, f, clear, t_gap)
+    table = _table(t, f, x, falls, noise, smooth)
+    table = table[table["drop"] >= threshold] if not noise else table[table["drop"] > 0]
+    return _finished(table, noise, smooth, threshold)
+
+
+def _samples(curve: Curve) -> tuple[np.ndarray, np.ndarray]:
+    """Return times and F_T/F_N of a curve, without gaps."""
+    f = curve.over_F_N
+    kept = np.isfinite(f)
+    if kept.sum() < 3:
+        raise SceneError("curve", int(kept.sum()), "", "three or more samples of the force", "gaps")
+    return curve.t[kept], f[kept]
+
+
+def _finished(table: pd.DataFrame, noise: float, smooth: int, threshold: float) -> pd.DataFrame:
+    table = table.reset_index(drop=True)
+    table.index = pd.RangeIndex(1, len(table) + 1, name="event")
+    table["recurrence"] = table["t_start"].diff()
+    table = table[list(COLUMNS)]
+    table.attrs = {"noise": noise, "smooth": smooth, "threshold": threshold}
+    return table
+
+
+def _steps(t: np.ndarray, f: np.ndarray, clear: float, t_gap: float) -> list[tuple[int, int]]:
+    """Return the last sample before and the first after each fall of a curve without noise."""
+    falls: list[tuple[int, int]] = []
+    for i in np.flatnonzero(np.diff(f) < -clear):
+        if falls and t[i] - t[falls[-1][1]] <= t_gap:
+            falls[-1] = falls[-1][0], i + 1
+        else:
+            falls.append((i, i + 1))
+    return falls
+
+
+def _falls(t: np.ndarray, f: np.ndarray, smooth: int, clear: float) -> list[tuple[int, int]]:
+    """Return the last sample before and the first after each fall in noise."""
+    from scipy.signal import find_peaks, peak_widths  # slow to import
+
+    if len(f) < 2 * smooth + 1:
+        return []
+    means = np.convolve(f, np.ones(smooth) / smooth, "valid")
+    times = np.convolve(t, np.ones(smooth) / smooth, "valid")
+    rise, apart = means[smooth:] - means[:-smooth], times[smooth:] - times[:-smooth]
+    block = min(BLOCK * smooth, len(rise))
+    parts = np.array_split(np.arange(len(rise)), max(len(rise) // block, 1))
+    rates = [np.median(rise[p] / apart[p]) for p in parts]
+    centres = [p.mean() for p in parts]
+    D = rise - np.interp(np.arange(len(rise)), centres, rates) * apart
+    peaks, told = find_peaks(-D, height=clear, prominence=clear)
+    widths, _, left, right = peak_widths(-D, peaks, 0.5, _heights(told))
+    first = smooth - 1  # the last sample of the mean before in D[0]
+    falls = []
+    for peak, width, begin, end in zip(peaks, widths, left, right, strict=True):
+        at = int(peak) + first
+        slow = width > smooth + 2
+        start = int(np.ceil(begin + smooth / 2)) + first if slow else at
+        stop = int(end - smooth / 2) + first + 1 if slow else at + 1
+        falls.append((max(start, 0), min(max(stop, start + 1), len(f) - 1)))
+    return falls
+
+
+def _heights(told: dict[str, np.ndarray]) -> tuple[np.ndarray, ...]:
+    """Return heights and bases of peaks, as `peak_widths` wants them, so that 0.5 is half of D."""
+    return told["peak_heights"], told["left_bases"], told["right_bases"]
+
+
+def _table(
+    t: np.ndarray,
+    f: np.ndarray,
+    x: np.ndarray,
+    falls: list[tuple[int, int]],
+    noise: float,
+    smooth: int,
+) -> pd.DataFrame:
+    rows = []
+    for k, (start, stop) in enumerate(falls):
+        begin = falls[k - 1][1] if k else 0
+        end = falls[k + 1][0] if k + 1 < len(falls) else len(t) - 1
+        before = slice(begin, start + 1)
+        if noise:
+            near = slice(max(begin, start + 1 - NEAR * smooth), start + 1)
+            next_to = slice(stop, min(end + 1, stop + NEAR * smooth))
+            sudden = stop == start + 1  # the fall is between the two: a line has to reach it
+            ends = [0.5 * (t[start] + t[stop])] * 2 if sudden else [t[start], t[stop]]
+            peak, peak_error = _at(t[near], f[near], ends[0], noise)
+            valley, valley_error = _at(t[next_to], f[next_to], ends[1], noise)
+            within = (t[stop] - t[start]) / np.sqrt(12) if sudden else 0.0
+        else:
+            peak, valley, peak_error, valley_error, within = f[start], f[stop], 0.0, 0.0, 0.0
+        rate = _slope(t[before], f[before])
+        rows.append(
+            {
+                **{"t_start": t[start], "t_stop": t[stop], "peak": peak, "valley": valley},
+                "drop": peak - valley,
+                "peak_error": float(np.hypot(peak_error, within * np.nan_to_num(rate))),
+                "valley_error": valley_error,
+                "drop_error": float(np.hypot(peak_error, valley_error)),
+                "rate": rate,
+                "stiffness": _slope(x[before], f[before]),
+            }
+        )
+    return pd.DataFrame(rows, columns=[name for name in COLUMNS if name != "recurrence"])
+
+
+def robust_line(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
+    """Return value at the mean of x, and slope, of a straight line: Tukey's biweights."""
+    weights, centre, value, slope = np.ones(len(x)), x.mean(), y.mean(), 0.0
+    for _ in range(PASSES):
+        total = weights.sum()
+        at, mean = (weights * x).sum() / total, (weights * y).sum() / total
+        spread = (weights * (x - at) ** 2).sum()
+        slope = (weights * (x - at) * (y - mean)).sum() / spread if spread > 0 else 0.0
+        value = mean + slope * (centre - at)
+        off = y - value - slope * (x - centre)
+        scale = NORMAL * np.median(np.abs(off))
+        if scale <= ROUNDED * np.abs(y).max(initial=0.0) or len(x) < 5:
+            break
+        share = np.clip(np.abs(off) / (TUKEY * scale), 0.0, 1.0)
+        weights = (1 - share**2) ** 2
+    return float(value), float(slope)
+
+
+def _at(t: np.ndarray, f: np.ndarray, time: float, noise: float) -> tuple[float, float]:
+    """Return value and standard error, at a time, of the line through samples."""
+    if len(t) < 3:
+        return float(f.mean()), noise / np.sqrt(len(t))
+    value, slope = robust_line(t, f)
+    off, spread = time - t.mean(), ((t - t.mean()) ** 2).sum()
+    return value + slope * off, float(noise * np.sqrt(1 / len(t) + off**2 / spread))
+
+
+def _slope(x: np.ndarray, f: np.ndarray) -> float:
+    kept = np.isfinite(x)
+    if kept.sum() < 2 or not np.ptp(x[kept]) > 0:
+        return np.nan
+    return robust_line(x[kept], f[kept])[1]
+
+
+def _of_record(record: Record, threshold: float, t_gap: float) -> pd.DataFrame:
+    """Return the events of a catalogue with finite static forces and a drop above a threshold.
+
+    Those within a pause are one.
+    """
+    scene, found = record.scene, record.events
+
+    def over(t: float, F_T: float) -> float:
+        load = scene.load_at(t)
+        return F_T / (scene.F_N if load is None else load[0])
+
+    first = float(record.curve["t"].iloc[0]), float(record.curve["F_T"].iloc[0])
+    names = ["t_start", "t_stop", "F_T_start", "F_T_arrest"]
+    together: list[list[tuple[float, ...]]] = []
+    for start, stop, F_start, F_stop in found[names].itertuples(index=False):
+        fall = (start, stop, over(start, F_start), over(stop, F_stop))
+        if not np.isfinite(fall[2] - fall[3]):
+            continue
+        if together and start - together[-1][-1][1] <= t_gap:
+            together[-1].append(fall)
+        else:
+            together.append([fall])
+    rows, t, valley = [], first[0], over(*first)
+    for row in map(_as_one, together):
+        if row["drop"] > threshold:
+            passed, rise = row["t_start"] - t, row["peak"] - valley
+            moved = scene.drive(row["t_start"]) - scene.drive(t)
+            row["rate"] = rise / passed if passed else np.nan
+            row["stiffness"] = rise / moved if moved else np.nan
+            rows.append(row)
+            t, valley = row["t_stop"], row["valley"]
+    table = pd.DataFrame(rows, columns=[name for name in COLUMNS if name != "recurrence"])
+    return _finished(table, 0.0, 1, threshold)
+
+
+def _as_one(falls: list[tuple[float, ...]]) -> dict[str, float]:
+    """Return falls (t_start, t_stop, peak, valley) as one at the time of the largest.
+
+    Its drop is the sum of theirs, and its peak and valley are those of loading without the others.
+    """
+    drops = [peak - valley for _, _, peak, valley in falls]
+    main = int(np.argmax(drops))
+    t_start, t_stop, peak, _ = falls[main]
+    peak, drop = peak + sum(drops[:main]), sum(drops)
+    ends = {"t_start": t_start, "t_stop": t_stop, "peak": peak, "valley": peak - drop, "drop": drop}
+    return ends | dict.fromkeys(("peak_error", "valley_error", "drop_error"), 0.0)

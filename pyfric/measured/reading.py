@@ -1,0 +1,232 @@
+"""Read a measured curve from a file: which columns, in which units, with what meaning."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+
+from pyfric.measured.containers import Column, Found, contents, refused
+from pyfric.measured.curve import Curve
+from pyfric.measured.meanings import AMBIGUOUS, MEANINGS, bare, factor, meaning_of, unit_of_name
+from pyfric.scene import SceneError, check_number, check_whole, parse_quantity
+
+Restarts = Literal["join"] | int
+
+
+def read(
+    path: str | os.PathLike[str],
+    columns: Mapping[str, str | int] | None = None,
+    *,
+    units: Mapping[str, str] | None = None,
+    calibration: Mapping[str, str | tuple[str, float]] | None = None,
+    F_N: float | str | None = None,
+    area: float | str | None = None,
+    step: float | str | None = None,
+    group: str = "",
+    head: int = 0,
+    decimal: Literal[".", ","] | None = None,
+    restarts: Restarts | None = None,
+) -> Curve:
+    """Read a measured loading curve.
+
+    Files may be text (columns separated by commas, semicolons, tabs or blanks), MATLAB up to 7.3,
+    HDF5, TDMS (with the extra ``tdms``) or Look; the content tells which. Units and meanings come
+    from the file or from the arguments. What neither says is refused, and the message says what to
+    add.
+
+    Args:
+        path: the file.
+        columns: meaning -> name of its column, or its number, from 1. Meanings are t, F_T, F_N,
+            tau, sigma_n, mu, load_point, slip and normal_displacement. None: all columns whose
+            name says what they are. In containers, a name may be without its group. An array with
+            several columns is called "name:1", "name:2" and so on.
+        units: meaning -> unit, where the file does not state it.
+        calibration: meaning -> what 1 in the file stands for, such as "0.12 N", or a pair of this
+            and the number in the file that stands for zero. It replaces units.
+        F_N, area: normal force (N) and area of the interface (m^2), or quantities with units.
+        step: time between samples, s, where the file has no times.
+        group: beginning of the names in a container, such as a group of HDF5 or TDMS.
+        head: lines at the top of a text that are left out.
+        decimal: decimal mark of a text, if that is not clear.
+        restarts: what to do where times start anew: "join" continues them, one median step after
+            the last; a number takes this part alone, from 1.
+
+    Returns:
+        The curve in SI units. Samples without a time are left out; other gaps are NaN.
+
+    Raises:
+        SceneError: the file cannot be read, or something in it is not understood.
+    """
+    check_whole("head", head, 0)
+    found = contents(path, head=head, decimal=decimal)
+    if group:
+        of = {n: c for n, c in found.columns.items() if n.startswith(group)}
+        names = {n[len(group) :].lstrip("/.") or n: c for n, c in of.items()}
+        if not names:
+            raise SceneError("group", group, "", _names(found), "nothing has a name like this")
+        found.columns = names
+    for name, given in (("units", units), ("calibration", calibration), ("columns", columns)):
+        if unknown := sorted(set(given or ()) - set(MEANINGS)):
+            raise SceneError(f"{name}.{unknown[0]}", None, "", ", ".join(MEANINGS), "no meaning")
+    chosen = _by_name(path, found) if columns is None else _chosen(found, columns)
+    if step is not None and "t" in chosen:
+        raise SceneError("step", step, "s", "None", "the file has times")
+    table = {}
+    for meaning, name in chosen.items():
+        column = found.columns[name]
+        numbers = column.numbers()
+        scale, zero = _scale(found, meaning, name, column, units or {}, calibration or {})
+        table[meaning] = scale * (numbers - zero)
+    if len({len(values) for values in table.values()}) > 1:
+        told = ", ".join(f"{name}: {len(values)}" for name, values in table.items())
+        raise refused(path, "columns of one length: choose a group or columns", told)
+    if step is not None:
+        size = len(next(iter(table.values()), []))
+        table = {"t": check_number("step", step, "s", gt=0.0) * np.arange(size)} | table
+    _check_chosen(path, found, table)
+    kept = np.isfinite(table["t"])
+    if not kept.all():
+        found.notes.append(f"{np.sum(~kept)} samples without a time were left out")
+    table = {name: values[kept] for name, values in table.items()}
+    table = _one_start(path, table, restarts, found)
+    notes = [f"{found.kind}", *found.notes]
+    if F_N is not None and "F_N" in table:
+        raise SceneError("F_N", F_N, "N", "None", "the file has normal forces")
+    given = {"F_N": table.pop("F_N", F_N), "area": area}
+    return Curve.of(**given, source=os.fspath(path), notes=notes, **table)
+
+
+def _names(found: Found) -> str:
+    return "one of " + ", ".join(map(repr, found.columns)) if found.columns else "nothing"
+
+
+def _by_name(path: Any, found: Found) -> dict[str, str]:
+    """Return meaning -> name of the columns whose names say what they are."""
+    chosen: dict[str, str] = {}
+    for name, column in found.columns.items():
+        if not (meaning := meaning_of(column.head)):
+            continue
+        if meaning in chosen:
+            allowed = f'columns={{"{meaning}": {chosen[meaning]!r}, ...}} or another choice'
+            reason = f"{chosen[meaning]!r} and {name!r} are both {meaning}"
+            raise refused(path, allowed, reason)
+        chosen[meaning] = name
+    return chosen
+
+
+def _chosen(found: Found, columns: Mapping[str, str | int]) -> dict[str, str]:
+    """Return meaning -> name of the columns that were asked for."""
+    chosen, names = {}, list(found.columns)
+    for meaning, asked in columns.items():
+        if isinstance(asked, int) and not isinstance(asked, bool):
+            check_whole(f"columns.{meaning}", asked, 1, len(names))
+            chosen[meaning] = names[asked - 1]
+            continue
+        same = [name for name in names if name == asked]
+        same = same or [n for n in names if found.columns[n].head == asked]
+        same = same or [n for n in names if bare(found.columns[n].head) == bare(str(asked))]
+        if len(same) != 1:
+            reason = f"{len(same)} columns have this name"
+            raise SceneError(f"columns.{meaning}", asked, "", _names(found), reason)
+        chosen[meaning] = same[0]
+    return chosen
+
+
+def _check_chosen(path: Any, found: Found, table: Mapping[str, Any]) -> None:
+    """Refuse a file without times, or without a force; say which columns may be meant."""
+    may = [
+        f"{name!r} may be {AMBIGUOUS[bare(column.head)]}"
+        for name, column in found.columns.items()
+        if bare(column.head) in AMBIGUOUS
+    ]
+    said = f"; columns: {', '.join(map(repr, found.columns)) or 'none'}"
+    may = f"; {', '.join(may)}" if may else ""
+    if "t" not in table:
+        allowed = 'columns={"t": name or number, ...}, or step= for equal steps'
+        raise refused(path, allowed + said, "no column is known to be the time" + may)
+    if not {"F_T", "tau", "mu"} & set(table):
+        allowed = 'columns={"t": ..., "F_T": name or number}, or tau, or mu'
+        raise refused(path, allowed + said, "no column is known to be F_T, tau or mu" + may)
+
+
+def _scale(
+    found: Found,
+    meaning: str,
+    name: str,
+    column: Column,
+    units: Mapping[str, str],
+    calibration: Mapping[str, Any],
+) -> tuple[float, float]:
+    """Return SI units in 1 of a column, and the number that stands for zero."""
+    si = MEANINGS[meaning].unit
+    if meaning in calibration:
+        given = calibration[meaning]
+        each, zero = given if isinstance(given, tuple) else (given, 0.0)
+        field = f"calibration.{meaning}"
+        scale = parse_quantity(field, each, si) if si else check_number(field, each, "")
+        found.notes.append(f"{meaning}: {name!r}, calibrated")
+        return scale, check_number(field, zero, "")
+    where = f"units.{meaning}"
+    stated = column.unit
+    try:
+        in_name = unit_of_name(column.head, si) if not stated else ""
+    except ValueError as error:
+        in_name, unclear = "", f"{name!r}: {error}"
+    else:
+        unclear = ""
+    stated = stated or in_name
+    given = units.get(meaning)
+    if stated:
+        if meaning in units and factor(where, given, si)[0] != factor(where, stated, si)[0]:
+            raise SceneError(where, given, "", f"the unit in the file, {stated}", "it differs")
+        try:
+            scale, unit = factor(where, stated, si)
+        except SceneError as error:
+            allowed = f'calibration={{"{meaning}": "... {si or 1}"}}: what 1 in the file stands for'
+            reason = f"{name!r} has the unit {stated!r}, which is none of {si or 'a ratio'}"
+            raise SceneError(where, None, si, allowed, reason) from error
+    elif given is not None:
+        scale, unit = factor(where, given, si)
+    elif si:
+        allowed = f'units={{"{meaning}": "{si}"}} or another unit'
+        reason = unclear or f"{name!r} has no unit in the file"
+        raise SceneError(where, None, si, allowed, reason)
+    elif unclear:
+        raise SceneError(where, None, si, f'units={{"{meaning}": "1"}} or "%"', unclear)
+    else:
+        scale, unit = 1.0, ""
+    found.notes.append(f"{meaning}: {name!r}" + f" in {unit}" * bool(unit))
+    return scale, 0.0
+
+
+def _one_start(
+    path: Any, table: dict[str, np.ndarray], restarts: Restarts | None, found: Found
+) -> dict[str, np.ndarray]:
+    """Return the columns with times that do not decrease."""
+    t = table["t"]
+    starts = np.flatnonzero(np.diff(t) < 0) + 1
+    if not len(starts):
+        if restarts not in (None, "join", 1):
+            raise SceneError("restarts", restarts, "", "None", "times do not start anew")
+        return table
+    parts = np.split(np.arange(len(t)), starts)
+    whole = isinstance(restarts, int) and not isinstance(restarts, bool)
+    if restarts != "join" and not whole:
+        allowed = f'restarts="join", or the number of a part, 1 to {len(parts)}'
+        reason = f"times start anew {len(starts)} times, first at sample {starts[0] + 1}"
+        if restarts is not None:
+            raise SceneError("restarts", restarts, "", allowed, reason)
+        raise refused(path, allowed, reason)
+    if whole:
+        rows = parts[check_whole("restarts", restarts, 1, len(parts)) - 1]
+        found.notes.append(f"part {restarts} of {len(parts)}")
+        return {name: values[rows] for name, values in table.items()}
+    joined = t.copy()
+    for rows in parts[1:]:
+        step = float(np.median(np.diff(t[rows]))) if len(rows) > 1 else 0.0
+        joined[rows] = t[rows] - t[rows[0]] + joined[rows[0] - 1] + step
+    found.notes.append(f"{len(parts)} parts, joined")
+    return table | {"t": joined}

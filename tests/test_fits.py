@@ -1,0 +1,229 @@
+"""Fits of measured events: known truths are found, wrong models are noticed, unknowns are said."""
+
+import functools
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import pyfric
+from pyfric.figures import fit_page, tornado
+from pyfric.fitting import QUANTITIES, fits, misfit
+from pyfric.fitting.fits import _interval
+from pyfric.fitting.misfits import CAP, onset, overview
+from pyfric.measured import events, sampled
+from pyfric.scene import SceneError
+
+NOISE, STEP, T_END = 1e-3, 5e-4, 1.2
+STATIC = {"fidelity": "quasistatic", "part": "all"}
+SCENE = pyfric.preset("fig1", l="5 mm")
+
+
+@functools.cache
+def curve(seed=0, noise=NOISE, **changes):
+    record = pyfric.simulate(SCENE.replace(**changes), T_END, fidelity="quasistatic")
+    return sampled(record, STEP, noise=noise, seed=seed)
+
+
+def table(peaks, drops, error=1e-3, threshold=0.0, rate=None):
+    peaks, drops = np.array(peaks, float), np.array(drops, float)
+    found = pd.DataFrame({"peak": peaks, "drop": drops, "valley": peaks - drops})
+    found["t_start"] = found["t_stop"] = np.arange(len(peaks), dtype=float)
+    found["peak_error"] = found["valley_error"] = error
+    found["rate"] = np.nan if rate is None else rate
+    found.attrs["threshold"] = threshold
+    return found
+
+
+# --- misfit --------------------------------------------------------------------------------------
+
+
+def test_events_are_matched_in_order_whatever_is_missing():
+    peaks, drops = [0.1, 0.2, 0.3, 0.4], [0.01] * 4
+    data = table(peaks, drops)
+    same = misfit(data, table(peaks, drops))
+    assert (same.chi2, same.missing, same.extra) == (0, 0, 0)
+    assert same.partner.tolist() == [0, 1, 2, 3]
+    lost = misfit(data, table([0.1, 0.2, 0.4], drops[:3]))
+    assert lost.partner.tolist() == [0, 1, -1, 2]
+    assert lost.missing == 1
+    assert lost.chi2 == pytest.approx((0.01 / (1e-3 * np.sqrt(2))) ** 2)
+    more = misfit(data, table([0.05, 0.1, 0.2, 0.25, 0.3, 0.4, 0.5], [0.01] * 7))
+    assert more.partner.tolist() == [1, 2, 4, 5]
+    assert (more.missing, more.extra) == (0, 1)  # those before and after are free
+    assert more.chi2 == pytest.approx(lost.chi2)
+    off = misfit(data, table(np.array(peaks) + 2e-3, drops))
+    np.testing.assert_allclose(off.residuals[:8], 2)
+    assert misfit(data, table(np.array(peaks) + 2e-3, drops), tolerance=1).chi2 < 1e-3
+    assert misfit(data, table([0.9], [0.01])).residuals.max() <= CAP
+
+
+def test_a_match_is_the_cheapest_of_all():
+    """Against every match that keeps the order."""
+    rng = np.random.default_rng(2)
+
+    def cheapest(cost, alone, unseen):
+        n, m = cost.shape
+        if n == 0 or m == 0:
+            return alone.sum()
+        best = alone[0] + cheapest(cost[1:], alone[1:], unseen)
+        for j in range(m):
+            rest = cheapest(cost[1:, j + 1 :], alone[1:], unseen[j + 1 :])
+            best = min(best, cost[0, j] + rest)
+        return best
+
+    for _ in range(20):
+        data, model = (table(rng.uniform(0, 0.02, n), rng.uniform(5e-3, 9e-3, n)) for n in (4, 3))
+        model["drop"] = 0.0  # of the model, none is extra
+        model["valley"] = model["peak"] - 7e-3
+        found = misfit(data, model)
+        off = [
+            (model[k].to_numpy()[None] - data[k].to_numpy()[:, None]) / 1e-3
+            for k in ("peak", "valley")
+        ]
+        cost = np.minimum(off[0] ** 2 + off[1] ** 2, 2 * CAP**2)
+        alone = np.clip(data["drop"] / (1e-3 * np.sqrt(2)), 3, CAP).to_numpy() ** 2
+        got = sum(alone[i] if p < 0 else cost[i, p] for i, p in enumerate(found.partner))
+        assert got == pytest.approx(cheapest(cost, alone, np.zeros(3)))
+
+
+def test_the_rate_counts_with_its_error():
+    rates = [1.0, 1.02, 0.98, 1.01, 0.99]
+    data = table([0.1, 0.2, 0.3, 0.4, 0.5], [0.01] * 5, rate=rates)
+    model = table([0.1, 0.2, 0.3, 0.4, 0.5], [0.01] * 5, rate=1.01)
+    error = 1.2533 * 1.4826 * 0.01 / np.sqrt(5)
+    assert misfit(data, model).residuals[10] == pytest.approx(0.01 / error)
+
+
+def test_an_overview_needs_no_match():
+    peaks = np.linspace(0.1, 0.5, 9)
+    data, other = table(peaks, [0.02] * 9), table(peaks[::2] + 0.01, [0.04] * 5)
+    assert np.abs(overview(data, data)).max() < 1e-9
+    sums = [np.sum(overview(data, table(peaks, [0.02 + d] * 9)) ** 2) for d in (0, 2e-3, 4e-3)]
+    assert sums == sorted(sums)
+    assert np.abs(overview(data, other)).max() > 5  # half as many events
+
+
+def test_the_onset_ends_before_the_first_large_event():
+    data = table(np.linspace(0.1, 0.8, 8), [0.01, 0.01, 0.012, 0.019, 0.1, 0.02, 0.1, 0.1])
+    assert len(onset(data)) == 4
+    assert len(onset(data.iloc[4:])) == 4  # none is before it
+
+
+# --- fits ----------------------------------------------------------------------------------------
+
+
+def test_known_parameters_are_found_within_their_intervals():
+    bounds = {"mu_s": (0.6, 0.8), "mu_k": (0.35, 0.55)}
+    said = []
+    found = pyfric.fit(SCENE, curve(mu_s=0.68, mu_k=0.44), bounds, progress=said.append, **STATIC)
+    for name, true in (("mu_s", 0.68), ("mu_k", 0.44)):
+        low, high = found.intervals[name]
+        assert low - (high - low) < true < high + (high - low)
+        assert abs(found.values[name] / true - 1) < 2e-3
+        assert high - low < 2e-3
+        profile = found.profiles[name]
+        assert profile["value"].is_monotonic_increasing
+        assert profile["chi2"].min() == pytest.approx(found.chi2)
+    assert found.fits
+    assert found.dof > 25
+    assert (found.missing, found.extra) == (0, 0)
+    assert found.scenes[0].law.mean.mu_k == pytest.approx(found.values["mu_k"])
+    assert len(found.table) == len(events(curve(mu_s=0.68, mu_k=0.44)))
+    assert "mu_k = 0.4" in str(found)
+    assert any("profile of mu_k" in text for text in said)
+    page = fit_page(found)
+    assert set(page.tables) == {"events", "profiles"}
+    assert "fits" in page.caption
+
+
+def test_sensors_and_machines_are_parameters_too():
+    whole = curve(mu_k=0.44)
+    moved = events(whole)
+    for name in ("peak", "valley"):
+        moved[name] += 0.02
+    bounds = {"mu_k": (0.4, 0.5), "offset": (-0.05, 0.05)}
+    found = pyfric.fit(SCENE, moved, bounds, **STATIC)
+    assert found.values["offset"] == pytest.approx(0.02, abs=2e-3)
+    assert found.values["mu_k"] == pytest.approx(0.44, abs=2e-3)
+    K = SCENE.driver.K
+    softer = pyfric.fit(SCENE, curve(K=0.8 * K), {"K": (0.5 * K, 1.5 * K)}, **STATIC)
+    assert softer.values["K"] == pytest.approx(0.8 * K, rel=0.02)
+
+
+def test_what_does_not_tell_is_said():
+    """A quasi-static sequence does not depend on the mass."""
+    found = pyfric.fit(SCENE, events(curve()), {"M": (0.05, 0.1)}, **STATIC)
+    assert np.isnan(found.intervals["M"]).all()
+    assert "not determined" in str(found)
+
+
+def test_a_wrong_model_is_noticed(monkeypatch):
+    monkeypatch.setattr(fits, "STARTS", 1)
+    two = [events(curve(mu_k=mu_k)).iloc[:9] for mu_k in (0.43, 0.47)]  # as if it had two speeds
+    found = pyfric.fit(SCENE, two, {"mu_k": (0.4, 0.5)}, **STATIC)
+    assert not found.fits
+    assert "DOES NOT FIT" in str(found)
+    assert "DOES NOT FIT" in fit_page(found).caption
+    assert set(found.table["curve"]) == {1, 2}
+
+
+def test_intervals_end_where_a_profile_passes_the_limit():
+    at = np.array([0.0, 1.0, 2.0, 3.0])
+    assert _interval(at, np.array([5.0, 1.0, 1.0, 3.0]), 2.0) == (0.75, 2.5)
+    low, high = _interval(at, np.array([1.0, 1.0, 1.0, 3.0]), 2.0)
+    assert np.isnan(low)
+    assert high == 2.5
+
+
+@pytest.mark.parametrize(
+    ("how", "text"),
+    [
+        ({"vary": {}}, "vary"),
+        ({"vary": {"mu_k": (0.5, 0.4)}}, "smaller one first"),
+        ({"vary": {"mu_k": 0.5}}, "two bounds"),
+        ({"vary": {"mu_x": (0.4, 0.5)}}, "none has one"),
+        ({"level": 1.0}, "level"),
+        ({"part": "end"}, "'onset' or 'all'"),
+        ({"model_error": -1.0}, "model_error"),
+        ({"scene": [SCENE, SCENE]}, "scene = 2"),
+    ],
+)
+def test_bad_arguments_are_refused(how, text):
+    given = {"scene": SCENE, "measured": curve(), "vary": {"mu_k": (0.4, 0.5)}} | how
+    with pytest.raises(SceneError, match=text):
+        pyfric.fit(given.pop("scene"), given.pop("measured"), given.pop("vary"), **STATIC | given)
+
+
+def test_curves_without_events_or_errors_are_refused():
+    with pytest.raises(SceneError, match="two or more events"):
+        pyfric.fit(SCENE, events(curve()).iloc[:1], {"mu_k": (0.4, 0.5)})
+    with pytest.raises(SceneError, match="without errors"):
+        pyfric.fit(SCENE, curve(noise=0.0), {"mu_k": (0.4, 0.5)})
+
+
+# --- sensitivity ---------------------------------------------------------------------------------
+
+
+def test_sensitivities_are_differences_of_runs():
+    found = pyfric.sensitivity(SCENE, T_END, {"mu_k": 0.01, "K": "5 %"})
+    table = found.table.set_index(["parameter", "quantity"])
+    assert set(found.table["quantity"]) == set(QUANTITIES)
+    row = table.loc[("mu_k", "largest_force")]
+    for end, mu_k in (("low", 0.44), ("base", 0.45), ("high", 0.46)):
+        record = pyfric.simulate(SCENE.replace(mu_k=mu_k), T_END, fidelity="quasistatic")
+        main = record.events[record.events["is_main"]]
+        assert row[end] == pytest.approx(main["F_T_start"].max() / SCENE.F_N)
+    assert table.loc[("K", "largest_force"), "step"] == pytest.approx(0.05 * SCENE.driver.K)
+    assert np.isnan(table.loc[("K", "front_speed"), "base"])
+    assert "a jump" in str(found)
+    picture = tornado(found)
+    assert picture.tables["sensitivity"] is found.table
+    for steps, text in (
+        ({"mu_x": 0.1}, "no number"),
+        ({"mu_k": "5"}, "a share in %"),
+        ({"mu_k": "x %"}, "no number"),
+        ({"mu_k": -0.1}, "steps.mu_k"),
+    ):
+        with pytest.raises(SceneError, match=text):
+            pyfric.sensitivity(SCENE, T_END, steps)

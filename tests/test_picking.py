@@ -1,0 +1,126 @@
+"""Events of loading curves: those of own runs, sampled, are the catalogue's."""
+
+import functools
+
+import numpy as np
+import pytest
+
+import pyfric
+from pyfric.measured import COLUMNS, Curve, events, noise_of, robust_line, sampled
+from pyfric.scene import SceneError
+
+NOISE, STEP = 1e-3, 5e-4
+
+
+@functools.cache
+def run(fidelity="quasistatic", t_end=1.3, l="5 mm", **changes):
+    return pyfric.simulate(pyfric.preset("fig1", l=l, **changes), t_end, fidelity=fidelity)
+
+
+def test_a_run_sampled_fully_has_the_events_of_its_catalogue():
+    record = run(l="2.5 mm")  # some events have several falls
+    found, known = events(sampled(record)), record.events
+    assert list(found) == list(COLUMNS)
+    assert len(found) == len(known) > 15
+    F_N = record.scene.F_N
+    for name, column in (("peak", "F_T_start"), ("valley", "F_T_arrest")):
+        np.testing.assert_allclose(found[name], known[column] / F_N, rtol=0, atol=1e-6)
+    for name in ("t_start", "t_stop"):
+        np.testing.assert_allclose(found[name], known[name], rtol=0, atol=1e-12)
+    own = events(record)
+    for name in COLUMNS:
+        np.testing.assert_allclose(found[name], own[name], rtol=1e-9, atol=1e-9)
+    assert found.attrs == {"noise": 0.0, "smooth": 1, "threshold": pytest.approx(5e-10, rel=0.1)}
+
+
+def test_stiffness_and_rate_are_those_of_the_apparatus():
+    """Static condensation of the stuck slider, in series with the driver's spring."""
+    own = events(run())
+    np.testing.assert_allclose(own["rate"], own["stiffness"] * 0.7875e-3, rtol=1e-9)
+    np.testing.assert_allclose(own["stiffness"], own["stiffness"].iloc[0], rtol=2e-3)
+    noisy = events(sampled(run(), STEP, noise=NOISE))
+    np.testing.assert_allclose(noisy["stiffness"], own["stiffness"].iloc[0], rtol=0.04)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("changes", [{}, {"mu_k": 0.5}, {"mu_s": 0.6}])
+def test_in_noise_no_event_above_five_sigma_is_lost(seed, changes):
+    """Drops are right within their errors, and nothing is found that is not there."""
+    record = run(**changes)
+    found = events(sampled(record, STEP, noise=NOISE, seed=seed), noise=NOISE)
+    known = events(record, t_gap=8 * STEP)
+    large = known[(known["drop"] > 5 * NOISE) & (known["t_stop"] < 1.3 - 8 * STEP)]
+    assert len(large) >= 8
+    for _, row in large.iterrows():
+        near = found[np.abs(found["t_start"] - row["t_start"]) < 4 * STEP]
+        assert len(near) == 1
+        assert abs(near["drop"].iloc[0] - row["drop"]) < 4 * near["drop_error"].iloc[0]
+        assert abs(near["peak"].iloc[0] - row["peak"]) < 5 * near["peak_error"].iloc[0]
+    for t in found["t_start"]:
+        assert np.abs(known["t_start"] - t).min() < 4 * STEP
+
+
+def test_errors_of_drops_are_what_they_say():
+    known = events(run(), t_gap=8 * STEP).set_index("t_start")["drop"]
+    off = []
+    for seed in range(40):
+        found = events(sampled(run(), STEP, noise=NOISE, seed=seed), noise=NOISE)
+        for _, row in found[found["drop"] > 5 * NOISE].iterrows():
+            near = np.argmin(np.abs(known.index - row["t_start"]))
+            off.append((row["drop"] - known.iloc[near]) / row["drop_error"])
+    assert len(off) > 400
+    assert np.mean(np.square(off)) == pytest.approx(1, abs=0.2)
+
+
+def test_full_dynamics_has_the_same_events():
+    """Ring-down is not slip: the drops of static forces are found in noise."""
+    record = run("hybrid", 0.8)
+    found = events(sampled(record, STEP, noise=NOISE), noise=NOISE)
+    known = events(record, t_gap=8 * STEP, threshold=5 * NOISE)
+    assert len(known) > 5
+    for _, row in known.iterrows():
+        near = found[np.abs(found["t_start"] - row["t_start"]) < 8 * STEP]
+        assert len(near) == 1
+        assert near["drop"].iloc[0] == pytest.approx(row["drop"], abs=4 * NOISE)
+
+
+def test_noise_is_estimated_and_asked_for_where_it_cannot_be():
+    curve = sampled(run(), STEP, noise=2e-3)
+    assert noise_of(curve) == pytest.approx(2e-3, rel=0.1)
+    assert curve.noise == 2e-3
+    plain = Curve.of(t=curve.t, F_T=curve.force(), F_N=curve.F_N)
+    assert events(plain).attrs["noise"] == noise_of(plain)
+    for t in (curve.t**2, np.zeros(len(curve.t))):
+        with pytest.raises(SceneError, match=r"not equally spaced.*noise=1e-3"):
+            events(Curve.of(t=t, F_T=curve.force(), F_N=curve.F_N))
+
+
+def test_gaps_and_thresholds():
+    t = np.arange(400) * STEP
+    f = 0.5 * t - 0.05 * (t > 0.1)
+    f[100:103] = np.nan
+    found = events(Curve.of(t=t, mu=f), noise=0.0)
+    assert found["drop"].tolist() == [pytest.approx(0.05 - 0.5 * STEP)]
+    assert found["rate"].tolist() == [pytest.approx(0.5)]
+    assert np.isnan(found["stiffness"].iloc[0])
+    assert events(Curve.of(t=t, mu=f), noise=0.0, threshold=0.06).empty
+    slow = 0.5 * t - 0.05 * np.clip((t - 0.08) / 0.04, 0, 1)
+    noisy = slow + 1e-4 * np.random.default_rng(0).standard_normal(len(t))
+    (row,) = events(Curve.of(t=t, mu=noisy), noise=1e-4).itertuples()
+    assert (row.t_start, row.t_stop) == pytest.approx((0.08, 0.12), abs=3e-3)
+    assert row.drop == pytest.approx(0.05 - 0.5 * 0.04, abs=2e-3)
+    for how, text in (
+        ({"noise": -1.0}, "noise"),
+        ({"smooth": -2}, "smooth"),
+        ({"threshold": -1.0}, "threshold"),
+        ({"t_gap": -1.0}, "t_gap"),
+    ):
+        with pytest.raises(SceneError, match=text):
+            events(Curve.of(t=t, mu=noisy), **how)
+
+
+def test_lines_do_not_follow_outliers():
+    x = np.linspace(0, 1, 50)
+    y = 2 * x + 1e-3 * np.random.default_rng(1).standard_normal(50)
+    y[::9] += 1
+    assert robust_line(x, y) == pytest.approx((1, 2), abs=2e-3)

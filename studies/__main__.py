@@ -114,6 +114,39 @@ def large(tell: Tell) -> None:
     tell.table(large.large(), large.report)
 
 
+@main.command(section="Speed")
+@click.option("--case", "cases", multiple=True, help="Only this case; may be repeated.")
+@click.option("--beside", "commit", metavar="COMMIT", help="Take turns with the build of a commit.")
+@file_option("--out", metavar="FILE", help="Write the table as CSV.")
+@overwrite_option
+@telling
+@_quick_option
+def finer(
+    cases: tuple[str, ...],
+    commit: str | None,
+    out: Path | None,
+    overwrite: bool,
+    tell: Tell,
+    quick: bool,
+) -> None:
+    """Processor time, steps and memory of short runs on finer and finer lattices (five minutes).
+
+    Beside --out, a CSV file, goes its provenance.
+    """
+    check_table(out, overwrite)
+    import fine
+
+    if unknown := [name for name in cases if name not in fine.CASES]:
+        raise click.BadParameter(f"{unknown[0]!r}; known are {', '.join(fine.CASES)}")
+    names = cases or (fine.QUICK if quick else tuple(fine.CASES))
+    more = {"repeats": 1} if quick else {}
+    frame = fine.finer(names, commit=commit, say=tell.step, **more)
+    words = [word for name in cases for word in ("--case", name)]
+    words += [] if commit is None else ["--beside", commit]
+    save_table(frame, out, shlex.join([*RUN.split(), "finer", *words]), "%.4g")
+    tell.table(frame, fine.report)
+
+
 # --- methods -------------------------------------------------------------------------------------
 
 

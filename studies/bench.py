@@ -254,13 +254,15 @@ def _state(scene: Scene, geometry: Geometry, *, loaded: bool) -> State:
     if loaded:
         return loaded_state(scene, geometry).state(scene, 1e-7)
     N_x, N_z = scene.N_x, scene.N_z
+    none, p = np.zeros(N_x), np.ones(N_x)
+    margin, memory = scene.law.begin(0.0, none, p, none, scene.d)
     return State(
         y=np.zeros((N_z, 4, N_x)),
         rod=np.zeros(6),
         mode=np.zeros(N_x, dtype=np.int32),
         corner=np.zeros(N_x, dtype=np.int32),
-        margin=np.ones(N_x),
-        memory=scene.law.memory_at(0.0, N_x),
+        margin=margin,
+        memory=memory,
         loss=np.zeros(N_x),
         dissipated=np.zeros(N_z),
         heat=np.zeros(N_x),

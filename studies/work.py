@@ -74,6 +74,7 @@ def cases() -> list[Case]:
         Case(heavy, 2e-3, "dynamic", "finite", {}),
         Case(slow, 2e-3, "dynamic", "finite", {}),
         Case(creeping, 0.12, "hybrid", "linear", {}),
+        Case(preset("fig1", l=1.25e-3, d_c=1e-6), 0.26, "hybrid", "linear", {}),
         Case(small, 0.02, "dynamic", "linear", {"stop_when": "reached = 20 mm"}),
         Case(small, 1e-4, "dynamic", "linear", {}),
         Case(preset("fig1", l=0.625e-3), 0.02, "hybrid", "linear", {}),

@@ -61,6 +61,16 @@ def test_threads_compares_with_one():
     assert "times faster than one thread" in bench.report(frame)
 
 
+@pytest.mark.parametrize("study", [bench.kernel, bench.threads])
+@pytest.mark.usefixtures("tiny", "no_peers")
+def test_large_lattices_start_unstrained(study, monkeypatch):
+    """Beyond 10^4 blocks nothing is solved before the first step."""
+    monkeypatch.setattr(bench, "LATTICES", ((3, 3340),))
+    monkeypatch.setattr(bench, "REPEATS", 1)
+    frame = study()
+    assert (frame["ns"] > 0).all()
+
+
 @pytest.mark.usefixtures("tiny")
 def test_limit_is_below_what_is_measured(monkeypatch):
     """No kernel makes its additions faster than they can be made."""

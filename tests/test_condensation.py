@@ -9,7 +9,7 @@ from scipy.sparse.linalg import spsolve
 
 from pyfric.scene import Scene, chain, preset, setup1, setup2
 from pyfric.statics import EquilibriumError, StaticSolver, stiffness
-from pyfric.statics.condensation import Condensed, condense
+from pyfric.statics.condensation import Condensed, _condensed, condense
 from pyfric.statics.operators import coordinates, driven_dofs
 
 
@@ -188,3 +188,23 @@ def test_a_slider_without_support_is_refused(monkeypatch):
     monkeypatch.setattr("pyfric.statics.condensation.stiffness", lambda *_, **__: broken.tocsr())
     with pytest.raises(EquilibriumError, match="not supported"):
         condense(scene)
+
+
+def test_friction_and_foundation_have_no_part_in_it():
+    """Scenes that differ in their interface only share one condensed slider."""
+    scene = small_rod()
+    known = condense(scene)
+    for change in ({"mu_s": 0.9}, {"mu_k": 0.1}, {"d_c": 1e-6}, {"k_f": 1e6}, {"name": "other"}):
+        assert condense(scene.replace(change)) is known
+    with pytest.raises(ValueError, match="read-only"):
+        known.S[0, 0] = 0.0
+
+
+@pytest.mark.parametrize("change", [{"h": 2.5e-3}, {"k": 1e6}, {"F_N": 1.0}, {"side": "right"}])
+def test_all_else_has(change):
+    scene = small_rod()
+    known, other = condense(scene), condense(scene.replace(change))
+    assert other is not known
+    fresh = _condensed(scene.replace(change))
+    for field in dataclasses.fields(Condensed):
+        np.testing.assert_array_equal(getattr(other, field.name), getattr(fresh, field.name))

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 import pyfric
+from pyfric.core import OPEN
 from pyfric.engines.cost import work, work_of_step
 from pyfric.engines.creeping import Creeping
-from pyfric.engines.hybrid import SPENT
+from pyfric.engines.hybrid import SPENT, RestStates
+from pyfric.engines.jump import Wait
 from pyfric.scene import setup1, setup2
 from pyfric.scene.laws import Ageing
-from pyfric.statics import StaticSolver
+from pyfric.statics import StaticSolver, damping, mass
 
 FORCE = 1e-4
 """Start and arrest forces, over F_N: measured 3e-8 and 5e-6."""
@@ -85,6 +87,29 @@ def test_stable_slip_goes_on_from_a_record():
     assert len(one.events) == len(two.events)
     np.testing.assert_array_equal(two.switches["block"], one.switches["block"])
     np.testing.assert_allclose(two.switches["t"], one.switches["t"], rtol=0, atol=1e-6)
+
+
+def test_a_refused_attempt_waits_until_what_was_too_large_has_decayed():
+    """Rows move against each other, which no slow shape does: the larger motion takes longer."""
+    scene = rod()
+    record = run(scene, 0.0325, "hybrid")
+    known = StaticSolver(scene)
+    creeping, rests = Creeping(scene, known, 1e-6 * scene.F_N), RestStates(known, 1e-7, "rk4", {})
+    rests.made["modal_bases"] = 0
+    rough = np.zeros((scene.N_z, 2, scene.N_x))
+    rough[1:-1, 0] = (-1.0) ** np.arange(1, scene.N_z - 1)[:, None]
+    waits = []
+    for speed in (1e-3, 1e3):
+        state = record.final_state.copy()
+        assert (np.abs(state.mode) == 1).any()
+        state.y[:, 2:] += speed * rough
+        closed = state.mode != OPEN
+        found = creeping.land(state, 2e-3, lambda: rests.modes(closed), state.step + 10**6)  # noqa: B023
+        waits.append(found.steps)
+        assert isinstance(found, Wait)
+    v = known.coordinates(rough, np.zeros(3))
+    decay = v @ (damping(scene) @ v) / (2 * v @ (mass(scene) * v))
+    assert waits[1] - waits[0] == pytest.approx(np.log(1e6) / (decay * state.dt), rel=0.1)
 
 
 def test_where_stable_slip_is_left_to_dynamics():

@@ -9,6 +9,7 @@ from scipy import linalg
 
 import pyfric
 from pyfric.core import STUCK
+from pyfric.engines import pauses
 from pyfric.engines.pauses import loading_while_relaxing, relaxation_time
 from pyfric.scene import chain, preset, setup1, setup2, slab
 from pyfric.statics import StaticSolver, damping, mass
@@ -60,3 +61,14 @@ def test_a_fast_driver_is_noted():
     for scene, noted in ((slow, False), (fast, True)):
         record = pyfric.simulate(scene, 1e-3, fidelity="quasistatic")
         assert any("does not come to rest" in note for note in record.notes) == noted
+
+
+def test_friction_has_no_part_in_it():
+    """It is found once for all scenes that differ in friction only; the foundation counts."""
+    scene = preset("fig1", l=5e-3)
+    known = relaxation_time(scene)
+    found = pauses._relaxation_time.cache_info().misses
+    for change in ({"mu_s": 0.9}, {"mu_k": 0.1}, {"d_c": 1e-6}, {"alpha": 0.1}, {"name": "other"}):
+        assert relaxation_time(scene.replace(change)) == known
+    assert pauses._relaxation_time.cache_info().misses == found
+    assert relaxation_time(scene.replace(k_f=1e6)) != known

@@ -42,8 +42,8 @@ needs one for each point of the loading curve. To record motion takes as long ag
 LANDING = {"linear": (1.5e-3, 6e-7), "finite": (2.4e-3, 1.5e-6)}
 """Time of one predicted landing of a jump, in s: a constant, and a part for each block. It includes
 the calls of the core around the jump."""
-SLIDE = 1.25e-2
-"""Time of one attempt to jump over stable slip, in s."""
+SLIDE = (1e-2, 3.5e-6)
+"""Time of one attempt to jump over stable slip, in s: a constant, and a part for each block."""
 EVENT_STEPS = 800.0
 """Work of the hybrid engine for each main event, in steps: 500 to 2000 in 40 scenes, whatever their
 size and step."""
@@ -78,12 +78,13 @@ def prices(scene: Scene, geometry: Geometry) -> dict[str, float]:
     if geometry == "finite" and largest_strain(scene, 0.0) > BEYOND:
         evaluation += CLOSED * blocks
     landing, of_block = LANDING[geometry]
+    sliding, of_sliding = SLIDE
     dynamic, hybrid = (set_up(scene, fidelity, geometry).work for fidelity in ("dynamic", "hybrid"))
     return {
         "block_evaluations": evaluation / blocks,
         "calls": CALL * (2 if scene.law.junctions else 1),
         "landings": landing + of_block * blocks,
-        "slides": SLIDE,
+        "slides": sliding + of_sliding * blocks,
         "modal_bases": hybrid - dynamic,
         "releases": RELEASE * scene.N_x**2,
         "static_events": STATIC_EVENT,

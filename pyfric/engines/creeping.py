@@ -31,6 +31,7 @@ import numpy as np
 
 from pyfric.core import OPEN
 from pyfric.engines.crossing import first_crossing
+from pyfric.engines.jump import Wait, steps_to_fall
 from pyfric.statics import ContactProblem, Creep, creeps, ends, extended
 
 if TYPE_CHECKING:
@@ -116,8 +117,11 @@ class Creeping:
         same = self.scene.load_at(0.0) in (None, (F_N.value, T.value))
         return max(V.value, 0.0) if steady and same else 0.0
 
-    def land(self, state: State, V: float, held: Callable[[], Modes], last: int) -> Landing | None:
-        """Return the end of a jump over stable slip, or None if no jump is possible.
+    def land(self, state: State, V: float, held: Callable[[], Modes], last: int) -> Landing | Wait:
+        """Return the end of a jump over stable slip, or how long to wait.
+
+        If the truncated part is too large, it has to decay, at the rate at which it now does. No
+        wait is known where slip is about to become unstable.
 
         Args:
             state: the present state.
@@ -132,20 +136,21 @@ class Creeping:
         creep = Creep(self.problem, state.y[0, 0], way, state.mode != OPEN, state.s_0)
         begin = creep.at(drive)
         if begin is None or creep.wrong(begin, fastest) is not None:
-            return None
+            return Wait(0)
         space = self._space(held(), np.flatnonzero(way))
         modes = _Modes(self.scene, space, creep, begin)
         q, v = self._path(modes, begin, V, dt)
         w = self.known.coordinates(state.y[:, :2], state.rod[:3]) - q
-        a, left = modes.split(w, self.known.coordinates(state.y[:, 2:], state.rod[3:]) - v)
-        if math.sqrt(2 * self.scene.slider.k * left) > self.force:
-            return None
+        a, left, decay = modes.split(w, self.known.coordinates(state.y[:, 2:], state.rod[3:]) - v)
+        times = math.sqrt(2 * self.scene.slider.k * left) / self.force
+        if times > 1:
+            return Wait(steps_to_fall(times, decay * dt))
         end = drive + (last - state.step) * V * dt
         path, _ = creep.follow(begin, end, fastest, kink)
         n = math.floor(modes.safe(path, V, a, left, dt) / dt)
         point = creep.on(path, drive + n * V * dt)
         if n < 1 or point is None:
-            return None
+            return Wait(0)
         after = _Modes(self.scene, space, creep, point)
         q, v = self._path(after, point, V, dt)
         w, w_v = modes.deviation(a, n * dt)
@@ -244,10 +249,12 @@ class _Modes:
         against = space.on_shapes + self.friction(space.shapes)
         return w + space.shapes @ np.linalg.solve(against, left)
 
-    def split(self, w: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, float]:
-        """Find the modes; return their amplitudes in a deviation, and the truncated energy, in J.
+    def split(self, w: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, float, float]:
+        """Find the modes; split a deviation w (m) with rate v (m/s), shape (n_q,).
 
-        The modes `right`, (2 r, 2 r), are in the basis of the space, (n_q, r); their rates `growth`
+        Return the amplitudes of modes, the truncated energy (J), and the decay rate of the
+        truncated amplitudes (1/s). The modes `right`, (2 r, 2 r), are in the basis of the space,
+        (n_q, r); their rates `growth`
         are in 1/s.
         """
         self.basis = basis = self.space.basis
@@ -260,7 +267,9 @@ class _Modes:
         y, u = (basis.T @ (self.M * part) for part in (w, v))
         a = np.linalg.solve(self.right, np.concatenate([y, u]))
         w, v = w - basis @ y, v - basis @ u
-        return a, max(float(v @ (self.M * v) + w @ (self.K @ w)) / 2, 0.0)
+        kinetic = float(v @ (self.M * v))
+        decay = float(v @ (self.C @ v)) / (2 * kinetic) if kinetic > 0 else 0.0
+        return a, max(kinetic + float(w @ (self.K @ w)), 0.0) / 2, decay
 
     def deviation(self, a: np.ndarray, s: float) -> tuple[np.ndarray, np.ndarray]:
         """Return w (m) and w' (m/s), shape (n_q,), after a time s (s), from amplitudes a."""

@@ -220,8 +220,9 @@ class HybridRun(Run):
         self.made |= dict.fromkeys(counted, 0)
         self.rests = RestStates(self.known, self.method.dt, self.method.stepper, self.made)
         self.solver = RememberedStates(self.rests)
-        # Neither a jump nor a wait takes less work in full dynamics than a landing.
+        # Neither a jump nor a wait takes less work in full dynamics than an attempt.
         self.least = math.ceil(self._as_steps({"landings": 1}))
+        self.least_slide = math.ceil(self._as_steps({"slides": 1}))
         self.worth = self.state.step
         self.begun = self.worth - self.counts["steps"] - self.counts["steps_spared"]
         force = self.method.accuracy * self.scene.F_N
@@ -352,22 +353,24 @@ class HybridRun(Run):
         Return the number of steps until the next attempt.
         """
         state, n_max = self.state, self._piece_ends(last) - self.state.step
-        landing = None
         self.made["attempts"] += 1
-        if n_max > 0:
-            stuck = state.mode != OPEN
-            landing = self.creeping.land(
-                state, self._speed(), lambda: self.rests.modes(stuck), state.step + n_max
-            )
+        if n_max <= 0:
+            return self.least_slide
         self.made["slides"] += 1
-        if landing is None or landing.n < min(n_max, self.least):
-            return self.least
+        stuck = state.mode != OPEN
+        landing = self.creeping.land(
+            state, self._speed(), lambda: self.rests.modes(stuck), state.step + n_max
+        )
+        if isinstance(landing, Wait):
+            return max(landing.steps, self.least_slide)
+        if landing.n < min(n_max, self.least_slide):
+            return self.least_slide
         t, s = self._samples(landing.n)
         self.history.add(np.column_stack([t, landing.F_T(s)]))
         point = landing.point
         self._put(landing.q, landing.v, point.u_x, landing.n)
         state.margin[:] = np.where(state.mode == OPEN, 0.0, self.scene.law.margin(point.p, point.f))
-        return self.least
+        return self.least_slide
 
     def _coordinates(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the present coordinates (m) and their rates (m/s), shape (n_q,)."""

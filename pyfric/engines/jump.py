@@ -146,6 +146,18 @@ class Wait(NamedTuple):
     steps: int
 
 
+def steps_to_fall(times: float, decay: float, longest: float = LONGEST) -> int:
+    """Return in how many steps, at most `longest`, a motion falls by a factor `times`.
+
+    Args:
+        times: the factor; infinite if there is none.
+        decay: decay in one step.
+        longest: largest number of steps.
+    """
+    steps = math.log(times) / decay if decay > 0 and times < math.inf else 0.0
+    return math.ceil(min(steps, longest))
+
+
 class Stale(NamedTuple):
     """No jump is possible with this linearisation.
 
@@ -355,8 +367,7 @@ class Jump:
         The wait is at most `longest` steps, the length of the refused jump. At its end another jump
         may be possible.
         """
-        steps = math.log(times) / (decay * self.dt) if decay > 0 and times < math.inf else 0.0
-        return Wait(math.ceil(max(min(steps, longest), self.least)))
+        return Wait(max(steps_to_fall(times, decay * self.dt, longest), self.least))
 
     def _late(self, s: float, alive: np.ndarray) -> tuple[float, float]:
         """Return the change of the gap functions at s (s) by errors of rates, in N.

@@ -29,6 +29,7 @@ from pyfric.engines.modes import modes_of
 from pyfric.engines.space import Space
 from pyfric.engines.stopping import pause_of_waves
 from pyfric.record import count_main
+from pyfric.scene import Interface
 from pyfric.statics import System
 
 if TYPE_CHECKING:
@@ -86,7 +87,6 @@ def pause_notes(record: Record) -> tuple[str, ...]:
     )
 
 
-@functools.lru_cache(maxsize=64)
 def relaxation_time(scene: Scene) -> float:
     """Return the decay time of the slowest motion of the slider with all blocks stuck, in s.
 
@@ -101,6 +101,12 @@ def relaxation_time(scene: Scene) -> float:
         return 0.0
     if scene.eta == 0 or scene.prescribed:
         return math.inf
+    foundation = Interface(mu_s=1.0, mu_k=1.0, k_f=scene.interface.k_f)  # without its friction
+    return _relaxation_time(dataclasses.replace(scene, interface=foundation, name=""))
+
+
+@functools.lru_cache(maxsize=64)
+def _relaxation_time(scene: Scene) -> float:
     small = coarser(scene)
     stuck = np.ones(small.N_x, dtype=bool)
     rates = modes_of(Space(System(small, "linear"), stuck, modes=SLOWEST)).rates

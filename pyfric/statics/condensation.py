@@ -30,6 +30,7 @@ import numpy as np
 from scipy.linalg.lapack import dposv
 
 from pyfric.scene import PrescribedLoad
+from pyfric.statics.memory import Memory
 from pyfric.statics.operators import coordinates, driven_dofs, stiffness
 from pyfric.statics.rest import EquilibriumError
 from pyfric.statics.rows import ends
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
 LARGE = 10_000
 """Number of unknowns above which condensation takes seconds. It needs 3 N_z (2 N_x)^3 operations:
 7e8 in the Fig. 1 scene, 1e12 with 561 x 301 blocks."""
+KEPT = 2
+"""Condensed sliders that are kept."""
 
 
 @dataclass(frozen=True)
@@ -86,8 +89,14 @@ class Condensed:
         return dataclasses.replace(self, S=S, G=G, c=-d * np.sum(Y @ D, axis=0))
 
 
+_known: Memory[Condensed] = Memory(KEPT)
+
+
 def condense(scene: Scene) -> Condensed:
     """Eliminate the slider above its bottom row, with the rod; `Condensed.driven` adds the driver.
+
+    The last `KEPT` results are kept, for all scenes that differ in their interface only: neither
+    friction nor foundation is part of the result. Its arrays are read-only.
 
     Args:
         scene: the scene.
@@ -95,6 +104,13 @@ def condense(scene: Scene) -> Condensed:
     Raises:
         EquilibriumError: a part of the slider is not supported.
     """
+    names = (part.name for part in dataclasses.fields(scene))
+    key = tuple(getattr(scene, name) for name in names if name not in ("interface", "name"))
+    return _known.made(key, lambda: _condensed(scene))
+
+
+def _condensed(scene: Scene) -> Condensed:
+    """Return the slider condensed; see `condense`."""
     N_x, N_z, n_driven = scene.N_x, scene.N_z, scene.n_driven
     stiff = stiffness(scene, closed=np.zeros(N_x, dtype=bool), driver=False)
     n = stiff.shape[0]
@@ -124,4 +140,7 @@ def condense(scene: Scene) -> Condensed:
         half = BT @ to_B
         A = stiff[row, row].toarray() - (half + half.T) / 2
         G = r[row] - BT @ to_G
-    return Condensed(A, G[:, :4], np.zeros(4), G[:, 4:], -c[:, :4], -c[:, 4:])
+    found = A, G[:, :4], np.zeros(4), G[:, 4:], -c[:, :4], -c[:, 4:]
+    for part in found:
+        part.flags.writeable = False
+    return Condensed(*found)

@@ -1,0 +1,211 @@
+"""Cost of fine lattices: processor time, steps and memory of short scenes, beside another build.
+
+Each run is made on one thread in a process of its own, whose peak memory is measured. The builds
+take turns, and of each run the least time counts. The other build is that of a commit: it is
+checked out into a temporary folder and installed there, so that nothing of it stays.
+
+Steps are given by what the slider does: a spell is the time from a first slip until no block slips,
+and its kind is the number of blocks that slip in it. Where a run jumps over stable slip, a spell
+has fewer steps than its time over dt, and spells are not told apart.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+__all__ = ["CASES", "Case", "built", "finer", "report", "spells"]
+
+
+class Case(NamedTuple):
+    """A call that is timed: arguments of `preset`, end in s, and engine (or "plan")."""
+
+    scene: str
+    changes: dict[str, Any]
+    t_end: float
+    engine: str = "hybrid"
+    geometry: str = "linear"
+
+
+WEAK = {"d_c": 1e-6}
+CASES = {
+    "2.5 mm": Case("fig1", {}, 0.33),
+    "1.25 mm": Case("fig1", {"l": 1.25e-3}, 0.33),
+    "0.625 mm": Case("fig1", {"l": 0.625e-3}, 0.33),
+    "2.5 mm, finite": Case("fig1", {}, 0.33, geometry="finite"),
+    "1.25 mm, finite": Case("fig1", {"l": 1.25e-3}, 0.33, geometry="finite"),
+    "2.5 mm, d_c": Case("fig1", WEAK, 0.3),
+    "1.25 mm, d_c": Case("fig1", WEAK | {"l": 1.25e-3}, 0.3),
+    "0.625 mm, d_c": Case("fig1", WEAK | {"l": 0.625e-3}, 0.25),
+    "2.5 mm, d_c, finite": Case("fig1", WEAK, 0.3, geometry="finite"),
+    "1.25 mm, d_c, finite": Case("fig1", WEAK | {"l": 1.25e-3}, 0.25, geometry="finite"),
+    "setup 2, theta = 0.833": Case("setup2", {"theta": 0.833}, 0.3, geometry="finite"),
+    "561 x 301": Case("fig1", {"l": 0.25e-3}, 0.18),
+    "whole curve": Case("fig1", {}, 0.9),
+    "whole curve, finite": Case("fig1", {}, 0.9, geometry="finite"),
+    "sequence": Case("fig1", {}, 0.9, "quasistatic"),
+    "sequence, disorder": Case("fig1", {"disorder": 0.05}, 0.9, "quasistatic"),
+    "plan": Case("fig1", {}, 0.9, "plan"),
+}
+"""Fig. 1 scene with blocks of l, without and with d_c = 1 um, in linear geometry if not said."""
+QUICK = ("2.5 mm", "sequence", "plan")
+REPEATS = 2
+SIZES = {"slip_1": (1, 1), "slip_2_3": (2, 3), "slip_4_10": (4, 10), "fronts": (11, 2**31)}
+"""Kinds of spells, by the least and the largest number of blocks that slip."""
+
+THERE = Path(__file__).resolve()
+
+
+def finer(
+    cases: Sequence[str] = tuple(CASES),
+    *,
+    commit: str | None = None,
+    repeats: int = REPEATS,
+    say: Callable[[str], None] = lambda _: None,
+) -> pd.DataFrame:
+    """Measure what runs cost with this build and, in turns with it, with that of a commit.
+
+    Args:
+        cases: names in `CASES`.
+        commit: of this repository; None means this build only.
+        repeats: turns, of which the least time counts.
+        say: told what is being run.
+
+    Returns:
+        One row for each case and build: case, build, seconds (processor time), GB (the most
+        memory), steps, attempts, refused, slides, modal_bases, main, events; steps within spells by
+        the number of blocks (`SIZES`), and outside of them (`at_rest`).
+    """
+    rows = []
+    with contextlib.ExitStack() as stack:
+        builds = {"this": None}
+        if commit is not None:
+            say(f"building {commit}")
+            builds[commit] = stack.enter_context(built(commit))
+        for name in cases:
+            found: dict[str, list[dict[str, Any]]] = {build: [] for build in builds}
+            for _ in range(repeats):
+                for build, folder in builds.items():
+                    say(f"{name}: {build}")
+                    found[build].append(_alone(CASES[name], folder))
+            for build, turns in found.items():
+                least = min(turns, key=lambda turn: turn["seconds"])
+                rows.append({"case": name, "build": build, **least})
+    return pd.DataFrame(rows)
+
+
+@contextlib.contextmanager
+def built(commit: str) -> Iterator[Path]:
+    """Install the package as it was at a commit into a temporary folder.
+
+    Raises:
+        subprocess.CalledProcessError: there is no such commit, or it cannot be built.
+    """
+    git = ["git", "-C", str(THERE.parents[1])]
+    with tempfile.TemporaryDirectory() as folder:
+        source, target = Path(folder, "source"), Path(folder, "installed")
+        subprocess.run([*git, "worktree", "add", "--quiet", "--detach", source, commit], check=True)
+        try:
+            pip = [sys.executable, "-I", "-m", "pip", "install", "--quiet", "--no-deps"]
+            pip += ["--no-build-isolation", "--target", target, source]
+            path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+            subprocess.run(pip, check=True, env=os.environ | {"PATH": path})
+            yield target
+        finally:
+            subprocess.run([*git, "worktree", "remove", "--force", source], check=True)
+
+
+def _alone(case: Case, folder: Path | None) -> dict[str, Any]:
+    """Return what a case costs in a process with the package in a folder; None: as installed."""
+    env = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"}
+    env.pop("PYTHONPATH", None)
+    if folder is not None:
+        env["PYTHONPATH"] = str(folder)
+    run = [sys.executable, str(THERE), json.dumps(case)]
+    done = subprocess.run(run, env=env, check=True, stdout=subprocess.PIPE, text=True)
+    return json.loads(done.stdout)
+
+
+def measured(case: Case) -> dict[str, Any]:
+    """Return what a case costs in this process."""
+    import resource
+    import time
+
+    import pyfric
+    from pyfric.scene import Spread, preset
+
+    changes = dict(case.changes)
+    if width := changes.pop("disorder", None):
+        mean = preset(case.scene).interface.mu_s
+        changes["mu_s"] = Spread(mean=mean, range=np.sqrt(3) * width * mean, seed=1)
+    scene, record, begin = preset(case.scene, **changes), None, time.process_time()
+    if case.engine == "plan":
+        pyfric.plan(scene, t_end=case.t_end)
+    else:
+        how = {"fidelity": case.engine, "progress": False}
+        if case.engine == "hybrid":  # the energy budget had another name
+            names = ("energies", "budget")
+            without = next(name for name in names if hasattr(pyfric.Options(), name))
+            how |= {"geometry": case.geometry, "threads": 1, without: False}
+        record = pyfric.simulate(scene, case.t_end, **how)
+    seconds, most = time.process_time() - begin, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    found = {"seconds": seconds, "GB": most * 1024 / 1e9}
+    return found if record is None else found | _counted(record, case)
+
+
+def _counted(record: Any, case: Case) -> dict[str, Any]:
+    counts = record.counts
+    found = {"main": int(record.events["is_main"].sum()), "events": len(record.events)}
+    if case.engine != "hybrid":
+        return found
+    steps, jumps = counts["steps"], counts["jumps"]
+    found |= {name: counts.get(name) for name in ("attempts", "slides", "modal_bases")}
+    attempts = found["attempts"]
+    found |= {"steps": steps, "refused": None if attempts is None else attempts - jumps}
+    if not found["slides"]:
+        dt = case.t_end / (steps + counts["steps_spared"])
+        lasts, blocks = spells(record.switches, case.t_end)
+        for kind, (least, most) in SIZES.items():
+            found[kind] = round(lasts[(blocks >= least) & (blocks <= most)].sum() / dt)
+        found["at_rest"] = steps - sum(found[kind] for kind in SIZES)
+    return found
+
+
+def spells(switches: Any, t_end: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return how long the spells of slip until t_end (s) last, in s, and the blocks of each."""
+    t, block, old, new = (np.asarray(switches[name]) for name in ("t", "block", "old", "new"))
+    slips, before = np.cumsum((np.abs(new) == 1).astype(int) - (np.abs(old) == 1)), 0
+    lasts, blocks, begin = [], [], 0
+    for n, now in enumerate(slips):
+        if before == 0:
+            begin = n
+        if (before or now) and (now == 0 or n == len(slips) - 1):
+            lasts.append((t_end if now else t[n]) - t[begin])
+            blocks.append(len(np.unique(block[begin : n + 1])))
+        before = now
+    return np.array(lasts), np.array(blocks, dtype=int)
+
+
+def report(frame: pd.DataFrame) -> str:
+    """Return a table of `finer` as text, with times of the other build over those of this one."""
+    text = frame.to_string(index=False, na_rep="-", float_format="{:.4g}".format)
+    times = frame.pivot_table(index="case", columns="build", values="seconds", sort=False)
+    others = [build for build in times.columns if build != "this"]
+    for build in others:
+        ratio = (times[build] / times["this"]).to_string(float_format="{:.2f}".format)
+        text += f"\n\nprocessor time of {build} over this build's\n{ratio}"
+    return text
+
+
+if __name__ == "__main__":
+    print(json.dumps(measured(Case(*json.loads(sys.argv[1])))))

@@ -1,0 +1,63 @@
+"""What fine lattices cost: runs beside another build, and steps by what the slider does."""
+
+import contextlib
+from pathlib import Path
+
+import fine
+import numpy as np
+import pytest
+
+import pyfric
+from pyfric.scene import preset
+
+
+@pytest.fixture(scope="module")
+def table():
+    patch = pytest.MonkeyPatch()
+    asked = []
+
+    @contextlib.contextmanager
+    def built(commit):
+        asked.append(commit)
+        yield Path(pyfric.__file__).parents[1]
+
+    patch.setattr(fine, "built", built)
+    patch.setattr(fine, "CASES", fine.CASES | {"2.5 mm": fine.Case("fig1", {}, 0.28)})
+    frame = fine.finer(fine.QUICK, commit="older", repeats=1)
+    patch.undo()
+    assert asked == ["older"]
+    return frame
+
+
+def test_both_builds_make_the_same_runs(table):
+    assert table["build"].tolist() == ["this", "older"] * 3
+    one, other = (part.reset_index() for _, part in table.groupby("build"))
+    for name in ("steps", "events", "attempts", *fine.SIZES):
+        np.testing.assert_array_equal(one[name], other[name])
+    assert (table["seconds"] > 0).all()
+    assert table["GB"].between(0.02, 2).all()
+    assert "processor time of older over" in fine.report(table)
+
+
+def test_steps_of_all_kinds_are_those_of_the_run(table):
+    row = table.iloc[0]
+    record = pyfric.simulate(
+        preset("fig1"), 0.28, fidelity="hybrid", geometry="linear", threads=1, progress=False
+    )
+    assert row["steps"] == record.counts["steps"] == sum(row[[*fine.SIZES, "at_rest"]])
+    assert 0 <= row["at_rest"] < row["steps"]
+    assert row["events"] == len(record.events) > 0
+
+
+def test_spells_end_when_no_block_slips():
+    t, block = [1.0, 1.5, 2.0, 2.25, 3.0, 4.0, 5.0], [0, 1, 0, 1, 2, 3, 3]
+    old, new = [0, 0, 1, -1, 0, 0, 2], [1, -1, 0, 0, 2, 2, 1]
+    switches = {"t": t, "block": block, "old": old, "new": new}
+    lasts, blocks = fine.spells(switches, 7.0)
+    np.testing.assert_array_equal(lasts, [1.25, 2.0])  # 2 lifts, 3 slips when it lands, to the end
+    np.testing.assert_array_equal(blocks, [2, 1])
+
+
+def test_a_commit_that_does_not_exist_is_not_built():
+    with pytest.raises(fine.subprocess.CalledProcessError), fine.built("no-such-commit"):
+        pass

@@ -17,7 +17,7 @@ from pyfric.record.data import RecordData
 from pyfric.record.held import RecordError, found_arrays, held_in
 from pyfric.record.netcdf import file_image, read_image
 from pyfric.record.report import summary, text
-from pyfric.scene import write
+from pyfric.scene import write, write_all
 from pyfric.signals import held_back
 
 if TYPE_CHECKING:
@@ -221,10 +221,10 @@ class Record(RecordData):
         """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
-        return [
-            write(folder / f"{name}.csv", frame.to_csv(index=False).encode())
-            for name, frame in layout.csv_tables(self).items()
-        ]
+        tables = layout.csv_tables(self)
+        return write_all(
+            {folder / f"{k}.csv": v.to_csv(index=False).encode() for k, v in tables.items()}
+        )
 
 
 load = Record.load

@@ -22,9 +22,11 @@ from pyfric.scene.files import (
     check_writable,
     clean_drafts,
     figure_stem,
+    read_at_most,
     sealed,
     unsealed,
     write,
+    write_all,
     written,
 )
 from pyfric.scene.friction import FRICTIONLESS, Law, of, slipped

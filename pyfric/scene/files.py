@@ -12,7 +12,7 @@ import shutil
 import socket
 import stat
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -94,8 +94,23 @@ def write(path: str | os.PathLike[str], content: bytes, suffix: str = "") -> Pat
     return Path(path)
 
 
-def read_at_most(path: str | os.PathLike[str], size: int) -> bytes:
-    """Return at most the first `size` bytes of a regular file, without waiting for a pipe.
+def write_all(contents: Mapping[str | os.PathLike[str], bytes]) -> list[Path]:
+    """Write files by path, and return their paths; none is replaced before all are on the disk.
+
+    Raises:
+        OSError: see `written`.
+    """
+    with contextlib.ExitStack() as stack:
+        for path, content in contents.items():
+            draft = stack.enter_context(written(path))
+            with _regular(path):
+                draft.write_bytes(content)
+                _flush(draft)
+    return [*map(Path, contents)]
+
+
+def read_at_most(path: str | os.PathLike[str], size: int = -1) -> bytes:
+    """Return the first `size` bytes, or all, of a regular file, without waiting for a pipe.
 
     Raises:
         OSError: the file cannot be read, or is not a regular file.

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import enum
 import functools
+import hashlib
 import json
 import os
 import shlex
 import signal
+import socket
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -23,6 +26,10 @@ if TYPE_CHECKING:
     from pyfric.figures import DataFigure
     from pyfric.record import Record
     from pyfric.scene import Scene
+
+
+CLAIM = ".running"
+"""End of the name of a file that is locked while a command makes what stands beside it."""
 
 
 class Exit(enum.IntEnum):
@@ -193,6 +200,43 @@ def _check_writable(out: Path, path: Path, option: str, suffix: str = "") -> Non
             check_writable(path, suffix=suffix)
     except OSError as error:
         raise click.UsageError(f"{option} {out}: {error.strerror}.") from None
+
+
+@contextmanager
+def claimed(out: Path | None, what: object, option: str = "--out") -> Iterator[None]:
+    """Refuse an output, for the block, that another process makes from something else meanwhile.
+
+    A file beside the output is locked, as long as this process lives. Where nothing can be locked,
+    nobody is refused. `what` says what it is made from.
+    """
+    if out is None:
+        yield
+        return
+    from filelock import FileLock, Timeout  # slow to import
+
+    path = Path(os.path.abspath(out))
+    path = path.parent / f".{path.name}{CLAIM}"
+    own = hashlib.sha256(repr(what).encode()).hexdigest()
+    lock = FileLock(path, timeout=0, fallback_to_soft=False)
+    try:
+        lock.acquire()
+        path.write_text(f"{own} {os.getpid()} of {socket.gethostname()}")
+    except Timeout:
+        with suppress(OSError):
+            other, _, process = path.read_text().partition(" ")
+            if other != own:
+                who = f"process {process}" if process else "another process"
+                reason = f"{who} writes other results there; name another place, or wait"
+                raise click.UsageError(f"{option} {out}: {reason}.") from None
+    except OSError:
+        pass
+    try:
+        yield
+    finally:
+        if lock.is_locked:
+            with suppress(OSError):
+                path.unlink()
+            lock.release()
 
 
 def figure_ends(*tables: str) -> tuple[str, ...]:

@@ -174,7 +174,8 @@ class Run:
                 f"(limit {OPEN_BUDGET:g}): steps of {dt:.3g} s damp fast motion; take a smaller "
                 + ("rtol" if self.method.rtol else "dt"),
             )
-        return (*notes, *(f"{self.name}: {note}" for note in law_notes(scene, self.state.t, dt)))
+        others = *law_notes(scene, self.state.t, dt), *core.fork_notes(scene.N_x * scene.N_z)
+        return (*notes, *(f"{self.name}: {note}" for note in others))
 
     def _columns(self) -> list[str]:
         """Return the names of the columns of the curve."""

@@ -29,6 +29,7 @@ from pyfric.engines.engine import ENGINES, Engine
 from pyfric.engines.integration import (
     STEPS,
     Guard,
+    contact_notes,
     integrate,
     just_after,
     last_step,
@@ -429,6 +430,7 @@ class Run:
         state.drive = scene.drive(state.t)
         curve, notes = history.curve(), self.notes() + zone_notes(scene, self.name, catalogue)
         notes += chain_notes(scene, self.name, catalogue)
+        notes += contact_notes(scene, self.name, switches, state.mode)
         motion = history.arrays()
         history.cut(n)
         timings = self.timings | {"catalogue": time.perf_counter() - start}

@@ -65,11 +65,11 @@ PER_BIN = 5
 what they are drawn from four times out of five (binomial)."""
 
 
-def budget_left(curve: pd.DataFrame) -> pd.Series:
+def budget_left(curve: pd.DataFrame | RecordData) -> pd.Series:
     """Return the residual of an energy budget since its start, in J: 0 except for errors of steps.
 
     Args:
-        curve: the loading curve of a run with energies = True.
+        curve: a run with energies = True, or its loading curve.
 
     Raises:
         SceneError: it has no budget.
@@ -78,17 +78,18 @@ def budget_left(curve: pd.DataFrame) -> pd.Series:
     return stored - given + lost
 
 
-def budget_error(curve: pd.DataFrame) -> float:
+def budget_error(curve: pd.DataFrame | RecordData) -> float:
     """Return the largest error of an energy budget, over the largest energy exchanged.
 
     If almost none was exchanged, it is taken over the stored energy.
 
     Args:
-        curve: the loading curve of a run with energies = True.
+        curve: a run with energies = True, or its loading curve.
 
     Raises:
         SceneError: it has no budget.
     """
+    curve = getattr(curve, "curve", curve)
     moved = max(term.abs().max() for term in _moved(curve))
     moved = max(moved, ROUNDED * curve[_energies(curve)].abs().sum(axis=1).max())
     return float(budget_left(curve).abs().max() / moved) if moved > 0 else 0.0
@@ -98,8 +99,12 @@ def _energies(curve: pd.DataFrame) -> list[str]:
     return [name for name in curve if name.startswith(("kinetic_", "elastic_"))]
 
 
-def _moved(curve: pd.DataFrame) -> tuple[pd.Series, pd.Series, pd.Series]:
-    """Return the energy stored since the start, the work done, and what was lost, in J."""
+def _moved(curve: pd.DataFrame | RecordData) -> tuple[pd.Series, pd.Series, pd.Series]:
+    """Return what was stored, given and lost since the first point, in J.
+
+    A run from a state goes on with the work and the heat of what was before.
+    """
+    curve = getattr(curve, "curve", curve)
     if "work_driver" not in curve:
         raise SceneError("curve", ", ".join(curve), "", "that of a run with energies = True")
     stored = curve[_energies(curve)].sum(axis=1)
@@ -107,7 +112,7 @@ def _moved(curve: pd.DataFrame) -> tuple[pd.Series, pd.Series, pd.Series]:
     if "stiffness_work" in curve:
         work = work + curve["stiffness_work"]
     lost = curve["dissipated_bonds"] + curve["friction_heat"] + curve["switching_loss"]
-    return stored - stored.iloc[0], work, lost
+    return stored - stored.iloc[0], work - work.iloc[0], lost - lost.iloc[0]
 
 
 class FrictionCoefficients(NamedTuple):

@@ -5,6 +5,8 @@ import errno
 import functools
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 
@@ -564,3 +566,34 @@ def test_the_budget_of_a_run_from_a_state_counts_from_its_first_point():
     assert analysis.budget_error(second) == analysis.budget_error(second.curve) < 1e-4
     assert not any("budget" in note for note in second.notes)
     assert analysis.budget_error(second.curve.assign(work_driver=0.0)) > 0.1
+
+
+FROM_A_STATE = """
+import hashlib, sys
+import pyfric
+from helpers import small
+
+state, found = pyfric.State.load(sys.argv[1]), hashlib.sha256()
+for geometry in ("finite", "linear"):
+    how = {"fidelity": "dynamic", "geometry": geometry, "energies": True, "progress": False}
+    record = pyfric.simulate(small(), 1.6e-3, initial=state, **how)
+    assert len(record.switches["t"]) > 20
+    for values in (record.curve.to_numpy(), *record.switches.values(), record.final_state.y):
+        found.update(values.tobytes())
+print(found.hexdigest())
+"""
+
+
+def test_from_the_same_state_no_kernel_of_blas_changes_a_bit(tmp_path):
+    state = pyfric.simulate(small(), 1e-3, fidelity="dynamic", progress=False).final_state
+    path = state.save(tmp_path / "state.npz")
+    found = set()
+    for kernel in ("Prescott", "Haswell"):
+        env = os.environ | {"OPENBLAS_CORETYPE": kernel, "PYTHONPATH": os.path.dirname(__file__)}
+        words = [sys.executable, "-c", FROM_A_STATE, str(path)]
+        made = subprocess.run(words, env=env, capture_output=True, text=True, check=False)
+        if made.returncode < 0:
+            pytest.skip(f"this processor has no {kernel}")
+        assert made.returncode == 0, made.stderr
+        found.add(made.stdout)
+    assert len(found) == 1

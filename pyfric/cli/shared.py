@@ -84,6 +84,11 @@ class SceneName(click.ParamType):
 
     name = "scene"
 
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        if value == "-":
+            self.fail("scenes are not read from stdin: name a preset or a file.", param, ctx)
+        return os.path.expanduser(value)
+
     def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:
         from pyfric.scene import PRESETS
 
@@ -274,6 +279,21 @@ def running(command: Callable[..., Any]) -> Callable[..., Any]:
     return workers(cache(command))
 
 
+class _Folder(click.Path):
+    """The path of a folder."""
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        return super().convert(_named(self, value, param, ctx), param, ctx)
+
+
+def _named(kind: click.ParamType, value: Any, param: Any, ctx: Any) -> str:
+    """Return a path with the home folder for ~, which shells leave inside of quotes."""
+    text = os.fspath(value)
+    if text == "-":
+        kind.fail("results are not written to stdout: name a place for them.", param, ctx)
+    return os.path.expanduser(text)
+
+
 class _File(click.Path):
     """The path of a file or of the stem of a figure: neither is empty, or ends like a folder."""
 
@@ -281,7 +301,7 @@ class _File(click.Path):
         text = os.fspath(value)
         if not Path(text).name or text.endswith(("/", os.sep)):
             self.fail(f"{text!r} does not name a file.", param, ctx)
-        return super().convert(value, param, ctx)
+        return super().convert(_named(self, value, param, ctx), param, ctx)
 
 
 class _Stem(_File):
@@ -303,7 +323,7 @@ def stem_option(name: str, **rest: Any) -> Callable[..., Any]:
 
 
 def folder_option(name: str, **rest: Any) -> Callable[..., Any]:
-    return click.option(name, type=click.Path(path_type=Path), **rest)
+    return click.option(name, type=_Folder(path_type=Path), **rest)
 
 
 figure_out_option = folder_option(

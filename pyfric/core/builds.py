@@ -103,15 +103,15 @@ def processors() -> int:
 class _Fork:
     """Whether this process was made by fork, after which it waits for ever for its threads."""
 
-    here = False
+    child = False
 
     @classmethod
-    def child(cls) -> None:
-        cls.here = True
+    def happened(cls) -> None:
+        cls.child = True
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_Fork.child)
+    os.register_at_fork(after_in_child=_Fork.happened)
 
 
 def forked() -> bool:
@@ -119,7 +119,7 @@ def forked() -> bool:
 
     Threads that OpenMP started in the parent do not exist in the child, which would wait for them.
     """
-    return _Fork.here
+    return _Fork.child
 
 
 def fork_notes(n_blocks: int) -> tuple[str, ...]:

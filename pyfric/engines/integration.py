@@ -320,10 +320,10 @@ def contact_notes(
     number = np.cumsum(changes)
     if mode is not None and len(number):
         number += np.sum(mode == core.OPEN) - number[-1]
-    most = np.flatnonzero(2 * number > scene.N_x)
-    if scene.N_z == 1 or not len(most):
+    lifted = np.flatnonzero(2 * number > scene.N_x)
+    if scene.N_z == 1 or not len(lifted):
         return ()
-    at = most[0]
+    at = lifted[0]
     return (
         f"{engine}: from t = {switches['t'][at]:.4g} s on {number[at]} of {scene.N_x} blocks have "
         "no contact: the slider turns over or lifts off; a lower driver (h) or T, or a longer "

@@ -196,6 +196,9 @@ def plan(
 
     Source: `pyfric.planning.levels`.
     """
+    if not isinstance(want, str) or want[:1].isdigit():
+        allowed = f"what is wanted; the time is given by its name: plan(scene, t_end={want!r})"
+        raise SceneError("want", want, "", allowed)
     options = Options(want=want, tolerance=tolerance, stop_when=stop_when).on(scene)
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     found = levels(scene, options)

@@ -71,7 +71,7 @@ LONG = 600.0
 @one_thread_if_small
 def simulate(
     scene: SceneLike,
-    t_end: Number,
+    t_end: Number | None = None,
     options: Options | None = None,
     *,
     initial: State | Record | None = None,
@@ -98,7 +98,7 @@ def simulate(
 
     Args:
         scene: a scene, the name of a preset, or the path of a scene file.
-        t_end: time of the end, in s; the last step ends there or just beyond.
+        t_end: time of the end, in s; it has to be given. The last step ends there or just beyond.
         options: options of the run; None means `Options()`.
         initial: None starts at t = 0 from the loaded state with F_T = 0. A `State` starts from that
             state, also with another scene; if K or the driven blocks differ, F_T is kept. A
@@ -129,6 +129,8 @@ def simulate(
     raise_if_asked()
     if not isinstance(initial, State | Record | None):
         raise StateError(f"initial: expected a State or a Record, not {type(initial).__name__}")
+    if t_end is None:
+        raise SceneError("t_end", None, "s", 'a time, as in simulate(scene, "900 ms")', "missing")
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     if not isinstance(options, Options | None):
         raise SceneError("options", options, "", "Options or None")

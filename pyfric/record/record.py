@@ -155,7 +155,7 @@ class Record(RecordData):
         """
         if not isinstance(path, str | os.PathLike):
             raise RecordError(f"record: a path is needed, not {type(path).__name__}")
-        path = Path(path)
+        path = Path(os.path.expanduser(path))
         if not os.path.exists(path):  # also where no file can have this name
             raise FileNotFoundError(f"no record at {path}")
         if not path.is_file():
@@ -219,7 +219,7 @@ class Record(RecordData):
         gives unit and meaning of every column. Floats are written with all digits that distinguish
         them.
         """
-        folder = Path(folder)
+        folder = Path(os.path.expanduser(folder))
         folder.mkdir(parents=True, exist_ok=True)
         tables = layout.csv_tables(self)
         return write_all(

@@ -91,7 +91,7 @@ def write(path: str | os.PathLike[str], content: bytes, suffix: str = "") -> Pat
     check_suffix(path, suffix)
     with written(path) as draft:
         draft.write_bytes(content)
-    return Path(path)
+    return Path(os.path.expanduser(path))
 
 
 def write_all(contents: Mapping[str | os.PathLike[str], bytes]) -> list[Path]:
@@ -106,7 +106,7 @@ def write_all(contents: Mapping[str | os.PathLike[str], bytes]) -> list[Path]:
             with _regular(path):
                 draft.write_bytes(content)
                 _flush(draft)
-    return [*map(Path, contents)]
+    return [Path(os.path.expanduser(path)) for path in contents]
 
 
 def read_at_most(path: str | os.PathLike[str], size: int = -1) -> bytes:
@@ -120,7 +120,7 @@ def read_at_most(path: str | os.PathLike[str], size: int = -1) -> bytes:
     def at_once(name: str, flags: int) -> int:
         return os.open(name, flags | os.O_NONBLOCK)
 
-    with open(path, "rb", opener=at_once) as file:
+    with open(os.path.expanduser(path), "rb", opener=at_once) as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
             raise OSError(errno.EINVAL, "Not a regular file", os.fspath(path))
         return file.read(size)
@@ -152,7 +152,7 @@ def _regular(path: str | os.PathLike[str]) -> Iterator[Path]:
 
     An OSError names this path instead of a temporary file.
     """
-    target = Path(os.path.realpath(path))
+    target = Path(os.path.realpath(os.path.expanduser(path)))
     try:
         if target.is_symlink():  # after all links were followed
             raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))

@@ -81,6 +81,11 @@ class Slider:
     dashpots: Literal["full", "along"] = "full"
 
     _section: ClassVar[str] = "slider"
+    _elsewhere: ClassVar[dict[str, str]] = dict.fromkeys(
+        ("E", "nu", "rho", "density", "B", "width", "viscosity", "material"),
+        "k and M; Slider.of_material(E=..., density=..., width=..., L=..., H=..., l=...) finds "
+        "them from a material. Poisson's ratio is 1/3 in this lattice",
+    )
 
     @classmethod
     def of_material(

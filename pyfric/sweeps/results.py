@@ -162,7 +162,7 @@ class Results:
         Raises:
             OSError: a file cannot be written.
         """
-        folder = Path(folder)
+        folder = Path(os.path.expanduser(folder))
         folder.mkdir(parents=True, exist_ok=True)
         files = {folder / "sweep.csv": self.table.to_csv().encode()}
         if find_spec("h5netcdf") is not None:  # comes with xarray

@@ -10,7 +10,7 @@ import csv
 import os
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,7 +53,7 @@ class _Line(NamedTuple):
     cells: list[str]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Measured:
     """A measured, noisy curve of mu over slip.
 
@@ -69,7 +69,7 @@ class Measured:
     """
 
     path: str | os.PathLike[str]
-    knots: int = 20
+    knots: int = field(default=20, kw_only=True)
 
     def __post_init__(self) -> None:
         check_whole("knots", self.knots, 2, MAX_KNOTS)

@@ -24,7 +24,7 @@ KINDS = {
         "pauses": "AT_REST BLOCKS COLUMNS",
         "stopping": "TRANSITS",
         "pairs": "PERTURBATION SAFETY",
-        "simulation": "LONG STATIC_SHARE",
+        "simulation": "LONG SHORT STATIC_SHARE",
         "starts": "EXCESS",
         "contact": "LEAST_DEFINITENESS",
         "analysis": "BINS SHIFTS PER_BIN",

@@ -66,6 +66,8 @@ BUDGET = "4 x"
 """Default of the option `budget`: a policy."""
 LONG = 600.0
 """Expected duration above which a run prints a note before it starts, in s."""
+SHORT = 10.0
+"""How many times longer steps without viscosity have to be for a note on its cost: a policy."""
 
 
 @one_thread_if_small
@@ -161,9 +163,11 @@ def simulate(
     if options.fidelity == "auto":
         of = levels(scene, options, begun=initial is not None)
         _check_steps(of, asked)
-        return leveled(asked, of, progress)
+        notes += (*_short_steps(asked, progress),)
+        return _with_notes(leveled(asked, of, progress), *notes)
+    notes += (*_short_steps(asked, progress),)
     if options.verify not in (None, "none"):
-        return leveled(asked, of_named(scene, options))
+        return _with_notes(leveled(asked, of_named(scene, options)), *notes)
     return _with_notes(run(scene, t_end, options), *notes)
 
 
@@ -243,6 +247,32 @@ def _run(
             said = _said(scene, engine.name, made * machine_speed(), progress)
     how: dict[str, Any] = {"initial": initial, "progress": progress, "enough": enough}
     return _with_notes(engine.run(scene, t_end, options, **how), *said)
+
+
+def _short_steps(asked: Asked, progress: object) -> list[str]:
+    """Return the note on events that take long because of viscosity, and print it; or none.
+
+    The hybrid engine then takes between the cost of its events, which is not known before, and that
+    of full dynamics.
+    """
+    scene, fidelity, lasts = asked.scene, asked.options.fidelity, asked.t_end - asked.t_begin
+    if fidelity not in ("auto", "hybrid") or ENGINES["hybrid"].cannot(scene) or not scene.eta:
+        return []
+    dt, _ = asked.options.steps_on(scene)
+    most = full_work(scene, "linear", dt, lasts)
+    if most * SLOWEST <= LONG or most * machine_speed() <= LONG:
+        return []
+    of_waves = step_size(scene.replace({"slider.eta": 0.0, "slider.damping": None}))
+    if of_waves < SHORT * dt:
+        return []
+    note = (
+        f"{fidelity}: viscosity makes steps {of_waves / dt:.2g} times shorter than waves do, and "
+        f"events as many times longer to integrate: up to {most * machine_speed() / 60:.2g} "
+        "minutes on one core; a smaller eta, or fidelity = 'quasistatic', takes less"
+    )
+    if progress in (None, True) and sys.stderr is not None:
+        print(note, file=sys.stderr, flush=True)
+    return [note]
 
 
 def _said(scene: Scene, engine: str, seconds: float, progress: object) -> list[str]:

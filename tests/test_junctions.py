@@ -331,7 +331,7 @@ def test_jumps_over_rests_are_refused(fidelity):
 
 def test_plan_takes_full_dynamics_and_says_the_price():
     plan = pyfric.plan("slow", t_end=1.6)
-    assert (plan.alone.engine, plan.alone.switching) == ("dynamic", "step_end")
+    assert (plan.alone.engine, plan.alone.switching) == ("dynamic", "located")
     assert plan.seconds[1] > 10
     assert "break and pin all the time" in plan.levels[0].cannot
     assert "left out (junctions" in str(plan)

@@ -15,6 +15,7 @@ Source: PRL 107, 074301 (2011).
 
 from __future__ import annotations
 
+import os
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -302,7 +303,11 @@ class Beside(NamedTuple):
 
 
 def compare_curve(
-    record: RecordData, t: ArrayLike, F_T: ArrayLike, *, largest_shift: float | None = None
+    record: RecordData,
+    t: ArrayLike,
+    F_T: ArrayLike | None = None,
+    *,
+    largest_shift: float | None = None,
 ) -> Beside:
     """Return how far a measured loading curve is from a run, as it stands and shifted in time.
 
@@ -320,6 +325,10 @@ def compare_curve(
         SceneError: times and forces do not fit together, no shift leaves half of them inside, or
             largest_shift is refused.
     """
+    if F_T is None or isinstance(t, str | os.PathLike):
+        what = t if isinstance(t, str | os.PathLike) else type(t).__name__
+        reason = "not numbers: give two arrays; pandas.read_csv reads them from a file"
+        raise SceneError("t", what, "", 'compare_curve(record, table["t"], table["F_T"])', reason)
     t, F_T = _numbers("t", t), _numbers("F_T", F_T)
     _check_measured(t, F_T)
     known, forces = (record.curve[name].to_numpy() for name in ("t", "F_T"))

@@ -169,13 +169,30 @@ def _lines(
     heads = rows.pop(0) if named else None
     for n, cells in rows:
         if len(cells) != 2:
-            raise _refused(name, None, "two columns", path, f"row {n}: {len(cells)} columns")
+            where = f"row {n}: {len(cells)} columns{_cause(cells, heads)}"
+            raise _refused(name, None, "two columns", path, where)
         for c, cell in enumerate(cells, 1):
             if not _is_number(cell):
-                raise _refused(name, None, "a number", path, f"row {n}, column {c}: not a number")
+                where = f"row {n}, column {c}: not a number{_cause(cells, heads)}"
+                raise _refused(name, None, "a number", path, where)
     if not rows:
         raise _refused(name, 0, f"2 to {MAX_KNOTS} rows of numbers", path, "rows")
     return comments, heads, rows
+
+
+def _cause(cells: list[str], heads: _Line | None) -> str:
+    """Return why a row may not be two numbers, and what to do; "" if it is not known."""
+    digits = sum(cell.lstrip("+-").isdigit() for cell in cells)
+    points = [cell.replace(",", ".") for cell in cells]
+    if len(cells) == 4 and digits >= 3:
+        return "; decimal commas need other separators than commas, such as semicolons"
+    if points != cells and all(map(_is_number, points)):
+        return "; it has decimal commas: write decimal points"
+    if len(cells) == 1 and len(cells[0].split()) == 2:
+        return "; separate columns by commas, semicolons or tabs"
+    if heads is not None and not any(map(_is_number, cells)):
+        return "; if this row has units, write them in the heads, such as 'slip (um)'"
+    return "; keep those of slip (or time, or speed) and of mu" if len(cells) > 2 else ""
 
 
 def _cells(lines: Iterable[tuple[int, str]], apart: str) -> list[_Line]:

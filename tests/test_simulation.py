@@ -593,3 +593,10 @@ def test_viscosity_that_makes_events_long_is_told_before_the_start(fidelity, mon
     with pytest.raises(KeyboardInterrupt):
         pyfric.simulate(scene.replace({"slider.eta": 100 * scene.eta}), 1e-3, fidelity=fidelity)
     assert not capsys.readouterr().err
+
+
+def test_a_short_run_costs_no_more_than_a_longer_one():
+    runs = [pyfric.simulate("fig1", t_end, progress=False) for t_end in ("10 ms", "30 ms", "0.3 s")]
+    made = [record.counts["block_evaluations"] for record in runs]
+    assert max(made[:2]) <= made[2]
+    assert made[0] < 100 * 57 * 31 * 4, "fewer than a hundred steps"

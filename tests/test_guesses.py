@@ -1,6 +1,8 @@
 """First guesses: each does what one expects, or one sentence says what to write instead."""
 
+import copy
 import os
+import pickle
 from pathlib import Path
 
 import pytest
@@ -100,3 +102,13 @@ def test_the_command_line_says_what_to_name(words, text, tmp_path, monkeypatch):
 def test_only_names_of_its_own_are_offered():
     assert {"importlib", "Any", "TYPE_CHECKING", "ROOMS"}.isdisjoint(dir(pyfric))
     assert set(pyfric.__all__) <= set(dir(pyfric))
+
+
+def test_the_normal_force_of_any_scene_is_found():
+    assert small().top.F_N == small().F_N
+    chain = pyfric.chain()
+    with pytest.raises(AttributeError, match=r"no 'F_N'; scene\.F_N is"):
+        _ = chain.top.F_N
+    with pytest.raises(AttributeError, match=r"no 'G_N'$"):
+        _ = chain.top.G_N
+    assert pickle.loads(pickle.dumps(chain)) == copy.deepcopy(chain) == chain

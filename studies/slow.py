@@ -66,13 +66,16 @@ CASES: Mapping[str, Mapping[str, Any]] = {
     "seed 1": {"seed": 1},
     "seed 2": {"seed": 2},
     "half the step": {"dt": 0.5},
+    "step ends": {"switching": "step_end"},
+    "no spread, step ends": {"t_R_std": 0.0, "switching": "step_end"},
     "no spread of t_R": {"t_R_std": 0.0},
     "n_s = 400": {"n_s": 400},
     "n_s = 25": {"n_s": 25},
     "t_R = 0.5 ms": {"t_R": 0.5e-3, "t_R_std": 0.15e-3},
     "t_R = 8 ms": {"t_R": 8e-3, "t_R_std": 2.4e-3},
 }
-"""Names of runs to changes of the law; dt is a share of the automatic step."""
+"""Names of runs to changes of the law; dt is a share of the automatic step, and switching an
+option."""
 
 
 def jobs(cases: Sequence[str], t_end: float = T_END) -> list[Job]:
@@ -80,9 +83,10 @@ def jobs(cases: Sequence[str], t_end: float = T_END) -> list[Job]:
     found = []
     for name in cases:
         changes = dict(CASES[name])
-        share = changes.pop("dt", 1.0)
+        share, switching = changes.pop("dt", 1.0), changes.pop("switching", "located")
         scene = preset("slow", {f"law.{field}": value for field, value in changes.items()})
         how = {"fidelity": "dynamic", "geometry": "linear", "verify": "none", "sample": SAMPLE}
+        how["switching"] = switching
         how |= {} if share == 1 else {"dt": share * step_size(scene)}
         found.append(Job(scene=scene, t_end=t_end, options=how))
     return found

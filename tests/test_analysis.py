@@ -1,6 +1,7 @@
 """Analysis of hand-made records whose answers are known exactly, and of one real run."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -279,6 +280,15 @@ def test_numbers_that_a_run_does_not_have_are_refused():
             analysis.compare_curve(record, t, F_T, largest_shift=largest)
     with pytest.raises(pyfric.SceneError, match="energies = True"):
         analysis.budget_error(record.curve)
+
+
+@pytest.mark.parametrize("given", ["m.csv", Path("m.csv"), pd.DataFrame({"t": [0.0], "F": [1.0]})])
+def test_a_file_or_a_table_is_no_curve(given):
+    for rest in ((), (given,)):
+        if rest and isinstance(given, pd.DataFrame):
+            continue
+        with pytest.raises(pyfric.SceneError, match=r"two arrays; pandas.read_csv reads them"):
+            analysis.compare_curve(made_up(), given, *rest)
 
 
 def test_every_energy_counts_in_the_budget():

@@ -18,7 +18,7 @@ from helpers import same_run, small
 import pyfric
 from pyfric import core
 from pyfric.cli.commands import main
-from pyfric.cli.shared import Exit, Tell
+from pyfric.cli.shared import Exit, Tell, claimed
 from pyfric.figures import FIGURES
 from pyfric.paper.reproduction import mathematical
 from pyfric.sweeps import runs
@@ -872,3 +872,26 @@ def test_a_run_that_cannot_be_saved_names_its_file(tmp_path, monkeypatch):
     found = dynamic("--out", tmp_path / "a.nc", t_end="10 us")
     assert found.exit_code == Exit.FAILED
     assert f"No space left on device: '{tmp_path / 'a.nc'}'" in found.stderr
+
+
+# --- two commands at once ------------------------------------------------------------------------
+
+
+def test_an_output_that_another_command_makes_is_refused(tmp_path):
+    file, out = tmp_path / "sweep.toml", tmp_path / "out"
+    file.write_text('scene = "setup1"\nt_end = "10 us"\n[over]\nh = ["5 mm"]\n')
+    sweep = ("sweep", file, "--out", out)
+    with claimed(out, "another sweep"):
+        assert refused(pyf(*sweep), f"--out {out}: process {os.getpid()}", "writes other results")
+    with claimed(tmp_path / "a.nc", "another run"):
+        assert refused(run("--out", tmp_path / "a.nc"), "a.nc: process")
+    with claimed(file / "sweep.toml", "in no folder"):
+        pass  # where nothing can be locked, nobody is refused
+    assert {path.name for path in tmp_path.iterdir()} == {"sweep.toml"}
+
+
+def test_the_same_output_twice_is_made_twice(tmp_path):
+    out = tmp_path / "out"
+    with claimed(out, "this"), claimed(out, "this"):
+        assert [path.name for path in tmp_path.iterdir()] == [".out.running"]
+    assert not list(tmp_path.iterdir())

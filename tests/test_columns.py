@@ -233,6 +233,23 @@ def test_bad_tables_in_files_are_refused(tmp_path, content, name, value, texts):
         assert text in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [
+        ("slip/um;mu\n0,0;0,7\n1,5;0,45\n", "decimal commas: write decimal points"),
+        ("slip/um\tmu\n0,0\t0,7\n1,5\t0,45\n", "decimal commas: write decimal points"),
+        ("slip/um,mu\n0,0,0,7\n1,5,0,45\n", "decimal commas need other separators"),
+        ("slip,mu\num,-\n0,0.7\n1,0.45\n", "row 2, column 1: .*units, write them in the heads"),
+        ("slip,mu\n[um],[1]\n0,0.7\n1,0.45\n", "write them in the heads, such as 'slip "),
+        ("0,0,0.7\n1,1,0.45\n", "3 columns; keep those of slip"),
+        ("0 0.7\n1 0.45\n", "separate columns by commas, semicolons or tabs"),
+    ],
+)
+def test_the_cause_is_named(tmp_path, content, text):
+    with pytest.raises(SceneError, match=text):
+        table(tmp_path, content)
+
+
 def test_what_is_no_file_of_numbers_is_refused_and_not_shown(tmp_path):
     secret = tmp_path / "secret"
     os.mkfifo(tmp_path / "pipe")

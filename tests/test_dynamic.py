@@ -5,6 +5,8 @@ import errno
 import functools
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 
@@ -24,9 +26,9 @@ from helpers import (
 import pyfric
 from pyfric import core
 from pyfric.core import OPEN, STUCK, StateError
-from pyfric.engines import RunError, step_size
+from pyfric.engines import RunError, integration, step_size
 from pyfric.engines.options import AUTO_SHARE
-from pyfric.record import Record
+from pyfric.record import Record, analysis
 from pyfric.scene import SceneError, preset, setup1, setup2
 from pyfric.statics import StaticSolver, loaded_state, stability_limit
 
@@ -533,3 +535,65 @@ def test_fig1_does_not_hang_on_the_step():
     blocks, force = np.abs(ladders[0] - ladders[1]).max(axis=0) * [scene.N_x, 1 / scene.F_N]
     assert blocks <= 1.5
     assert force < 5e-3
+
+
+@pytest.mark.parametrize("engine", ["dynamic", "quasistatic"])
+def test_a_slider_that_turns_over_has_a_note(engine):
+    scene = setup1(L=0.03, H=0.1, h=0.1, F_N=1000.0, V=0.5)
+    record = pyfric.simulate(scene, 3e-3, fidelity=engine, progress=False)
+    assert sum("turns over" in note for note in record.notes) == 1
+    assert (record.switches["new"] == 2).sum() > scene.N_x / 2
+    low = scene.replace({"driver.h": 0.01})
+    record = pyfric.simulate(low, 3e-3, fidelity=engine, progress=False)
+    assert not any("turns over" in note for note in record.notes)
+
+
+def test_contacts_that_open_are_counted_from_those_at_the_start():
+    scene = small()
+    log = {"t": np.array([1.0, 2.0]), "old": np.array([0, 2]), "new": np.array([2, 0])}
+    mode = np.zeros(scene.N_x, dtype=np.int32)
+    assert integration.contact_notes(scene, "dynamic", log, mode) == ()
+    mode[: scene.N_x // 2] = OPEN
+    (note,) = integration.contact_notes(scene, "dynamic", log, mode)
+    assert f"from t = 1 s on {scene.N_x // 2 + 1} of {scene.N_x} blocks" in note
+
+
+def test_the_budget_of_a_run_from_a_state_counts_from_its_first_point():
+    how = {"fidelity": "dynamic", "energies": True, "progress": False}
+    first = pyfric.simulate(small(), 1.2e-3, **how)
+    second = pyfric.simulate(small(), 1.5e-3, initial=first.final_state, **how)
+    assert second.curve["work_driver"].iloc[0] == first.curve["work_driver"].iloc[-1] > 0
+    assert analysis.budget_error(second) == analysis.budget_error(second.curve) < 1e-4
+    assert not any("budget" in note for note in second.notes)
+    assert analysis.budget_error(second.curve.assign(work_driver=0.0)) > 0.1
+
+
+FROM_A_STATE = """
+import hashlib, sys
+import pyfric
+from helpers import small
+
+state, found = pyfric.State.load(sys.argv[1]), hashlib.sha256()
+for geometry in ("finite", "linear"):
+    how = {"fidelity": "dynamic", "geometry": geometry, "energies": True, "progress": False}
+    record = pyfric.simulate(small(), 1.6e-3, initial=state, **how)
+    assert len(record.switches["t"]) > 20
+    for values in (record.curve.to_numpy(), *record.switches.values(), record.final_state.y):
+        found.update(values.tobytes())
+print(found.hexdigest())
+"""
+
+
+def test_from_the_same_state_no_kernel_of_blas_changes_a_bit(tmp_path):
+    state = pyfric.simulate(small(), 1e-3, fidelity="dynamic", progress=False).final_state
+    path = state.save(tmp_path / "state.npz")
+    found = set()
+    for kernel in ("Prescott", "Haswell"):
+        env = os.environ | {"OPENBLAS_CORETYPE": kernel, "PYTHONPATH": os.path.dirname(__file__)}
+        words = [sys.executable, "-c", FROM_A_STATE, str(path)]
+        made = subprocess.run(words, env=env, capture_output=True, text=True, check=False)
+        if made.returncode < 0:
+            pytest.skip(f"this processor has no {kernel}")
+        assert made.returncode == 0, made.stderr
+        found.add(made.stdout)
+    assert len(found) == 1

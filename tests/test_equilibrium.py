@@ -702,3 +702,9 @@ def test_a_search_that_starts_near_ends_at_the_same_state():
     for share in (0.98, 1.0):
         remembered.solve(u_x, drive * share, free=free)
     assert remembered.latest.iterations == again.iterations
+
+
+@pytest.mark.parametrize("geometry", ["linear", "finite"])
+def test_a_shear_force_under_which_nothing_rests_is_named(geometry):
+    with pytest.raises(EquilibriumError, match=r"under top\.T = 600 N; take a smaller one"):
+        StaticSolver(setup2(F_N=1000.0, T=600.0), geometry)

@@ -65,12 +65,15 @@ import resource, sys
 from pathlib import Path
 import pyfric
 from helpers import small
+from pyfric.figures import fig1b, save_figure
+from pyfric.scene import write_all
 from pyfric.statics import loaded_state
 
 folder = Path(sys.argv[1])
 record = pyfric.simulate(small(), 1e-5, fidelity="dynamic", progress=False)
 state = loaded_state(small()).state(small(), 1e-7)
 record.save(folder / "old")
+figure = fig1b(record)
 resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000))
 for save in (record.save, state.save):
     for path in (folder / "new", folder / "old"):
@@ -80,6 +83,16 @@ for save in (record.save, state.save):
             assert str(path) in str(error), error
             assert error.strerror == "File too large", error
             print("noticed")
+assert pyfric.Record.load(folder / "old") == record
+for make in (
+    lambda: save_figure(figure, folder / "drawn"),
+    lambda: write_all({folder / "old": b"short", folder / "drawn.long": bytes(6000)}),
+):
+    try:
+        make()
+    except OSError as error:
+        assert error.strerror == "File too large" and str(folder) in error.filename, error
+        print("noticed", Path(error.filename).suffix)
 assert pyfric.Record.load(folder / "old") == record
 print("goes on")
 """
@@ -94,7 +107,10 @@ def test_a_full_disk_is_an_ordinary_error(tmp_path):
         env=os.environ | {"PYTHONPATH": os.path.dirname(__file__)},
     )
     assert made.returncode == 0, made.stderr
-    assert made.stdout.split("\n") == [*["noticed"] * 4, "goes on", ""]
+    assert made.stdout.split("\n") == [
+        *["noticed"] * 4,
+        *("noticed .png", "noticed .long", "goes on", ""),
+    ]
     assert names(tmp_path) == ["old"]
 
 
@@ -230,6 +246,15 @@ def test_another_file_is_no_state_and_gets_no_advice_to_load_it_unsafely(tmp_pat
     with pytest.raises(StateError, match=r"a\.nc: damaged, or not a state") as caught:
         State.load(path)
     assert "pickle" not in str(caught.value)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs pipes")
+def test_nobody_waits_for_a_pipe(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    code = "import sys, pyfric; pyfric.State.load(sys.argv[1])"
+    command = [sys.executable, "-c", code, str(tmp_path / "pipe")]
+    made = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert "Not a regular file" in made.stderr
 
 
 def test_states_are_plain_archives(tmp_path):

@@ -331,7 +331,7 @@ def test_jumps_over_rests_are_refused(fidelity):
 
 def test_plan_takes_full_dynamics_and_says_the_price():
     plan = pyfric.plan("slow", t_end=1.6)
-    assert (plan.alone.engine, plan.alone.switching) == ("dynamic", "step_end")
+    assert (plan.alone.engine, plan.alone.switching) == ("dynamic", "located")
     assert plan.seconds[1] > 10
     assert "break and pin all the time" in plan.levels[0].cannot
     assert "left out (junctions" in str(plan)
@@ -436,3 +436,21 @@ def test_strips_and_films_run_the_event_again(ruptured):
     assert ruptured.curve["t"].iloc[at] == pytest.approx(frame.t, abs=4e-7)
     f = -ruptured.scene.d * ruptured.motion["f"][at][::-1]
     np.testing.assert_allclose(frame.tau, f, atol=0.02 * np.abs(f).max())
+
+
+def test_breaks_are_located_because_step_ends_change_events():
+    """At half the stability limit, events are those of a fourth of the step only if located."""
+    scene = pyfric.preset("slow", L=0.03, H=0.015, t_R_std=0.0, V=0.01, n_s=20, F_N=411.0)
+    how = {"fidelity": "dynamic", "geometry": "linear", "sample": 1e-4, "progress": False}
+    dt = pyfric.step_size(scene)
+    made = {
+        (switching, share): pyfric.simulate(
+            scene, 0.02, dt=share * dt, switching=switching, **how
+        ).events["t_start"]
+        for switching, share in ((None, 1.0), ("located", 0.25), ("step_end", 1.0))
+    }
+    fine = made["located", 0.25]
+    assert len(fine) >= 2
+    np.testing.assert_allclose(made[None, 1.0], fine, atol=1e-7)
+    at_ends = made["step_end", 1.0]
+    assert np.abs(at_ends.iloc[: len(fine)].to_numpy() - fine.to_numpy()).max() > 5e-6

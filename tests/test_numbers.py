@@ -25,7 +25,7 @@ KINDS = {
         "stopping": "TRANSITS",
         "pairs": "PERTURBATION SAFETY",
         "slow_slip": "LOOK PAIRS",
-        "simulation": "LONG STATIC_SHARE",
+        "simulation": "LONG SHORT STATIC_SHARE",
         "starts": "EXCESS",
         "contact": "LEAST_DEFINITENESS",
         "analysis": "BINS SHIFTS PER_BIN",

@@ -307,6 +307,22 @@ def test_energy_closes_with_every_protocol(kind):
     assert budget_error(fine) < budget_error(coarse) / 4
 
 
+@pytest.mark.parametrize("fidelity", ["dynamic", "hybrid"])
+@pytest.mark.parametrize("conditions", [{}, {"stop_when": "precursors = 99"}])
+def test_the_curve_has_points_at_corners(fidelity, conditions):
+    push = ((1.003e-3, 0.0), (1.003e-3, 2.0), (1.0231e-3, 2.0), (1.0231e-3, -1.0), (1.9e-3, -1.0))
+    scene, how = driven(small(V=0.0), push), {"fidelity": fidelity, "progress": False} | conditions
+    record = pyfric.simulate(scene, 2e-3, sample=2e-4, **how)
+    t, F_T = (record.curve[name].to_numpy() for name in ("t", "F_T"))
+    assert (np.diff(t) > 1e-7).all()
+    assert all(np.abs(t - corner).min() < 1e-12 for corner in scene.corners)
+    each = pyfric.simulate(scene, 2e-3, sample=record.method.dt, **how).curve["F_T"]
+    assert F_T.max() == pytest.approx(each.max(), rel=1e-3)
+    half = pyfric.simulate(scene, 1.0231e-3, sample=2e-4, **how)
+    again = pyfric.simulate(scene, 2e-3, initial=half, progress=False)
+    np.testing.assert_allclose(again.curve["t"], t, rtol=1e-12)
+
+
 def test_split_runs_and_the_whole_give_the_same_bits():
     scene = driven(small("free", V=0.3), ((2.0004e-4, 0.9), (3e-4, 0.9), (3e-4, -0.7)))
     whole = simulate(scene, 8e-4)

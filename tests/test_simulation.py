@@ -572,3 +572,31 @@ def test_numpy_settings_of_the_caller_change_nothing():
             how = {"fidelity": "hybrid", "geometry": "linear"}
             runs.append(simulate("fig1", "0.12 s", **how))
     assert bits(runs[0].final_state) == bits(runs[1].final_state)
+
+
+@pytest.mark.parametrize("fidelity", ["auto", "hybrid"])
+def test_viscosity_that_makes_events_long_is_told_before_the_start(fidelity, monkeypatch, capsys):
+    def started(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(simulation, "leveled", started)
+    monkeypatch.setattr(simulation, "_run", started)
+    scene = pyfric.preset("fig1")
+    for eta, told in ((100 * scene.eta, True), (scene.eta, False), (0.0, False)):
+        with pytest.raises(KeyboardInterrupt):
+            pyfric.simulate(scene.replace({"slider.eta": eta}), 9.0, fidelity=fidelity)
+        said = capsys.readouterr().err.splitlines()
+        assert len(said) == told, said
+        if told:
+            times = float(said[0].split("viscosity makes steps ")[1].split()[0])
+            assert 30 < times < 1000
+    with pytest.raises(KeyboardInterrupt):
+        pyfric.simulate(scene.replace({"slider.eta": 100 * scene.eta}), 1e-3, fidelity=fidelity)
+    assert not capsys.readouterr().err
+
+
+def test_a_short_run_costs_no_more_than_a_longer_one():
+    runs = [pyfric.simulate("fig1", t_end, progress=False) for t_end in ("10 ms", "30 ms", "0.3 s")]
+    made = [record.counts["block_evaluations"] for record in runs]
+    assert max(made[:2]) <= made[2]
+    assert made[0] < 100 * 57 * 31 * 4, "fewer than a hundred steps"

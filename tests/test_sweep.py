@@ -1,12 +1,15 @@
 """Sweeps: what may vary, points, limits, results and means over seeds, files, and the command."""
 
 import dataclasses
+import errno
 import json
 import math
+import os
 import subprocess
 import sys
 import tomllib
 
+import h5py
 import numpy as np
 import pandas as pd
 import pytest
@@ -516,6 +519,21 @@ def test_the_command_names_what_is_refused_and_ends_with_2_if_all_is(file):
         found = command(file, *words)
         assert found.exit_code == 2
         assert found.stderr.count("refused: interface.mu_k") == 6
+
+
+def test_tables_are_saved_where_hdf5_cannot_lock(file, tmp_path, monkeypatch):
+    results, opened = Sweep.from_toml(file).status(cache=None), h5py.File.__init__
+
+    def in_memory(self, name, *rest, **how):
+        if isinstance(name, str | os.PathLike):
+            raise OSError(errno.ENOLCK, "No locks available")
+        opened(self, name, *rest, **how)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(h5py.File, "__init__", in_memory)
+        paths = results.save(tmp_path / "out")
+    with xr.open_dataset(paths[1]) as read:
+        assert list(read["status"].values.ravel()) == list(results.table["status"])
 
 
 def test_objects_are_saved_as_text(tmp_path):

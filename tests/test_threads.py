@@ -93,6 +93,46 @@ def test_without_barriers_the_delays_show(barrier):
     assert code < 0 or any(word == "different" for word, _ in lines), stderr
 
 
+FORK = """
+import multiprocessing, sys
+from test_core import wide
+import pyfric
+from pyfric import core
+from pyfric.core import builds
+
+builds.BLOCKS_PER_THREAD = 1
+builds.processors = lambda: 2
+scene = wide("rod", 1e-6)
+
+
+def run():
+    record = pyfric.simulate(scene, 5e-6, fidelity="dynamic", progress=False)
+    notes = [note for note in record.notes if "fork" in note]
+    return record.method.threads, record.curve["F_T"].to_numpy().tobytes(), notes
+
+
+here = run()
+with multiprocessing.get_context("fork").Pool(1) as pool:
+    there = pool.apply_async(run).get(timeout=60)
+print(here[0], there[0], here[1] == there[1], here[2], *there[2])
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_child_made_by_fork_runs_on_one_thread_and_says_so():
+    if not core.build_info()["openmp"]:
+        pytest.skip("needs OpenMP")
+    paths = [os.path.dirname(__file__), os.environ.get("PYTHONPATH", "")]
+    done = subprocess.run(
+        [sys.executable, "-c", FORK],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.stdout.startswith("2 1 True [] dynamic: it ran on one thread, because"), done
+
+
 @pytest.mark.parametrize(("said", "looks"), [({}, SPINS), ({"GOMP_SPINCOUNT": "77"}, "77")])
 def test_threads_at_a_barrier_sleep_soon_unless_the_environment_says_how_they_wait(said, looks):
     if not core.build_info()["openmp"]:

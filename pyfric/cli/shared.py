@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import enum
 import functools
+import hashlib
 import json
 import os
 import shlex
 import signal
+import socket
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -23,6 +26,10 @@ if TYPE_CHECKING:
     from pyfric.figures import DataFigure
     from pyfric.record import Record
     from pyfric.scene import Scene
+
+
+CLAIM = ".running"
+"""End of the name of a file that is locked while a command makes what stands beside it."""
 
 
 class Exit(enum.IntEnum):
@@ -76,6 +83,11 @@ class SceneName(click.ParamType):
     """A preset or a file. Shells complete both."""
 
     name = "scene"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        if value == "-":
+            self.fail("scenes are not read from stdin: name a preset or a file.", param, ctx)
+        return os.path.expanduser(value)
 
     def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:
         from pyfric.scene import PRESETS
@@ -195,6 +207,43 @@ def _check_writable(out: Path, path: Path, option: str, suffix: str = "") -> Non
         raise click.UsageError(f"{option} {out}: {error.strerror}.") from None
 
 
+@contextmanager
+def claimed(out: Path | None, what: object, option: str = "--out") -> Iterator[None]:
+    """Refuse an output, for the block, that another process makes from something else meanwhile.
+
+    A file beside the output is locked, as long as this process lives. Where nothing can be locked,
+    nobody is refused. `what` says what it is made from.
+    """
+    if out is None:
+        yield
+        return
+    from filelock import FileLock, Timeout  # slow to import
+
+    path = Path(os.path.abspath(out))
+    path = path.parent / f".{path.name}{CLAIM}"
+    own = hashlib.sha256(repr(what).encode()).hexdigest()
+    lock = FileLock(path, timeout=0, fallback_to_soft=False)
+    try:
+        lock.acquire()
+        path.write_text(f"{own} {os.getpid()} of {socket.gethostname()}")
+    except Timeout:
+        with suppress(OSError):
+            other, _, process = path.read_text().partition(" ")
+            if other != own:
+                who = f"process {process}" if process else "another process"
+                reason = f"{who} writes other results there; name another place, or wait"
+                raise click.UsageError(f"{option} {out}: {reason}.") from None
+    except OSError:
+        pass
+    try:
+        yield
+    finally:
+        if lock.is_locked:
+            with suppress(OSError):
+                path.unlink()
+            lock.release()
+
+
 def figure_ends(*tables: str) -> tuple[str, ...]:
     """Return the endings of the file names of a figure with these tables."""
     return (".png", ".pdf", ".txt", *(f"_{name}.csv" for name in tables))
@@ -230,6 +279,21 @@ def running(command: Callable[..., Any]) -> Callable[..., Any]:
     return workers(cache(command))
 
 
+class _Folder(click.Path):
+    """The path of a folder."""
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        return super().convert(_named(self, value, param, ctx), param, ctx)
+
+
+def _named(kind: click.ParamType, value: Any, param: Any, ctx: Any) -> str:
+    """Return a path with the home folder for ~, which shells leave inside of quotes."""
+    text = os.fspath(value)
+    if text == "-":
+        kind.fail("results are not written to stdout: name a place for them.", param, ctx)
+    return os.path.expanduser(text)
+
+
 class _File(click.Path):
     """The path of a file or of the stem of a figure: neither is empty, or ends like a folder."""
 
@@ -237,7 +301,7 @@ class _File(click.Path):
         text = os.fspath(value)
         if not Path(text).name or text.endswith(("/", os.sep)):
             self.fail(f"{text!r} does not name a file.", param, ctx)
-        return super().convert(value, param, ctx)
+        return super().convert(_named(self, value, param, ctx), param, ctx)
 
 
 class _Stem(_File):
@@ -259,7 +323,7 @@ def stem_option(name: str, **rest: Any) -> Callable[..., Any]:
 
 
 def folder_option(name: str, **rest: Any) -> Callable[..., Any]:
-    return click.option(name, type=click.Path(path_type=Path), **rest)
+    return click.option(name, type=_Folder(path_type=Path), **rest)
 
 
 figure_out_option = folder_option(

@@ -6,6 +6,8 @@ from pyfric.core.builds import (
     VARIANT,
     additions,
     build_info,
+    fork_notes,
+    forked,
     processors,
     useful_threads,
     variants,

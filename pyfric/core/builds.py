@@ -100,17 +100,49 @@ def processors() -> int:
     return os.cpu_count() or 1
 
 
+class _Fork:
+    """Whether this process was made by fork, after which it waits for ever for its threads."""
+
+    child = False
+
+    @classmethod
+    def happened(cls) -> None:
+        cls.child = True
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_Fork.happened)
+
+
+def forked() -> bool:
+    """Return whether this process was made by fork: then the core runs on one thread.
+
+    Threads that OpenMP started in the parent do not exist in the child, which would wait for them.
+    """
+    return _Fork.child
+
+
+def fork_notes(n_blocks: int) -> tuple[str, ...]:
+    """Return a note for a lattice of n_blocks that would run on more threads but for a fork."""
+    if not (forked() and saving_threads(n_blocks) > 1):
+        return ()
+    return ("it ran on one thread, because fork made its process; spawn makes those with threads",)
+
+
+def saving_threads(n_blocks: int, threads: int | None = None) -> int:
+    """Return the number of threads that saves time, also where they cannot be used."""
+    limit = processors() if threads is None else threads
+    return max(1, min(limit, n_blocks // BLOCKS_PER_THREAD)) if build_info()["openmp"] else 1
+
+
 def useful_threads(n_blocks: int, threads: int | None = None) -> int:
-    """Return the number of threads that saves time for a lattice of n_blocks.
+    """Return the number of threads that saves time for a lattice of n_blocks; 1 after a fork.
 
     Args:
         n_blocks: N_x N_z.
         threads: largest number to use; None means all processors that this process may run on.
     """
-    limit = processors() if threads is None else threads
-    if not build_info()["openmp"]:
-        return 1
-    return max(1, min(limit, n_blocks // BLOCKS_PER_THREAD))
+    return 1 if forked() else saving_threads(n_blocks, threads)
 
 
 def additions(n: int, variant: str = VARIANT) -> int:

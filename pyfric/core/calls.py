@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple, get_args
 
 import numpy as np
 
-from pyfric.core.builds import VARIANT, load_variant
+from pyfric.core.builds import VARIANT, forked, load_variant
 from pyfric.core.log import Log, Switching, room_of_step
 from pyfric.core.packing import Model, springs
 from pyfric.core.state import OPEN
@@ -62,7 +62,7 @@ def advance(
             F_N/(N_x s), those of velocities over F_N/(N_x sqrt(s m)), with s the largest of k, k_f
             and k_top.
         budget: whether to integrate work and dissipation.
-        threads: number of threads; results do not depend on it.
+        threads: number of threads; results do not depend on it. One if `forked`.
         variant: build to use; results do not depend on it.
 
     Returns:
@@ -97,7 +97,7 @@ def advance(
         state.t0,
         state.dt,
         n_steps,
-        min(threads, state.y.shape[0]),
+        1 if forked() else min(threads, state.y.shape[0]),
         int(budget),
         log.every,
         step,

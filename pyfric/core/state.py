@@ -15,7 +15,7 @@ import numpy as np
 
 from pyfric.core.packing import check_driven
 from pyfric.display import html
-from pyfric.scene import sealed, slipped, unsealed, write
+from pyfric.scene import read_at_most, sealed, slipped, unsealed, write
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -324,10 +324,10 @@ class State:
         """Read a state written by `save`.
 
         Raises:
-            OSError: the file cannot be read.
+            OSError: the file cannot be read, or is not a regular file.
             StateError: the file contains no state, or is damaged.
         """
-        inside = unsealed(Path(path).read_bytes())
+        inside = unsealed(read_at_most(path))
         if inside is None:
             reason = "its content and the hash at its end do not agree"
             raise StateError(f"{path}: damaged, or not a state ({reason})")

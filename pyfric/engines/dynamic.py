@@ -27,8 +27,10 @@ from pyfric.display import Progress
 from pyfric.engines.cost import work, work_so_far
 from pyfric.engines.engine import ENGINES, Engine
 from pyfric.engines.integration import (
+    ON_GRID,
     STEPS,
     Guard,
+    contact_notes,
     integrate,
     just_after,
     last_step,
@@ -142,7 +144,7 @@ class Run:
         else:
             self.t_begin = before.curve["t"].iloc[0]
             self._add_logs(before.switches, before.quiet)
-            self.history.take(before, last=state.step % method.sample == 0)
+            self.history.take(before, last=state.step % method.sample == 0 or self._at_corner())
 
     @classmethod
     def engine(cls) -> Engine:
@@ -176,7 +178,8 @@ class Run:
                 f"(limit {OPEN_BUDGET:g}): steps of {dt:.3g} s damp fast motion; take a smaller "
                 + ("rtol" if self.method.rtol else "dt"),
             )
-        return (*notes, *(f"{self.name}: {note}" for note in law_notes(scene, self.state.t, dt)))
+        others = *law_notes(scene, self.state.t, dt), *core.fork_notes(scene.N_x * scene.N_z)
+        return (*notes, *(f"{self.name}: {note}" for note in others))
 
     def _columns(self) -> list[str]:
         """Return the names of the columns of the curve."""
@@ -302,6 +305,11 @@ class Run:
             self.model = core.model(self.scene, self.method.geometry, self.state.u_drv0, t)
             self.guard.model = self.model
 
+    def _at_corner(self) -> bool:
+        """Return whether the present step ends at a breakpoint of a protocol."""
+        near = ON_GRID * self.state.dt
+        return any(abs(corner - self.state.t) <= near for corner in self.scene.corners)
+
     def _in_core(self, state: State, n_steps: int) -> core.Status:
         return core.advance(
             self.model,
@@ -347,6 +355,8 @@ class Run:
             numbers = step // self.every + 1 + np.arange(self.log.n_point)
             times = state.t0 + numbers * self.every * state.dt
             self._add_points(times, self.log.points[:, : self.log.n_point])
+        if state.step % self.method.sample and self._at_corner():
+            self.sample()
         if self.log.n_switch or self.log.n_quiet:
             self._add_logs(self.log.switches(), self.log.quiet())
 
@@ -434,6 +444,7 @@ class Run:
         state.drive = scene.drive(state.t)
         curve, notes = history.curve(), self.notes() + zone_notes(scene, self.name, catalogue)
         notes += chain_notes(scene, self.name, catalogue)
+        notes += contact_notes(scene, self.name, switches, state.mode)
         motion = history.arrays()
         history.cut(n)
         timings = self.timings | {"catalogue": time.perf_counter() - start}

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -309,6 +309,25 @@ def strain_notes(scene: Scene, engine: str, F_T: float, t_end: float) -> tuple[s
     return (
         f"{engine}: strains reach about {strain:.2g}, above {LINEAR:g}, where linear geometry, "
         f"which leaves out the rotation and the change of length of bonds, means little{instead}",
+    )
+
+
+def contact_notes(
+    scene: Scene, engine: str, switches: Mapping[str, np.ndarray], mode: np.ndarray | None = None
+) -> tuple[str, ...]:
+    """Return a note if most blocks were open at some time; `mode` holds the contacts at the end."""
+    changes = (switches["new"] == core.OPEN).astype(int) - (switches["old"] == core.OPEN)
+    number = np.cumsum(changes)
+    if mode is not None and len(number):
+        number += np.sum(mode == core.OPEN) - number[-1]
+    lifted = np.flatnonzero(2 * number > scene.N_x)
+    if scene.N_z == 1 or not len(lifted):
+        return ()
+    at = lifted[0]
+    return (
+        f"{engine}: from t = {switches['t'][at]:.4g} s on {number[at]} of {scene.N_x} blocks have "
+        "no contact: the slider turns over or lifts off; a lower driver (h) or T, or a longer "
+        "slider (L), keeps it down",
     )
 
 

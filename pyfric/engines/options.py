@@ -192,9 +192,9 @@ class Options:
         """contacts switch at the end of a step ("step_end", as in the paper) or inside it
         ("located"). "located": at the root of v_x, mu_s p - |f| or u_z of a block, and the step
         continues from there. A double root within a sub-step is found if the parabola through
-        start, middle and end falls below zero. "step_end": late by up to a step. On junctions a
-        late break changes the force of a block by 1/n_s of itself, for one step.""",
-        unless='"located", or "step_end" with method = "paper" and where no block rests',
+        start, middle and end falls below zero. "step_end": late by up to a step. On junctions
+        this is wrong event by event: the order in which they break decides where ruptures stop.""",
+        unless='"located", or "step_end" with method = "paper" and with rate-and-state friction',
         kept=lambda method: method.switching or None,
     )
     rtol: Annotated[float | None, Quantity("", ge=1e-12, le=1.0, optional=True)] = option(
@@ -444,7 +444,7 @@ def check_kept(scene: Scene, method: Method, given: Mapping[str, Any]) -> None:
 
 def default_switching(scene: Scene, method: str | None = None) -> Switching:
     """Return the default of the option `switching`; see `Options`."""
-    return "located" if method is None and scene.law.rests else "step_end"
+    return "located" if method is None and not scene.law.flows else "step_end"
 
 
 def step_size(

@@ -32,7 +32,7 @@ from pyfric.core import CORNER_SHARE, OPEN, STUCK, StateError
 from pyfric.display import Progress, run_bar
 from pyfric.engines.dynamic import kept_notes
 from pyfric.engines.engine import Engine
-from pyfric.engines.integration import strain_notes
+from pyfric.engines.integration import contact_notes, strain_notes
 from pyfric.engines.options import owned
 from pyfric.engines.pauses import loading_notes, longest_pause
 from pyfric.engines.stopping import stopping_of
@@ -341,6 +341,7 @@ class QuasistaticRun:
         warned = strain_notes(scene, engine, F_T, t_end)
         if engine == "quasistatic":  # V does not matter to a prediction
             warned += loading_notes(scene, engine) + zone_notes(scene, engine, catalogue)
+            warned += contact_notes(scene, engine, switches)
         return Record.from_catalogue(
             catalogue,
             scene=scene,

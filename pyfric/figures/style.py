@@ -21,8 +21,7 @@ from pyfric.scene import (
     figure_stem,
     laws,
     prefix_power,
-    write,
-    written,
+    write_all,
 )
 
 COLUMN_WIDTH = 3.4
@@ -172,24 +171,21 @@ def save_figure(fig: DataFigure, path_stem: str | os.PathLike[str]) -> list[Path
     from matplotlib.backends.backend_pdf import FigureCanvasPdf  # slow to import
 
     stem = figure_stem(path_stem)
-    paths = [stem.with_name(stem.name + suffix) for suffix in (".png", ".pdf", ".txt")]
-    png, pdf, txt = paths
+    png, pdf = io.BytesIO(), io.BytesIO()
     dpi, layout = fig.dpi, fig.get_layout_engine()
     fig.set_dpi(PNG_DPI)
-    with written(png) as draft:  # savefig would draw everything twice, to lay it out
-        FigureCanvasAgg(fig).print_png(draft, metadata={"Description": fig.caption})
+    # savefig would draw everything twice, to lay it out
+    FigureCanvasAgg(fig).print_png(png, metadata={"Description": fig.caption})
     fig.set_layout_engine("none")  # laid out already
-    with written(pdf) as draft:
-        about = {"Subject": fig.caption, "CreationDate": None}
-        FigureCanvasPdf(fig).print_pdf(draft, metadata=about)
+    about = {"Subject": fig.caption, "CreationDate": None}
+    FigureCanvasPdf(fig).print_pdf(pdf, metadata=about)
     FigureCanvasAgg(fig)
     fig.set_dpi(dpi)
     fig.set_layout_engine(layout)
-    write(txt, f"{fig.caption}\n".encode())
+    contents = {".png": png.getvalue(), ".pdf": pdf.getvalue(), ".txt": f"{fig.caption}\n".encode()}
     for name, table in fig.tables.items():
-        path = stem.with_name(f"{stem.name}_{name}.csv")
-        paths.append(write(path, table.to_csv(index=False).encode()))
-    return paths
+        contents[f"_{name}.csv"] = table.to_csv(index=False).encode()
+    return write_all({stem.with_name(stem.name + end): what for end, what in contents.items()})
 
 
 def time_unit(span: float) -> tuple[float, str]:

@@ -10,13 +10,14 @@ import dataclasses
 import functools
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 from pyfric.display import html
 from pyfric.engines import (
     ENGINES,
     EVENT_STEPS,
     Options,
+    Want,
     check_steps,
     coarser,
     finer_counts,
@@ -35,7 +36,6 @@ from pyfric.statics import EquilibriumError, one_thread_if_small
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pyfric.engines import Want
     from pyfric.record import Record
     from pyfric.scene import Number, Scene, SceneLike
 
@@ -196,6 +196,11 @@ def plan(
 
     Source: `pyfric.planning.levels`.
     """
+    time = want[:1].isdigit() if isinstance(want, str) else isinstance(want, int | float)
+    if time:
+        allowed = f"one of {', '.join(map(repr, get_args(Want)))}"
+        reason = f"a time is given by its name, plan(scene, t_end={want!r})"
+        raise SceneError("want", want, "", allowed, reason)
     options = Options(want=want, tolerance=tolerance, stop_when=stop_when).on(scene)
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     found = levels(scene, options)

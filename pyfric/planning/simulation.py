@@ -66,12 +66,14 @@ BUDGET = "4 x"
 """Default of the option `budget`: a policy."""
 LONG = 600.0
 """Expected duration above which a run prints a note before it starts, in s."""
+SHORT = 10.0
+"""How many times longer steps without viscosity have to be for a note on its cost: a policy."""
 
 
 @one_thread_if_small
 def simulate(
     scene: SceneLike,
-    t_end: Number,
+    t_end: Number | None = None,
     options: Options | None = None,
     *,
     initial: State | Record | None = None,
@@ -98,7 +100,7 @@ def simulate(
 
     Args:
         scene: a scene, the name of a preset, or the path of a scene file.
-        t_end: time of the end, in s; the last step ends there or just beyond.
+        t_end: time of the end, in s; it has to be given. The last step ends there or just beyond.
         options: options of the run; None means `Options()`.
         initial: None starts at t = 0 from the loaded state with F_T = 0. A `State` starts from that
             state, also with another scene; if K or the driven blocks differ, F_T is kept. A
@@ -129,6 +131,8 @@ def simulate(
     raise_if_asked()
     if not isinstance(initial, State | Record | None):
         raise StateError(f"initial: expected a State or a Record, not {type(initial).__name__}")
+    if t_end is None:
+        raise SceneError("t_end", None, "s", 'a time, as in simulate(scene, "900 ms")', "missing")
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     if not isinstance(options, Options | None):
         raise SceneError("options", options, "", "Options or None")
@@ -159,9 +163,11 @@ def simulate(
     if options.fidelity == "auto":
         of = levels(scene, options, begun=initial is not None)
         _check_steps(of, asked)
-        return leveled(asked, of, progress)
+        notes += (*_short_steps(asked, progress),)
+        return _with_notes(leveled(asked, of, progress), *notes)
+    notes += (*_short_steps(asked, progress),)
     if options.verify not in (None, "none"):
-        return leveled(asked, of_named(scene, options))
+        return _with_notes(leveled(asked, of_named(scene, options)), *notes)
     return _with_notes(run(scene, t_end, options), *notes)
 
 
@@ -241,6 +247,32 @@ def _run(
             said = _said(scene, engine.name, made * machine_speed(), progress)
     how: dict[str, Any] = {"initial": initial, "progress": progress, "enough": enough}
     return _with_notes(engine.run(scene, t_end, options, **how), *said)
+
+
+def _short_steps(asked: Asked, progress: object) -> list[str]:
+    """Return the note on events that take long because of viscosity, and print it; or none.
+
+    The hybrid engine then takes between the cost of its events, which is not known before, and that
+    of full dynamics.
+    """
+    scene, fidelity, lasts = asked.scene, asked.options.fidelity, asked.t_end - asked.t_begin
+    if fidelity not in ("auto", "hybrid") or ENGINES["hybrid"].cannot(scene) or not scene.eta:
+        return []
+    dt, _ = asked.options.steps_on(scene)
+    most = full_work(scene, "linear", dt, lasts)
+    if most * SLOWEST <= LONG or most * machine_speed() <= LONG:
+        return []
+    of_waves = step_size(scene.replace({"slider.eta": 0.0, "slider.damping": None}))
+    if of_waves < SHORT * dt:
+        return []
+    note = (
+        f"{fidelity}: viscosity makes steps {of_waves / dt:.2g} times shorter than waves do, and "
+        f"events as many times longer to integrate: up to {most * machine_speed() / 60:.2g} "
+        "minutes on one core; a smaller eta, or fidelity = 'quasistatic', takes less"
+    )
+    if progress in (None, True) and sys.stderr is not None:
+        print(note, file=sys.stderr, flush=True)
+    return [note]
 
 
 def _said(scene: Scene, engine: str, seconds: float, progress: object) -> list[str]:

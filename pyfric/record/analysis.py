@@ -15,6 +15,7 @@ Source: PRL 107, 074301 (2011).
 
 from __future__ import annotations
 
+import os
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -65,11 +66,11 @@ PER_BIN = 5
 what they are drawn from four times out of five (binomial)."""
 
 
-def budget_left(curve: pd.DataFrame) -> pd.Series:
+def budget_left(curve: pd.DataFrame | RecordData) -> pd.Series:
     """Return the residual of an energy budget since its start, in J: 0 except for errors of steps.
 
     Args:
-        curve: the loading curve of a run with energies = True.
+        curve: a run with energies = True, or its loading curve.
 
     Raises:
         SceneError: it has no budget.
@@ -78,17 +79,18 @@ def budget_left(curve: pd.DataFrame) -> pd.Series:
     return stored - given + lost
 
 
-def budget_error(curve: pd.DataFrame) -> float:
+def budget_error(curve: pd.DataFrame | RecordData) -> float:
     """Return the largest error of an energy budget, over the largest energy exchanged.
 
     If almost none was exchanged, it is taken over the stored energy.
 
     Args:
-        curve: the loading curve of a run with energies = True.
+        curve: a run with energies = True, or its loading curve.
 
     Raises:
         SceneError: it has no budget.
     """
+    curve = getattr(curve, "curve", curve)
     moved = max(term.abs().max() for term in _moved(curve))
     moved = max(moved, ROUNDED * curve[_energies(curve)].abs().sum(axis=1).max())
     return float(budget_left(curve).abs().max() / moved) if moved > 0 else 0.0
@@ -98,8 +100,12 @@ def _energies(curve: pd.DataFrame) -> list[str]:
     return [name for name in curve if name.startswith(("kinetic_", "elastic_"))]
 
 
-def _moved(curve: pd.DataFrame) -> tuple[pd.Series, pd.Series, pd.Series]:
-    """Return the energy stored since the start, the work done, and what was lost, in J."""
+def _moved(curve: pd.DataFrame | RecordData) -> tuple[pd.Series, pd.Series, pd.Series]:
+    """Return what was stored, given and lost since the first point, in J.
+
+    A run from a state goes on with the work and the heat of what was before.
+    """
+    curve = getattr(curve, "curve", curve)
     if "work_driver" not in curve:
         raise SceneError("curve", ", ".join(curve), "", "that of a run with energies = True")
     stored = curve[_energies(curve)].sum(axis=1)
@@ -107,7 +113,7 @@ def _moved(curve: pd.DataFrame) -> tuple[pd.Series, pd.Series, pd.Series]:
     if "stiffness_work" in curve:
         work = work + curve["stiffness_work"]
     lost = curve["dissipated_bonds"] + curve["friction_heat"] + curve["switching_loss"]
-    return stored - stored.iloc[0], work, lost
+    return stored - stored.iloc[0], work - work.iloc[0], lost - lost.iloc[0]
 
 
 class FrictionCoefficients(NamedTuple):
@@ -297,7 +303,11 @@ class Beside(NamedTuple):
 
 
 def compare_curve(
-    record: RecordData, t: ArrayLike, F_T: ArrayLike, *, largest_shift: float | None = None
+    record: RecordData,
+    t: ArrayLike,
+    F_T: ArrayLike | None = None,
+    *,
+    largest_shift: float | None = None,
 ) -> Beside:
     """Return how far a measured loading curve is from a run, as it stands and shifted in time.
 
@@ -317,6 +327,10 @@ def compare_curve(
         SceneError: times and forces do not fit together, no shift leaves half of them inside, or
             largest_shift is refused.
     """
+    if F_T is None or isinstance(t, str | os.PathLike):
+        what = t if isinstance(t, str | os.PathLike) else type(t).__name__
+        reason = "not numbers: give two arrays; pandas.read_csv reads them from a file"
+        raise SceneError("t", what, "", 'compare_curve(record, table["t"], table["F_T"])', reason)
     t, F_T = _numbers("t", t), _numbers("F_T", F_T)
     _check_measured(t, F_T)
     known, forces = (record.curve[name].to_numpy() for name in ("t", "F_T"))

@@ -14,13 +14,15 @@ its unit and meaning. Its attributes:
 
 Variables of the curve and of the interface carry their plain names, those of the other groups begin
 with ``event_``, ``episode_``, ``quiet_``, ``switch_``, ``motion_`` and ``final_``. Numbers are
-stored as they are in memory, so that a loaded record equals the saved one bit for bit. The last
-line of the file is the SHA-256 of all before it, which readers of netCDF do not see.
+stored as they are in memory, so that a loaded record equals the saved one bit for bit. The
+attribute ``pyfric_seal`` is the SHA-256 of all variables and of the attributes that are read. It
+covers what the file says and not its bytes: another program may open it for writing.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
@@ -51,8 +53,10 @@ if TYPE_CHECKING:
 
     from pyfric.record.netcdf import Variable
 
-SCHEMA = 10
+SCHEMA = 11
 """Version of the file layout that this module writes and reads."""
+SEAL = "pyfric_seal"
+"""Attribute with the SHA-256 of what a file says."""
 DRAWN = "drawn_"
 """Begins the names of fields of the interface as they were drawn, on x."""
 SHOWN = ("curve", "events", "interface", "motion")
@@ -185,6 +189,21 @@ def csv_tables(record: RecordData) -> dict[str, pd.DataFrame]:
         zip(("table", "column", "unit", "meaning"), zip(*meanings, strict=True), strict=True)
     )
     return {name: pd.DataFrame(columns) for name, columns in tables.items()}
+
+
+def seal(values: Mapping[str, np.ndarray], attributes: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of variables, and of those attributes of a file that are read.
+
+    Numbers count as the 8 bytes that hold any number of their kind, in whichever type they stand.
+    """
+    found = hashlib.sha256()
+    for name in ("pyfric_schema", *Texts.model_fields):
+        found.update(f"{name} = {attributes.get(name)}\n".encode(errors="replace"))
+    for name in sorted(values):
+        array = np.asarray(values[name])
+        found.update(f"{name} {array.shape}\n".encode())
+        found.update(np.ascontiguousarray(array, "<f8" if array.dtype.kind == "f" else "<i8"))
+    return found.hexdigest()
 
 
 # --- in ------------------------------------------------------------------------------------------

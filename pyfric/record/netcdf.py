@@ -95,7 +95,7 @@ def _numbers(name: str, variable: Any) -> np.ndarray:
     import h5py
 
     how, kind = variable.id.get_create_plist(), variable.dtype.kind
-    if kind not in "biuf":
+    if kind not in "biuf" or variable.shape is None:
         raise ValueError(f"{name} holds no numbers ({variable.dtype})")
     if how.get_layout() == h5py.h5d.VIRTUAL or how.get_external_count():
         raise ValueError(f"{name} lies in another file")

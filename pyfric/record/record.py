@@ -17,13 +17,15 @@ from pyfric.record.data import RecordData
 from pyfric.record.held import RecordError, found_arrays, held_in
 from pyfric.record.netcdf import file_image, read_image
 from pyfric.record.report import summary, text
-from pyfric.scene import sealed, unsealed, write
+from pyfric.scene import write, write_all
 from pyfric.signals import held_back
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from pyfric.record.catalogue import Catalogue
+
+UNSEALED = "the file was changed after pyfric wrote it: what it holds need not be what a run made"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -132,12 +134,19 @@ class Record(RecordData):
             OSError: the file cannot be written; it names path and reason.
             SceneError: the name ends like that of another format, such as .csv.
         """
-        image = file_image(layout.variables(self), layout.attributes(self))
-        return write(path, sealed(image), ".nc")
+        variables, attributes = layout.variables(self), layout.attributes(self)
+        values = {name: array for name, (_, array, _) in variables.items()}
+        sealed = attributes | {layout.SEAL: layout.seal(values, attributes)}
+        return write(path, file_image(variables, sealed), ".nc")
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Self:
+    def load(cls, path: str | os.PathLike[str], *, unsealed: bool = False) -> Self:
         """Read a record written by `save`.
+
+        Args:
+            path: its file.
+            unsealed: read also what another program changed, if it still makes sense as a record.
+                A note in the record says so.
 
         Raises:
             FileNotFoundError: there is no such file.
@@ -146,29 +155,31 @@ class Record(RecordData):
         """
         if not isinstance(path, str | os.PathLike):
             raise RecordError(f"record: a path is needed, not {type(path).__name__}")
-        path = Path(path)
+        path = Path(os.path.expanduser(path))
         if not os.path.exists(path):  # also where no file can have this name
             raise FileNotFoundError(f"no record at {path}")
         if not path.is_file():
             raise RecordError(f"{path}: not a pyfric record (not a regular file)")
-        inside = unsealed(path.read_bytes())
-        if inside is None:
-            reason = "its content and the hash at its end do not agree"
-            raise RecordError(f"{path}: damaged, or not a pyfric record ({reason})")
         try:
-            attributes, values = read_image(inside)
+            attributes, values = read_image(memoryview(path.read_bytes()))
         except Exception as error:  # whatever the HDF5 layers make of a foreign file
-            raise RecordError(f"{path}: not a pyfric record ({error})") from error
+            raise RecordError(f"{path}: damaged, or not a pyfric record ({error})") from error
         schema = attributes.get("pyfric_schema")
         if schema is None:
             raise RecordError(f"{path}: not a pyfric record (no attribute pyfric_schema)")
         if not isinstance(schema, int) or schema != layout.SCHEMA:
             made = f"{path}: written with record schema {schema}, this pyfric reads"
             raise RecordError(f"{made} {layout.SCHEMA}; another version of pyfric is needed")
+        own = attributes.get(layout.SEAL) == layout.seal(values, attributes)
+        if not (own or unsealed):
+            reason = f"its content and {layout.SEAL} do not agree"
+            read = "load(path, unsealed=True) reads what another program changed"
+            raise RecordError(f"{path}: damaged, or changed ({reason}); {read}")
         try:
-            return cls(**layout.fields(attributes, layout.grouped(values)))
+            record = cls(**layout.fields(attributes, layout.grouped(values)))
         except (KeyError, TypeError, ValueError) as error:
             raise RecordError(f"{path}: damaged pyfric record ({error})") from error
+        return record if own else record.replace(notes=(*record.notes, UNSEALED))
 
     def to_xarray(self) -> xr.Dataset:
         """Return an `xarray.Dataset` of curve, events and interface, without logs.
@@ -208,12 +219,12 @@ class Record(RecordData):
         gives unit and meaning of every column. Floats are written with all digits that distinguish
         them.
         """
-        folder = Path(folder)
+        folder = Path(os.path.expanduser(folder))
         folder.mkdir(parents=True, exist_ok=True)
-        return [
-            write(folder / f"{name}.csv", frame.to_csv(index=False).encode())
-            for name, frame in layout.csv_tables(self).items()
-        ]
+        tables = layout.csv_tables(self)
+        return write_all(
+            {folder / f"{k}.csv": v.to_csv(index=False).encode() for k, v in tables.items()}
+        )
 
 
 load = Record.load

@@ -20,7 +20,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pyfric.scene import Scene
+from pyfric.scene import Scene, SceneError
 
 AVERAGED = 4
 """Blocks that a front passes in the time of which its speed is the average, as in the paper."""
@@ -81,11 +81,19 @@ def front_speed(rupture_times: np.ndarray, l: float, d: int = 1) -> np.ndarray:
         exist or do not strictly increase away from the driven side. The event table counts the
         latter as ``n_not_increasing``.
 
+    Raises:
+        SceneError: a record is given instead of times.
+
     Source: the paper, Fig. 4 (v_c as an average over five blocks).
 
     >>> pyfric.front_speed(np.array([0.0, 1e-6, 2e-6, 3e-6, 4e-6]), l=1e-3)[2].round(6)
     np.float64(1000.0)
     """
+    if hasattr(rupture_times, "rupture_times"):
+        allowed = (
+            "times, shape (..., N_x); analysis.front(record, event) has the speeds of an event"
+        )
+        raise SceneError("rupture_times", type(rupture_times).__name__, "", allowed)
     t = np.asarray(rupture_times, dtype=float)[..., ::d]
     v_c, half = np.full(t.shape, np.nan), AVERAGED // 2
     if t.shape[-1] > AVERAGED:

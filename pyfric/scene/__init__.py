@@ -26,6 +26,7 @@ from pyfric.scene.files import (
     sealed,
     unsealed,
     write,
+    write_all,
     written,
 )
 from pyfric.scene.friction import FRICTIONLESS, Law, RateStateLaw, of, slipped

@@ -285,7 +285,11 @@ def _checked(cls: type, args: tuple[Any, ...], given: Mapping[str, Any]) -> dict
     prefix, marks = f"{cls._section}." if cls._section else "", annotations(cls)
     fields = {field.name: field.default for field in dataclasses.fields(cls)}
     wrong = [SceneError(cls.__name__, value, "", "keyword arguments") for value in args]
-    wrong += [unknown(prefix + n, v, n, fields) for n, v in given.items() if n not in fields]
+    strange, elsewhere = [n for n in given if n not in fields], getattr(cls, "_elsewhere", {})
+    wrong += [unknown(prefix + n, given[n], n, fields) for n in strange if n not in elsewhere]
+    known = [SceneError(prefix + n, given[n], "", elsewhere[n]) for n in strange if n in elsewhere]
+    if known:
+        raise known[0]
     found = {}
     for name, default in fields.items():
         mark = marks.get(name, Annotation())

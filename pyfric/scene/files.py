@@ -12,7 +12,7 @@ import shutil
 import socket
 import stat
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -91,11 +91,26 @@ def write(path: str | os.PathLike[str], content: bytes, suffix: str = "") -> Pat
     check_suffix(path, suffix)
     with written(path) as draft:
         draft.write_bytes(content)
-    return Path(path)
+    return Path(os.path.expanduser(path))
 
 
-def read_at_most(path: str | os.PathLike[str], size: int) -> bytes:
-    """Return at most the first `size` bytes of a regular file, without waiting for a pipe.
+def write_all(contents: Mapping[str | os.PathLike[str], bytes]) -> list[Path]:
+    """Write files by path, and return their paths; none is replaced before all are on the disk.
+
+    Raises:
+        OSError: see `written`.
+    """
+    with contextlib.ExitStack() as stack:
+        for path, content in contents.items():
+            draft = stack.enter_context(written(path))
+            with _regular(path):
+                draft.write_bytes(content)
+                _flush(draft)
+    return [Path(os.path.expanduser(path)) for path in contents]
+
+
+def read_at_most(path: str | os.PathLike[str], size: int = -1) -> bytes:
+    """Return the first `size` bytes, or all, of a regular file, without waiting for a pipe.
 
     Raises:
         OSError: the file cannot be read, or is not a regular file.
@@ -105,7 +120,7 @@ def read_at_most(path: str | os.PathLike[str], size: int) -> bytes:
     def at_once(name: str, flags: int) -> int:
         return os.open(name, flags | os.O_NONBLOCK)
 
-    with open(path, "rb", opener=at_once) as file:
+    with open(os.path.expanduser(path), "rb", opener=at_once) as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
             raise OSError(errno.EINVAL, "Not a regular file", os.fspath(path))
         return file.read(size)
@@ -137,7 +152,7 @@ def _regular(path: str | os.PathLike[str]) -> Iterator[Path]:
 
     An OSError names this path instead of a temporary file.
     """
-    target = Path(os.path.realpath(path))
+    target = Path(os.path.realpath(os.path.expanduser(path)))
     try:
         if target.is_symlink():  # after all links were followed
             raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))

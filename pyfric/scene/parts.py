@@ -7,7 +7,7 @@ raise SceneError if a value is missing, unknown, of the wrong type or out of ran
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 
@@ -81,6 +81,11 @@ class Slider:
     dashpots: Literal["full", "along"] = "full"
 
     _section: ClassVar[str] = "slider"
+    _elsewhere: ClassVar[dict[str, str]] = dict.fromkeys(
+        ("E", "nu", "rho", "density", "B", "width", "viscosity", "material"),
+        "k and M; Slider.of_material(E=..., density=..., width=..., L=..., H=..., l=...) finds "
+        "them from a material. Poisson's ratio is 1/3 in this lattice",
+    )
 
     @classmethod
     def of_material(
@@ -176,6 +181,15 @@ class Top:
     protocol = T_protocol = push = ()
 
     _section: ClassVar[str] = "top"
+
+    if TYPE_CHECKING:
+        F_N: float  # of all tops but prescribed ones
+    else:
+
+        def __getattr__(self, name: str) -> Any:
+            hint = "; scene.F_N is the normal force of any scene" * (name == "F_N")
+            text = f"{type(self).__name__} has no {name!r}{hint}"
+            raise AttributeError(text, name=name, obj=self)
 
 
 @part

@@ -144,7 +144,13 @@ def _made(base: Scene, given: Mapping[str, Any], **rules: Rule) -> Scene:
     named = {n: rule for n, rule in named.items() if n.partition(".")[0] not in given}
     size = {n.partition(".")[2]: v for n, v in given.items() if n.startswith("slider.")}
     slider = dataclasses.replace(parts["slider"], **size)
-    return changed(base, {n: rule(slider) for n, rule in named.items()} | given)
+    try:
+        return changed(base, {n: rule(slider) for n, rule in named.items()} | given)
+    except SceneError as error:
+        if not given or error.others or error.field in given or "." not in error.field:
+            raise
+        reason = f"{error.reason}; {error.field} is that of the preset: set it, too"
+        raise SceneError(error.field, error.value, error.unit, error.allowed, reason) from None
 
 
 def setup1(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:

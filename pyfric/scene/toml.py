@@ -39,6 +39,7 @@ that may vary along the interface is a number, a list, or a table, such as
 mu_s = {mean = 0.7, std = 0.02, correlation_length = "10 mm", seed = 1}.
 """
 
+import codecs
 import os
 import tomllib
 from pathlib import Path
@@ -77,7 +78,9 @@ def parsed(source: str | os.PathLike[str], what: str = "scene") -> tuple[dict[st
     if len(data) > MAX_FILE:
         raise SceneError(what, name, "", f"at most {MAX_FILE} bytes of TOML", "too large")
     try:
-        return tomllib.loads(data.decode("utf-8-sig")), folder  # some editors put a mark in front
+        # Some editors put a mark in front, and some write UTF-16.
+        code = "utf-16" if data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE) else "utf-8-sig"
+        return tomllib.loads(data.decode(code)), folder
     except RecursionError:
         raise SceneError(what, name, "", "a TOML document", "nested too deeply") from None
     except ValueError as error:

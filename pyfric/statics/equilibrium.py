@@ -253,11 +253,16 @@ class StaticSolver(System):
             if drive is not None:
                 contact.hold_at(given, loose | (contact.slip != 0))
             else:
-                contact.load(given)
+                try:
+                    contact.load(given)
+                except EquilibriumError:
+                    break
                 _warn_if_ambiguous(contact)
             states.enter(slice(None), contact.mode)
         T = scene.top.T if drive is None else 0.0
-        what = "contact states do not settle" + f" under top.T = {T:g} N" * bool(T)
+        what = (
+            "contact states do not settle" + f" under top.T = {T:g} N; take a smaller one" * bool(T)
+        )
         raise EquilibriumError(what, residual, states.tol, steps)
 
     def _contact(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import os
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ import pandas as pd
 
 from pyfric.planning import level_of
 from pyfric.record import Record, analysis
-from pyfric.scene import SceneError, unknown, written
+from pyfric.scene import SceneError, unknown, write_all
 from pyfric.sweeps.runs import Job, JobError
 from pyfric.sweeps.shared import Shared
 from pyfric.sweeps.varied import varied
@@ -161,21 +162,27 @@ class Results:
         Raises:
             OSError: a file cannot be written.
         """
-        folder = Path(folder)
+        folder = Path(os.path.expanduser(folder))
         folder.mkdir(parents=True, exist_ok=True)
-        paths = [folder / "sweep.csv"]
-        with written(paths[0]) as draft:
-            self.table.to_csv(draft)
+        files = {folder / "sweep.csv": self.table.to_csv().encode()}
         if find_spec("h5netcdf") is not None:  # comes with xarray
-            paths.append(folder / "sweep.nc")
-            with written(paths[-1]) as draft:
-                self.to_xarray().to_netcdf(draft, engine="h5netcdf")
+            files[folder / "sweep.nc"] = _netcdf(self.to_xarray())
         if find_spec("pyarrow") is not None:
-            paths.append(folder / "sweep.parquet")
             plain = {name: _plain(column) for name, column in self.table.items()}
-            with written(paths[-1]) as draft:
-                pd.DataFrame(plain, index=self.table.index).to_parquet(draft)
-        return paths
+            frame = pd.DataFrame(plain, index=self.table.index)
+            files[folder / "sweep.parquet"] = frame.to_parquet()
+        return write_all(files)
+
+
+def _netcdf(dataset: xr.Dataset) -> bytes:
+    """Return a dataset as a netCDF 4 file, made in memory: HDF5 locks files, if it can."""
+    import h5netcdf
+    from xarray.backends import H5NetCDFStore
+
+    image = io.BytesIO()
+    with h5netcdf.File(image, "w") as file:
+        dataset.dump_to_store(H5NetCDFStore(file))
+    return image.getvalue()
 
 
 def _plain(column: pd.Series) -> np.ndarray:

@@ -102,7 +102,7 @@ class Job:
     options: Options
 
     def __init__(
-        self, *, scene: SceneLike, t_end: Number, options: Options | Mapping[str, Any] = DEFAULTS
+        self, scene: SceneLike, t_end: Number, options: Options | Mapping[str, Any] = DEFAULTS
     ) -> None:
         scene, t_end = as_scene(scene), check_number("t_end", t_end, "s", ge=0.0)
         if not isinstance(options, Options | Mapping):

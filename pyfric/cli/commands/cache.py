@@ -80,7 +80,10 @@ def prune(older_than: float | None, most: float | None, damaged: bool, tell: Tel
 def _store() -> Store:
     from pyfric.sweeps import Store
 
-    return Store.at(True)
+    store = Store.at(True)
+    if store.folder is not None and store.folder.exists() and not store.folder.is_dir():
+        raise click.UsageError(f"PYFRIC_CACHE names a file, not a folder: {store.folder}.")
+    return store
 
 
 def _row(entry: Entry) -> dict[str, Any]:

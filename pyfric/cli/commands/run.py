@@ -22,6 +22,7 @@ from pyfric.cli.shared import (
     Tell,
     check_folder,
     check_out,
+    claimed,
     figure_ends,
     file_option,
     folder_option,
@@ -143,7 +144,8 @@ def run(
     before = None if resume is None else record_of(resume)
     if before is not None:
         check_kept(what, before.method, how)
-    record, files = _run(what, t_end, before, out, tell.progress, how)
+    with claimed(out, (what.to_toml(), t_end, resume, how)):
+        record, files = _run(what, t_end, before, out, tell.progress, how)
     if record.done and not asked_to_stop():
         if figure is not None:
             from pyfric import figures  # takes its time, and so after the record is saved

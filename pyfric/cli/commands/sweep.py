@@ -16,6 +16,7 @@ from pyfric.cli.shared import (
     Tell,
     changes_of,
     check_folder,
+    claimed,
     command_line,
     figure_out_option,
     folder_option,
@@ -66,10 +67,12 @@ def sweep(
         raise click.UsageError("--workers: --dry-run and --status run nothing.")
     check_folder(out)
     what = Sweep.from_toml(file)
-    if dry_run or status:
-        results = what.status(cache)
-    else:
-        results = what.run(cache, workers=workers, progress=tell.progress)
+    with claimed(out, [getattr(job, "key", job) for job in what.jobs]):
+        if dry_run or status:
+            results = what.status(cache)
+        else:
+            results = what.run(cache, workers=workers, progress=tell.progress)
+        names = [] if out is None else results.save(out)
     table, failed = results.table, results.failed
     if dry_run:
         failed = failed[failed["status"] == "refused"]
@@ -79,8 +82,7 @@ def sweep(
         lines, result = [str(found), *_too_large(found, cache)], found._asdict()
     else:
         counts = table["status"].value_counts().to_dict()
-        names = [] if out is None else [str(path) for path in results.save(out)]
-        said = results.report.splitlines()
+        said, names = results.report.splitlines(), [*map(str, names)]
         lines = [", ".join(f"{count} {name}" for name, count in counts.items()), *said, *names]
         result = {"status": counts, "report": said, "files": names}
     tell.result(result | {"failed": reasons}, lambda: "\n".join(lines))
@@ -144,8 +146,9 @@ def phase_diagram(
         how |= {"t_end": t_end, "options": {"stop_when": stop_when or None}}
         how["changes"] = changes_of(changes)
     axes = {side: given and _axis(side, given) for side, given in (("x", x), ("y", y))}
-    found = pyfric.phase_diagram(scene, **axes, progress=tell.progress, **how)
-    save_figure(figures.phase_map(found), out / "phases", command_line(), tell)
+    with claimed(out, (scene, axes, how)):
+        found = pyfric.phase_diagram(scene, **axes, progress=tell.progress, **how)
+        save_figure(figures.phase_map(found), out / "phases", command_line(), tell)
 
 
 def _axis(side: str, given: str) -> tuple[str, list[float]]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import os
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,7 @@ ROUNDED = 1e-12
 """A curve whose mu falls by less than this share is flat: least squares round so."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Measured:
     """A measured, noisy curve of mu over slip.
 
@@ -45,7 +45,7 @@ class Measured:
     """
 
     path: str | os.PathLike[str]
-    knots: int = 20
+    knots: int = field(default=20, kw_only=True)
 
     def __post_init__(self) -> None:
         check_whole("knots", self.knots, 2, MAX_KNOTS)
@@ -146,13 +146,24 @@ def _lines(path: str | os.PathLike[str], name: str) -> tuple[list[Line], Line | 
     for n, cells in rows:
         if len(cells) != 2:
             where = f"row {n}: {len(cells)} columns, separated by {NAMES[apart]}"
-            raise _refused(name, None, TWO_COLUMNS, path, where)
+            raise _refused(name, None, TWO_COLUMNS, path, f"{where}{_cause(cells, heads)}")
         for c, cell in enumerate(cells, 1):
             if not is_number(cell):
-                raise _refused(name, None, "a number", path, f"row {n}, column {c}: not a number")
+                where = f"row {n}, column {c}: not a number{_cause(cells, heads)}"
+                raise _refused(name, None, "a number", path, where)
     if not rows:
         raise _refused(name, 0, f"2 to {MAX_KNOTS} rows of numbers", path, "rows")
     return comments, heads, rows
+
+
+def _cause(cells: list[str], heads: Line | None) -> str:
+    """Return why a row may not be two numbers, and what to do; "" if it is not known."""
+    digits = sum(cell.lstrip("+-").isdigit() for cell in cells)
+    if len(cells) == 4 and digits >= 3:
+        return "; decimal commas need other separators than commas, such as semicolons"
+    if heads is not None and not any(map(is_number, cells)):
+        return "; if this row has units, write them in the heads, such as 'slip (um)'"
+    return "; keep those of slip (or time, or speed) and of mu" if len(cells) > 2 else ""
 
 
 def _units(comments: list[Line], heads: Line | None, first: int, si: str) -> tuple[str, str]:

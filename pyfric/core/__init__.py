@@ -6,6 +6,7 @@ from pyfric.core.builds import (
     VARIANT,
     additions,
     build_info,
+    lacks,
     processors,
     useful_threads,
     variants,

@@ -11,6 +11,7 @@ import functools
 import importlib
 import importlib.util
 import os
+import platform
 from typing import Any
 
 import numpy as np
@@ -91,6 +92,16 @@ def build_info(name: str = VARIANT) -> dict[str, Any]:
         "flags": " ".join(kept),
         "openmp": bool(openmp),
     }
+
+
+def lacks() -> list[str]:
+    """Return what the build could have and has not, one sentence each."""
+    said = []
+    if not build_info()["openmp"]:
+        said.append("built without OpenMP: every run takes one thread")
+    if platform.machine() in ("x86_64", "AMD64") and not set(variants()) - {"baseline"}:
+        said.append("built for one instruction set: newer ones of this processor are not used")
+    return said
 
 
 def processors() -> int:

@@ -302,7 +302,8 @@ def compare_curve(
     """Return how far a measured loading curve is from a run, as it stands and shifted in time.
 
     The force of the run is linear between its points. Measured points outside the run do not
-    count, and a shift leaves at least half of them inside.
+    count, and a shift leaves at least half of them inside. Points that are masked in one of the
+    arrays, as netCDF4 returns gaps, are left out.
 
     Args:
         t, F_T: measured times, s, increasing, and forces, N, shape (n,), n >= 2.
@@ -315,7 +316,7 @@ def compare_curve(
         SceneError: times and forces do not fit together, no shift leaves half of them inside, or
             largest_shift is refused.
     """
-    t, F_T = _numbers("t", t), _numbers("F_T", F_T)
+    t, F_T = _without_gaps(_numbers("t", t), _numbers("F_T", F_T))
     _check_measured(t, F_T)
     known, forces = (record.curve[name].to_numpy() for name in ("t", "F_T"))
     widest = 0.5 * (t[-1] - t[0]) if largest_shift is None else largest_shift
@@ -423,7 +424,7 @@ def collapse_spread(
     """Return how far points lie from one curve, the median of y in bins of x.
 
     The bins hold equal numbers of points, except for a remainder and for equal x. Points with a NaN
-    in x or y are left out.
+    in x or y, or masked in one, are left out.
 
     Args:
         x, y: the points, equal shapes.
@@ -434,7 +435,9 @@ def collapse_spread(
         SceneError: bins is not a whole number >= 1, fewer than 5 points per bin, or y not positive
             with log.
     """
-    x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+    x, y = np.broadcast_arrays(
+        *(np.ma.filled(_numbers(*one), np.nan) for one in (("x", x), ("y", y)))
+    )
     kept = np.isfinite(x) & np.isfinite(y)
     x, y = x[kept], y[kept]
     bins = check_whole("bins", bins, 1)
@@ -458,10 +461,19 @@ def collapse_spread(
 
 
 def _numbers(name: str, values: ArrayLike) -> np.ndarray:
+    """Return numbers as an array, which keeps its mask."""
     try:
-        return np.asarray(values, dtype=float)
+        return np.asanyarray(values, dtype=float)
     except (TypeError, ValueError):
         raise SceneError(name, values, "", "a list of numbers", "not numbers") from None
+
+
+def _without_gaps(*arrays: np.ndarray) -> list[np.ndarray]:
+    """Return arrays of one shape without the points that are masked in one of them."""
+    if len({one.shape for one in arrays}) == 1 and any(map(np.ma.is_masked, arrays)):
+        kept = ~np.logical_or.reduce([np.ma.getmaskarray(one) for one in arrays])
+        arrays = tuple(one[kept] for one in arrays)
+    return [np.asarray(one) for one in arrays]
 
 
 def _chosen(record: RecordData, mask: pd.Series) -> pd.DataFrame:

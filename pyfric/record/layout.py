@@ -13,9 +13,10 @@ its unit and meaning. Its attributes:
     JSON.
 
 Variables of the curve and of the interface carry their plain names, those of the other groups begin
-with ``event_``, ``episode_``, ``quiet_``, ``switch_``, ``motion_`` and ``final_``. Numbers are
-stored as they are in memory, so that a loaded record equals the saved one bit for bit. The last
-line of the file is the SHA-256 of all before it, which readers of netCDF do not see.
+with ``event_``, ``episode_``, ``quiet_``, ``switch_``, ``motion_`` and ``final_``. Types are
+those that other programs read (`pyfric.record.netcdf`); floats are stored as they are in memory, so
+that a loaded record equals the saved one bit for bit. The last line of the file is the SHA-256 of
+all before it, which readers of netCDF do not see.
 """
 
 from __future__ import annotations

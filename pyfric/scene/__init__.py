@@ -60,6 +60,7 @@ from pyfric.scene.toml import parsed
 from pyfric.scene.units import (
     PREFIXES,
     check_number,
+    check_unmasked,
     check_whole,
     parse_quantity,
     prefix_power,

@@ -50,6 +50,7 @@ mutations-random: setup
 
 # The oldest libraries that pyproject.toml allows, all at once, in an environment of their own; minutes. What was tried: docs/oldest.txt.
 test-oldest: setup
+	$(BIN)/python -P scripts/oldest --lint
 	$(BIN)/python -P scripts/oldest
 
 # Killed runs, full disks, flipped bits, signals: what is left; ARGS="disks --seed 2". Half an hour.

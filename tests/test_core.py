@@ -1,6 +1,7 @@
 """The Fortran core against the twin, against itself, and against exact results."""
 
 import dataclasses
+import os
 import re
 from pathlib import Path
 
@@ -506,6 +507,14 @@ def test_a_build_says_what_it_lacks(openmp, names, monkeypatch):
     assert any("one thread" in one for one in said) == (not openmp)
     monkeypatch.setattr("platform.machine", lambda: "aarch64")
     assert len(core.lacks()) == (not openmp)
+
+
+@pytest.mark.skipif(core.processors() < 2, reason="needs two processors")
+def test_bound_threads_leave_processors_to_the_process():
+    """With OMP_PROC_BIND, which clusters set, libgomp leaves its first thread one processor."""
+    code = "import os; from pyfric import core; print(core.processors(), os.sched_getaffinity(0))"
+    done = run_python(code, OMP_PROC_BIND="true")
+    assert done.stdout.strip() == f"{core.processors()} {os.sched_getaffinity(0)}", done.stderr
 
 
 def test_small_lattices_use_one_thread():

@@ -56,6 +56,7 @@ def load_variant(name: str) -> Any:
         raise ImportError(f"{ENVIRONMENT} = {name!r}: not installed (installed: {listed})")
     if not known[name]:
         raise ImportError(f"{ENVIRONMENT} = {name!r}: this processor lacks its instructions")
+    allowed = _allowed()
     short = not {"OMP_WAIT_POLICY", "GOMP_SPINCOUNT"} & set(os.environ)  # unless the user set one
     if short:
         os.environ["GOMP_SPINCOUNT"] = SPINS  # libgomp reads it once, when it is loaded
@@ -64,6 +65,10 @@ def load_variant(name: str) -> Any:
     finally:
         if short:
             del os.environ["GOMP_SPINCOUNT"]
+        # With OMP_PROC_BIND libgomp leaves this thread one processor when it is loaded, and every
+        # process that starts later, too: workers of sweeps would share it.
+        if allowed and _allowed() != allowed:
+            os.sched_setaffinity(0, allowed)
 
 
 def _chosen() -> str:
@@ -106,9 +111,12 @@ def lacks() -> list[str]:
 
 def processors() -> int:
     """Return the number of processors that this process may run on."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    return len(_allowed()) or os.cpu_count() or 1
+
+
+def _allowed() -> set[int]:
+    """Return the processors that this process may run on; empty where the system does not say."""
+    return os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set()
 
 
 def useful_threads(n_blocks: int, threads: int | None = None) -> int:

@@ -9,7 +9,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK = 1
 # PYTHONSAFEPATH keeps the source tree, which has no compiled core, out of the way, in subprocesses too.
 PYTEST = PYTHONSAFEPATH=1 $(BIN)/python -m pytest -n auto --dist loadfile
 
-.PHONY: figures docs test test-broken test-faults test-slow test-oldest test-portable mutations mutations-random sanitize digests second-compiler lint format studies bench wheels conda \
+.PHONY: figures docs test test-broken test-faults test-slow test-oldest test-portable mutations mutations-random sanitize digests second-compiler findings lint format studies bench wheels conda \
 	setup clean
 
 # Draws the paper's figures into figures/ and measures its claims: open figures/index.html.
@@ -64,6 +64,10 @@ sanitize: setup
 # Nine runs of full dynamics, bit for bit, against stored digests: for changes of shape, not of results.
 digests: setup
 	$(BIN)/python -P scripts/digests
+
+# Surprises about other software, tried again with the versions that each script states; minutes.
+findings:
+	@for script in findings/*.sh; do echo "$$script"; sh "$$script" || exit 1; done
 
 # The core built with another compiler (LLVM flang, from Debian's packages): the same digests, and `pyfric verify`; minutes.
 second-compiler: setup

@@ -19,6 +19,7 @@ from damage import unnoticed
 from helpers import edited
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from scipy.io import loadmat
 
 import pyfric
 from pyfric.core import ENERGIES, State
@@ -785,6 +786,20 @@ def test_csv_holds_every_digit(tmp_path):
     np.testing.assert_array_equal(read["interface"]["p_initial"], original.p_initial)
     described = set(zip(read["columns"]["table"], read["columns"]["column"], strict=True))
     assert described == {(name, column) for name in names[:-1] for column in read[name]}
+
+
+def test_matlab_files_hold_every_group(tmp_path):
+    record = make_record()
+    found = loadmat(record.to_mat(tmp_path / "run.mat"), simplify_cells=True)
+    for name in ("curve", "events", "episodes"):
+        for column, values in getattr(record, name).items():
+            np.testing.assert_array_equal(found[name][column], values.to_numpy())
+    np.testing.assert_array_equal(found["interface"]["tau_before"], record.tau_before)
+    np.testing.assert_array_equal(found["final_state"]["y"], record.final_state.y)
+    assert pyfric.Scene.from_toml(found["about"]["scene"] + "\n") == record.scene
+    assert found["about"]["status"] == record.status
+    with pytest.raises(SceneError, match=r"\.nc"):
+        record.to_mat(tmp_path / "run.nc")
 
 
 def test_csv_of_no_events(tmp_path):

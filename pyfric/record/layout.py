@@ -22,6 +22,7 @@ all before it, which readers of netCDF do not see.
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
@@ -166,6 +167,21 @@ def datatree(record: RecordData) -> xr.DataTree:
         groups[held.group][held.name] = held.dims, values, held.labels
     root = xr.Dataset(attrs=attributes(record))
     return xr.DataTree.from_dict({"/": root} | {k: xr.Dataset(v) for k, v in groups.items()})
+
+
+def mat(record: RecordData) -> bytes:
+    """Return a MATLAB file: one struct for each group, and one of texts; see `Record.to_mat`."""
+    from scipy.io import savemat
+
+    groups: dict[str, dict[str, Any]] = {group: {} for group in GROUPS}
+    for held, values in held_by(record):
+        groups[held.group][held.name] = values
+    about = {"scene": record.scene.to_toml(), "status": record.status}
+    about |= {"method": str(record.method), "notes": "\n".join(record.notes)}
+    file = io.BytesIO()
+    held_groups = {name: group for name, group in groups.items() if group}
+    savemat(file, {**held_groups, "about": about}, long_field_names=True, oned_as="column")
+    return file.getvalue()
 
 
 def csv_tables(record: RecordData) -> dict[str, pd.DataFrame]:

@@ -572,3 +572,13 @@ def test_numpy_settings_of_the_caller_change_nothing():
             how = {"fidelity": "hybrid", "geometry": "linear"}
             runs.append(simulate("fig1", "0.12 s", **how))
     assert bits(runs[0].final_state) == bits(runs[1].final_state)
+
+
+@pytest.mark.parametrize("options", [{}, {"fidelity": "quasistatic"}, {"verify": "none"}])
+def test_the_logger_gets_what_the_notes_say(options, caplog):
+    with caplog.at_level("INFO", logger="pyfric"):
+        record = simulate(small(), 2e-3, progress=False, **options)
+    said = [one.getMessage() for one in caplog.records if one.name == "pyfric"]
+    assert said[0].endswith(record.status)
+    assert tuple(said[1:]) == record.notes
+    assert record.notes or options

@@ -436,7 +436,7 @@ def collapse_spread(
             with log.
     """
     x, y = np.broadcast_arrays(
-        *(np.ma.filled(_numbers(*one), np.nan) for one in (("x", x), ("y", y)))
+        *(np.ma.filled(_numbers(*pair), np.nan) for pair in (("x", x), ("y", y)))
     )
     kept = np.isfinite(x) & np.isfinite(y)
     x, y = x[kept], y[kept]
@@ -470,10 +470,10 @@ def _numbers(name: str, values: ArrayLike) -> np.ndarray:
 
 def _without_gaps(*arrays: np.ndarray) -> list[np.ndarray]:
     """Return arrays of one shape without the points that are masked in one of them."""
-    if len({one.shape for one in arrays}) == 1 and any(map(np.ma.is_masked, arrays)):
-        kept = ~np.logical_or.reduce([np.ma.getmaskarray(one) for one in arrays])
-        arrays = tuple(one[kept] for one in arrays)
-    return [np.asarray(one) for one in arrays]
+    if len({array.shape for array in arrays}) == 1 and any(map(np.ma.is_masked, arrays)):
+        kept = ~np.logical_or.reduce([np.ma.getmaskarray(array) for array in arrays])
+        arrays = tuple(array[kept] for array in arrays)
+    return [np.asarray(array) for array in arrays]
 
 
 def _chosen(record: RecordData, mask: pd.Series) -> pd.DataFrame:

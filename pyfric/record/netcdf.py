@@ -79,9 +79,9 @@ def _simple(values: np.ndarray) -> tuple[np.ndarray, dict[str, Any]]:
         if not values.size or (values.min() >= fits.min and values.max() <= fits.max):
             values = values.astype(WHOLE)
     said: dict[str, Any] = {}
-    there = values[np.isfinite(values)]
-    if there.size:
-        said["actual_range"] = np.array([there.min(), there.max()])
+    finite = values[np.isfinite(values)]
+    if finite.size:
+        said["actual_range"] = np.array([finite.min(), finite.max()])
     if np.isnan(values).any():
         said["_FillValue"] = values.dtype.type(np.nan)
     return values, said

@@ -6,6 +6,7 @@ import math
 import os
 import pickle
 import tomllib
+import typing
 from fractions import Fraction
 
 import numpy as np
@@ -15,6 +16,7 @@ import tomli_w
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from pyfric.engines import Options
 from pyfric.laws import TabulatedLaw
 from pyfric.scene import (
     PRESETS,
@@ -980,3 +982,12 @@ def test_a_quantity_never_loses_its_unit(field, value):
     assert made == setup1(**{field: f"{value} {units[field]}".strip() if units[field] else value})
     with pytest.raises(SceneError, match=field):
         setup1(**{field: pint.Quantity(value, "kelvin")})
+
+
+@pytest.mark.parametrize("part", [Scene, Interface, Options])
+def test_annotations_show_what_they_allow(part):
+    """The reference shows them; an address in memory says nothing."""
+    hints = typing.get_type_hints(part, include_extras=True).values()
+    marks = [repr(mark) for hint in hints for mark in getattr(hint, "__metadata__", ())]
+    assert marks
+    assert not any(" at 0x" in mark for mark in marks)

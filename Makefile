@@ -9,7 +9,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK = 1
 # PYTHONSAFEPATH keeps the source tree, which has no compiled core, out of the way, in subprocesses too.
 PYTEST = PYTHONSAFEPATH=1 $(BIN)/python -m pytest -n auto --dist loadfile
 
-.PHONY: figures docs test test-broken test-faults test-slow test-oldest test-portable mutations mutations-random sanitize digests lint format studies bench wheels conda \
+.PHONY: figures docs test test-broken test-faults test-slow test-oldest test-portable mutations mutations-random sanitize digests second-compiler findings lint format studies bench wheels conda \
 	setup clean
 
 # Draws the paper's figures into figures/ and measures its claims: open figures/index.html.
@@ -50,6 +50,7 @@ mutations-random: setup
 
 # The oldest libraries that pyproject.toml allows, all at once, in an environment of their own; minutes. What was tried: docs/oldest.txt.
 test-oldest: setup
+	$(BIN)/python -P scripts/oldest --lint
 	$(BIN)/python -P scripts/oldest
 
 # Killed runs, full disks, flipped bits, signals: what is left; ARGS="disks --seed 2". Half an hour.
@@ -63,6 +64,14 @@ sanitize: setup
 # Nine runs of full dynamics, bit for bit, against stored digests: for changes of shape, not of results.
 digests: setup
 	$(BIN)/python -P scripts/digests
+
+# Surprises about other software, tried again with the versions that each script states; minutes.
+findings:
+	@for script in findings/*.sh; do echo "$$script"; sh "$$script" || exit 1; done
+
+# The core built with another compiler (LLVM flang, from Debian's packages): the same digests, and `pyfric verify`; minutes.
+second-compiler: setup
+	$(BIN)/python -P scripts/second-compiler
 
 lint: setup
 	$(BIN)/ruff check
@@ -116,6 +125,7 @@ PIP_INSTALL = PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -I -m pip install --q
 	@rm -rf .venv/lib/python*/site-packages/pyfric*
 	@$(PIP_INSTALL) --no-deps .
 	@mv .venv/begun $@
+	@$(BIN)/python -P -c 'from pyfric import core; print(*("setup: " + one for one in core.lacks()), sep="\n", end="")' >&2
 
 .venv/peers: studies/requirements.txt .venv/packages
 	@$(PIP_INSTALL) -r $<

@@ -46,6 +46,7 @@ myst_heading_anchors = 3
 smartquotes = False  # it would turn --json into a dash
 
 autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
 autodoc_typehints = "description"
 autodoc_typehints_format = "short"
 autosummary_generate = True
@@ -105,6 +106,21 @@ def plans(data):
         "not measured, or in part",
         "of which no front has a speed",
     ]
+    return table(head, rows)
+
+
+def sticks(data):
+    """Return what other programs make of one block, at a step of 1 ms or the finest tolerance."""
+    rows = []
+    for (name, settings), part in data.groupby(["program", "settings"], sort=False):
+        at = part[part["step"] == 1e-3]
+        row = (at if len(at) else part).iloc[-1]
+        numbers = (f"{row[key]:.2g}" for key in ("creep_half", "creep_near", "error"))
+        forces = f"{row['F_max']:.3f}, {row['F_min']:.3f}"
+        cells = [f"{name} {row['version']}", settings, row["coefficients"], *numbers, forces]
+        rows.append([*cells, f"{row['seconds']:.2g}"])
+    head = ["program", "settings", "coefficients", "creep at 0.5 (m)", "creep at 0.999 (m)"]
+    head += ["largest error of the force over p", "largest force, then least (N)", "seconds"]
     return table(head, rows)
 
 
@@ -224,6 +240,7 @@ myst_substitutions = {
     "plans": plans(tried),
     "promises": promises(stored("plans/promises.csv")),
     "regimes": regimes(),
+    "sticks": sticks(stored("sticks/sticks_programs.csv")),
 }
 
 
@@ -267,6 +284,7 @@ sphinx_gallery_conf = {
     "min_reported_time": 1,
     "image_scrapers": (pictures,),
     "reset_modules": ("matplotlib", house_style),
+    "capture_repr": ("_repr_html_",),
     "show_memory": False,
     "matplotlib_animations": False,
     "nested_sections": False,

@@ -79,7 +79,8 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, n_columns, cou
   log = new_log(nx, max_switch, max_quiet, every, max_point)
   if (.not. (budget%complete .and. log%complete)) return
   method = method_t(new_table(stages, table), located == 1, rtol, t0, dt, n_steps, n_threads, keep_budget == 1)
-  run = run_t(step(1), sub(1))
+  run%step = step(1)
+  run%sub = sub(1)
   call advance_steps(model, method, run, y, rod, contact, budget, log)
   step = run%step
   sub = run%sub

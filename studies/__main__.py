@@ -531,5 +531,20 @@ def one_block(out: Path, tell: Tell) -> None:
     save_figure(figure, out / "one_block", f"{RUN} one-block", tell)
 
 
+@main.command(section="Physics")
+@figure_out_option
+@telling
+def sticks(out: Path, tell: Tell) -> None:
+    """One block on a spring in pyfric and in programs with friction: creep, forces, cost.
+
+    The other programs are installed first, in an environment of their own (five minutes).
+    """
+    check_folder(out)
+    import sticks as study
+
+    figure = study.figure(study.study(say=tell.step))
+    save_figure(figure, out / "sticks", f"{RUN} sticks", tell)
+
+
 if __name__ == "__main__":
     main(prog_name="studies")

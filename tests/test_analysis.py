@@ -404,6 +404,22 @@ def test_a_curve_that_is_shifted_is_found(shift):
     assert found.n == 400
 
 
+def test_masked_points_are_gaps():
+    """As netCDF4 returns them: what the mask hides is 1e36."""
+    record = pyfric.simulate("fig1", 0.1, fidelity="quasistatic", progress=False)
+    t, F_T = np.ma.masked_array(np.linspace(0, 0.1, 9)), np.ma.masked_array(np.arange(9.0))
+    F_T[3], t[5] = np.ma.masked, np.ma.masked
+    F_T.data[3] = t.data[5] = 1e36
+    kept = [0, 1, 2, 4, 6, 7, 8]
+    plain = analysis.compare_curve(record, t.data[kept], F_T.data[kept])
+    assert analysis.compare_curve(record, t, F_T) == plain
+    x, y = np.ma.masked_array(np.arange(1.0, 12)), np.ma.masked_array(np.arange(1.0, 12))
+    plain = analysis.collapse_spread(x.data[1:], y.data[1:], bins=1)
+    y[0] = np.ma.masked
+    y.data[0] = 1e36
+    assert analysis.collapse_spread(x, y, bins=1).rms == plain.rms
+
+
 def test_curves_that_cannot_be_compared_are_refused():
     record = pyfric.simulate("fig1", 0.05, fidelity="quasistatic", progress=False)
     for t, F_T, field, text in (

@@ -83,6 +83,7 @@ def test_info():
     assert found["variant"] == core.VARIANT
     assert found["variants"] == core.variants()
     assert found["openmp"] == core.build_info()["openmp"]
+    assert found["lacks"] == core.lacks()
     assert found["processors"] >= 1
     assert found["numpy"] == np.__version__
     for key in ("compiler", "flags", "python"):

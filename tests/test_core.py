@@ -1,6 +1,7 @@
 """The Fortran core against the twin, against itself, and against exact results."""
 
 import dataclasses
+import os
 import re
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from helpers import GEOMETRIES, advance, bits, log_bits, mirrored_state, run_pyt
 from tolerances import ROUNDING
 
 from pyfric import core
-from pyfric.core import OPEN, STUCK, State, StateError
+from pyfric.core import OPEN, STUCK, State, StateError, builds
 from pyfric.scene import SceneError, setup1, setup2
 from pyfric.statics import loaded_state, stability_limit
 
@@ -404,6 +405,7 @@ def test_evaluation_leaves_the_state_alone():
         ("mode", np.zeros(9, dtype=np.int64)),
         ("rod", np.zeros(3)),
         ("work", [0.0, 0.0]),
+        ("work", np.ma.masked_array([0.0, 1e36], mask=[False, True])),
         ("memory", np.zeros((9, 2))),
         ("memory", np.zeros(8, CLOCKS)),
         ("memory", np.zeros(9, CLOCKS[["s_0"]])),
@@ -492,6 +494,27 @@ def test_contraction_is_off():
     info = core.build_info()
     assert "-ffp-contract=off" in info["flags"]
     assert not any(flag in info["flags"] for flag in ("-ffast-math", "-Ofast", "-march=native"))
+
+
+@pytest.mark.parametrize("openmp", [True, False])
+@pytest.mark.parametrize("names", [("v4", "v2"), ("baseline",)])
+def test_a_build_says_what_it_lacks(openmp, names, monkeypatch):
+    monkeypatch.setattr(builds, "build_info", lambda: {"openmp": openmp})
+    monkeypatch.setattr(builds, "variants", lambda: dict.fromkeys(names, True))
+    monkeypatch.setattr("platform.machine", lambda: "x86_64")
+    said = core.lacks()
+    assert len(said) == (not openmp) + (names == ("baseline",))
+    assert any("one thread" in one for one in said) == (not openmp)
+    monkeypatch.setattr("platform.machine", lambda: "aarch64")
+    assert len(core.lacks()) == (not openmp)
+
+
+@pytest.mark.skipif(core.processors() < 2, reason="needs two processors")
+def test_bound_threads_leave_processors_to_the_process():
+    """With OMP_PROC_BIND, which clusters set, libgomp leaves its first thread one processor."""
+    code = "import os; from pyfric import core; print(core.processors(), os.sched_getaffinity(0))"
+    done = run_python(code, OMP_PROC_BIND="true")
+    assert done.stdout.strip() == f"{core.processors()} {os.sched_getaffinity(0)}", done.stderr
 
 
 def test_small_lattices_use_one_thread():

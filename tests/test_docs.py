@@ -224,3 +224,21 @@ def test_texts_beside_the_charts_say_what_is_stored():
     assert f"All {len(plans)} plans meet their tolerance." in text
     low, high = shares.min(), shares.max()
     assert f"they take {low:.2g} to {high:.2g} of the time of full dynamics" in text
+
+
+def test_findings_are_listed_and_stand_apart():
+    """One script each, with exact versions, without pyfric."""
+    folder = ROOT / "findings"
+    if not folder.is_dir():
+        pytest.skip("they are not in a source distribution")
+    scripts = {path.name: path.read_text() for path in folder.glob("*.sh")}
+    listed = re.findall(r"\]\((\w+\.sh)\)", (folder / "README.md").read_text())
+    assert sorted(listed) == sorted(scripts)
+    for name, text in scripts.items():
+        code = "\n".join(line for line in text.splitlines() if not line.startswith("#"))
+        assert "pyfric" not in code, name
+        wanted = re.findall(r"install --quiet (.+)", code)
+        assert wanted, name
+        assert all("==" in one for one in wanted[0].split()), name
+        for said in ("# Input: ", "# Expected: ", "# Seen: "):
+            assert said in text, name

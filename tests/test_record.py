@@ -19,6 +19,7 @@ from damage import unnoticed
 from helpers import edited, seal_again
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from scipy.io import loadmat
 
 import pyfric
 from pyfric.core import ENERGIES, State
@@ -296,6 +297,15 @@ def test_record_checks_its_parts():
     assert "tau_before" in dir(good)
 
 
+def test_masked_values_are_refused():
+    record = make_record()
+    array = np.ma.masked_array(record.tau_initial)
+    assert record.replace(tau_initial=array) == record
+    array[0] = np.ma.masked
+    with pytest.raises(RecordError, match=r"interface.tau_initial has masked values"):
+        record.replace(tau_initial=array)
+
+
 def test_arrays_are_read_only_and_fields_frozen():
     good = make_record()
     with pytest.raises(ValueError, match="read-only"):
@@ -450,6 +460,54 @@ def test_any_netcdf_reader_opens_the_file(tmp_path):
         assert (file["F_T"] == F_T).all()
 
 
+def test_types_are_those_that_every_program_reads(tmp_path):
+    """The classic model of netCDF: no strings, no enumerations, no long integers that fit."""
+    record = make_record()
+    slow = record.episodes["step_start"].to_numpy() + 2**40
+    record = record.replace(episodes=record.episodes.assign(step_start=slow))
+    path = record.save(tmp_path / "run.nc")
+    classic = [h5py.h5t.FLOAT, h5py.h5t.INTEGER]
+    with h5py.File(path) as file:
+        for where in (file, *file.values()):
+            own = {"DIMENSION_LIST", "REFERENCE_LIST", "actual_range"}
+            said = [one for one in where.attrs if one not in own]
+            for kind in (where.attrs.get_id(name).get_type() for name in said):
+                text = kind.get_class() == h5py.h5t.STRING and not kind.is_variable_str()
+                assert text or kind.get_class() in classic, (where, said)
+                assert text or kind.get_class() == h5py.h5t.FLOAT or kind.get_size() <= 4
+        for name, one in file.items():
+            assert one.id.get_type().get_class() in classic, name
+            values = one[()]
+            long = one.dtype.kind == "i" and one.dtype.itemsize > 4
+            assert long == (name in ("episode_step_start", "final_step")), name
+            gaps = one.dtype.kind == "f" and bool(np.isnan(values).any())
+            label = one.attrs.get("NAME", b"")
+            if label.startswith(b"This is a netCDF dimension") or one.attrs.get("dtype") == b"bool":
+                continue
+            assert ("_FillValue" in one.attrs) == gaps, name
+            if gaps:
+                assert np.isnan(one.fillvalue), name
+                assert one.attrs["_FillValue"].dtype == one.dtype, name
+            there = values[np.isfinite(values)]
+            assert ("actual_range" in one.attrs) == bool(there.size), name
+            if there.size:
+                assert one.attrs["actual_range"].dtype == one.dtype, name
+                assert list(one.attrs["actual_range"]) == [there.min(), there.max()], name
+        assert file["episode_t_stop"].attrs["units"] == b"s"
+        assert file.attrs["pyfric_schema"].dtype == np.int32
+    assert Record.load(path) == record
+
+
+@pytest.mark.parametrize("name", ["µ_s = 0,7 – Gleitblock", "a" * 200_000])
+def test_texts_of_any_length_and_alphabet(name, tmp_path):
+    record = make_record()
+    record = record.replace(notes=(name,), versions={"": name})
+    path = record.save(tmp_path / "run.nc")
+    assert Record.load(path) == record
+    with h5netcdf.File(path) as file:
+        assert json.loads(file.attrs["notes"]) == [name]
+
+
 def test_damage_is_noticed_or_left_nothing_out(tmp_path):
     record = make_record()
     path, read = record.save(tmp_path / "run.nc"), []
@@ -591,7 +649,7 @@ def test_attributes_are_what_they_have_to_be(resealed, name, value):
     ],
 )
 def test_a_wrong_part_of_an_attribute_is_named(resealed, name, value, field):
-    assert f"attribute {field}" in resealed(lambda f: f.attrs.modify(name, json.dumps(value)))
+    assert f"attribute {field}" in resealed(lambda f: f.attrs.create(name, json.dumps(value)))
 
 
 @pytest.mark.parametrize(
@@ -666,14 +724,14 @@ def test_no_link_is_followed_and_no_other_file_is_read(resealed, tmp_path):
 def test_the_scene_is_parsed_and_never_opened(resealed, scene, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.toml").write_text(setup1().to_toml())
-    assert "attribute scene" in resealed(lambda file: file.attrs.modify("scene", scene))
+    assert "attribute scene" in resealed(lambda file: file.attrs.create("scene", scene))
 
 
 def test_a_scene_of_a_record_names_no_files(resealed, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "friction.csv").write_text("slip (um),mu\n0,0.7\n1,0.45\n")
     text = setup1().to_toml() + '\n[interface.law]\nkind = "table"\nslide = "friction.csv"\n'
-    said = resealed(lambda file: file.attrs.modify("scene", text))
+    said = resealed(lambda file: file.attrs.create("scene", text))
     assert "interface.law.slide" in said
     assert "names no files" in said
 
@@ -758,6 +816,20 @@ def test_csv_holds_every_digit(tmp_path):
     np.testing.assert_array_equal(read["interface"]["p_initial"], original.p_initial)
     described = set(zip(read["columns"]["table"], read["columns"]["column"], strict=True))
     assert described == {(name, column) for name in names[:-1] for column in read[name]}
+
+
+def test_matlab_files_hold_every_group(tmp_path):
+    record = make_record()
+    found = loadmat(record.to_mat(tmp_path / "run.mat"), simplify_cells=True)
+    for name in ("curve", "events", "episodes"):
+        for column, values in getattr(record, name).items():
+            np.testing.assert_array_equal(found[name][column], values.to_numpy())
+    np.testing.assert_array_equal(found["interface"]["tau_before"], record.tau_before)
+    np.testing.assert_array_equal(found["final_state"]["y"], record.final_state.y)
+    assert pyfric.Scene.from_toml(found["about"]["scene"] + "\n") == record.scene
+    assert found["about"]["status"] == record.status
+    with pytest.raises(SceneError, match=r"\.nc"):
+        record.to_mat(tmp_path / "run.nc")
 
 
 def test_csv_of_no_events(tmp_path):

@@ -6,14 +6,17 @@ import math
 import os
 import pickle
 import tomllib
+import typing
 from fractions import Fraction
 
 import numpy as np
+import pint
 import pytest
 import tomli_w
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from pyfric.engines import Options
 from pyfric.laws import TabulatedLaw
 from pyfric.scene import (
     PRESETS,
@@ -926,3 +929,65 @@ def test_a_number_of_a_spread_may_have_the_unit_of_its_field():
     assert spread == Spread(mean=3e-6, std=1e-8, seed=2)
     error = refused(lambda: scene.replace({"interface.d_c.mean": "3 kg"}))
     assert (error.field, error.unit) == ("interface.d_c.mean", "m")
+
+
+@pytest.mark.parametrize(
+    ("field", "values"),
+    [
+        ("interface.mu_s", [0.7] * 57),
+        ("interface.mu_s", 0.7),
+        ("slider.l", 2.5e-3),
+        ("driver.protocol", [[0.0, 1e-3], [0.1, 2e-3]]),
+        ("top.push", [[3.0, 10.0]]),
+    ],
+)
+def test_masked_values_are_refused(field, values):
+    """netCDF4 returns masked arrays; what the mask hides is some number, such as 1e36."""
+    array = np.ma.masked_array(values)
+    array[(-1,) * array.ndim] = np.ma.masked
+    with pytest.raises(SceneError, match=rf"{field} = .*: 1 of {array.size} masked"):
+        setup1().replace({field: array})
+
+
+def test_masked_entries_of_a_list_are_refused():
+    with pytest.raises(SceneError, match=r"interface\.mu_s = .*: block 2: 1 of 1 masked"):
+        setup1(mu_s=[0.7, np.ma.masked, *[0.7] * 55])
+
+
+@pytest.mark.parametrize("seed", [2**63 - 1, 2**63, 2**63 + 1, 2**64 - 1])
+def test_seeds_above_half_of_their_range_are_not_rounded(seed):
+    """NumPy's Philox takes a list of keys through floats from 2^63 on."""
+    key = np.array([seed, 0], dtype=np.uint64)
+    raw = np.random.Philox(key=key).random_raw(57) >> np.uint64(11)
+    drawn = Spread(mean=0.5, range=0.5, seed=seed).draw(57, 1.0)
+    np.testing.assert_array_equal(drawn, 0.5 + 0.5 * (2 * (raw * 2.0**-53) - 1))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("L", 0.14),
+        ("K", 4e6),
+        ("V", 0.4),
+        ("h", 5.0),
+        ("F_N", 1920.0),
+        ("mu_s", 0.7),
+        ("l", 2.5),
+    ],
+)
+def test_a_quantity_never_loses_its_unit(field, value):
+    """Pint warns where an array loses its unit, not where one number does."""
+    units = {"L": "m", "K": "N/m", "V": "mm/s", "h": "mm", "F_N": "N", "mu_s": "", "l": "mm"}
+    made = setup1(**{field: pint.Quantity(value, units[field])})
+    assert made == setup1(**{field: f"{value} {units[field]}".strip() if units[field] else value})
+    with pytest.raises(SceneError, match=field):
+        setup1(**{field: pint.Quantity(value, "kelvin")})
+
+
+@pytest.mark.parametrize("part", [Scene, Interface, Options])
+def test_annotations_show_what_they_allow(part):
+    """The reference shows them; an address in memory says nothing."""
+    hints = typing.get_type_hints(part, include_extras=True).values()
+    marks = [repr(mark) for hint in hints for mark in getattr(hint, "__metadata__", ())]
+    assert marks
+    assert not any(" at 0x" in mark for mark in marks)

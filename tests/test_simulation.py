@@ -600,3 +600,13 @@ def test_a_short_run_costs_no_more_than_a_longer_one():
     made = [record.counts["block_evaluations"] for record in runs]
     assert max(made[:2]) <= made[2]
     assert made[0] < 100 * 57 * 31 * 4, "fewer than a hundred steps"
+
+
+@pytest.mark.parametrize("options", [{}, {"fidelity": "quasistatic"}, {"verify": "none"}])
+def test_the_logger_gets_what_the_notes_say(options, caplog):
+    with caplog.at_level("INFO", logger="pyfric"):
+        record = simulate(small(), 2e-3, progress=False, **options)
+    said = [one.getMessage() for one in caplog.records if one.name == "pyfric"]
+    assert said[0].endswith(record.status)
+    assert tuple(said[1:]) == record.notes
+    assert record.notes or options

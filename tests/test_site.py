@@ -65,6 +65,12 @@ def test_the_gallery_has_no_placeholder(pages):
     assert empty.read_bytes() not in contents
 
 
+def test_no_page_shows_an_address_in_memory(pages):
+    """Such as that of a legend at the end of an example, or of a function that is a default."""
+    shown = {str(path) for path, text in pages.items() if re.search(r" at 0x[0-9a-f]{4}", text)}
+    assert not shown
+
+
 def test_links_and_pictures_are_there(pages):
     for path, text in pages.items():
         for link in re.findall(r'(?:href|src)="([^"#?]+)', text):

@@ -586,3 +586,11 @@ def test_shapes():
     assert theory.chain_prestress(v + 1).shape == (2, 3)
     assert theory.cohesive_zone(CAUCHY, 0.6, 0.4, v, [1.0, 2.0, 3.0], 0.1).shape == (2, 3)
     assert np.ndim(theory.chain_speed(0.3)) == 0
+
+
+def test_masked_values_are_refused():
+    tau_bar = np.ma.masked_array([0.3, 0.5], mask=[False, False])
+    theory.chain_speed(tau_bar)
+    tau_bar[1] = np.ma.masked
+    with pytest.raises(ValueError, match=r"(?s)tau_bar = .*numbers without gaps"):
+        theory.chain_speed(tau_bar)

@@ -128,6 +128,22 @@ def test_other_bits_are_noticed(other, monkeypatch):
     assert known[1] >= verify.SWITCHES
 
 
+def test_what_the_build_lacks_is_said(monkeypatch):
+    monkeypatch.setattr(core, "lacks", lambda: ["built without OpenMP: one thread"])
+    assert "built without OpenMP" in verify._build()[1]
+
+
+@pytest.mark.parametrize("compiler", ["GCC version 12.2.0", "Debian flang version 19.1.7"])
+def test_contraction_is_noticed(compiler, monkeypatch):
+    def build(flags):
+        return lambda _: {"compiler": compiler, "flags": flags, "openmp": True}
+
+    monkeypatch.setattr(core, "build_info", build("-O3 -ffp-contract=off"))
+    assert all(check.holds for check in verify._build()[0])
+    monkeypatch.setattr(core, "build_info", build("-O3"))
+    assert not any(check.holds for check in verify._build()[0])
+
+
 def test_skipped_variants_are_named(monkeypatch):
     monkeypatch.setattr(core, "variants", lambda: {"v9": False, core.VARIANT: True})
     checks, note = verify._bits()

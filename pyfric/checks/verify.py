@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import re
 import signal
 import tempfile
 import threading
@@ -144,11 +145,11 @@ def _build() -> Made:
         build = core.build_info(name)
         unsafe = {"-ffast-math", "-Ofast", "-funsafe-math-optimizations", "-ffp-contract=fast"}
         wrong = len(unsafe & set(build["flags"].split()))
-        gcc = build["compiler"].startswith("GCC")
-        wrong += gcc and "-ffp-contract=off" not in build["flags"].split()
+        known = re.search("GCC|flang", build["compiler"])
+        wrong += bool(known) and "-ffp-contract=off" not in build["flags"].split()
         checks.append(Check(f"variant {name}: flags that change sums", wrong, 0))
         notes.append(f"{name}: {build['compiler']}, OpenMP {'on' if build['openmp'] else 'off'}")
-    return checks, f"in use: {core.VARIANT}; {'; '.join(notes)}"
+    return checks, "; ".join([f"in use: {core.VARIANT}", *notes, *core.lacks()])
 
 
 def _bits() -> Made:

@@ -8,6 +8,7 @@ from pyfric.core.builds import (
     build_info,
     fork_notes,
     forked,
+    lacks,
     processors,
     useful_threads,
     variants,

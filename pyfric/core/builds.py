@@ -11,6 +11,7 @@ import functools
 import importlib
 import importlib.util
 import os
+import platform
 from typing import Any
 
 import numpy as np
@@ -55,6 +56,7 @@ def load_variant(name: str) -> Any:
         raise ImportError(f"{ENVIRONMENT} = {name!r}: not installed (installed: {listed})")
     if not known[name]:
         raise ImportError(f"{ENVIRONMENT} = {name!r}: this processor lacks its instructions")
+    allowed = _allowed()
     short = not {"OMP_WAIT_POLICY", "GOMP_SPINCOUNT"} & set(os.environ)  # unless the user set one
     if short:
         os.environ["GOMP_SPINCOUNT"] = SPINS  # libgomp reads it once, when it is loaded
@@ -63,6 +65,10 @@ def load_variant(name: str) -> Any:
     finally:
         if short:
             del os.environ["GOMP_SPINCOUNT"]
+        # With OMP_PROC_BIND libgomp leaves this thread one processor when it is loaded, and every
+        # process that starts later, too: workers of sweeps would share it.
+        if allowed and _allowed() != allowed:
+            os.sched_setaffinity(0, allowed)
 
 
 def _chosen() -> str:
@@ -93,11 +99,24 @@ def build_info(name: str = VARIANT) -> dict[str, Any]:
     }
 
 
+def lacks() -> list[str]:
+    """Return what the build could have and has not, one sentence each."""
+    said = []
+    if not build_info()["openmp"]:
+        said.append("built without OpenMP: every run takes one thread")
+    if platform.machine() in ("x86_64", "AMD64") and not set(variants()) - {"baseline"}:
+        said.append("built for one instruction set: newer ones of this processor are not used")
+    return said
+
+
 def processors() -> int:
     """Return the number of processors that this process may run on."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    return len(_allowed()) or os.cpu_count() or 1
+
+
+def _allowed() -> set[int]:
+    """Return the processors that this process may run on; empty where the system does not say."""
+    return os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set()
 
 
 class _Fork:

@@ -249,7 +249,7 @@ class State:
         ):
             array = getattr(self, name)
             right = isinstance(array, np.ndarray) and array.shape == shape and array.dtype == dtype
-            if not (right and array.flags.carray):
+            if not (right and array.flags.carray) or np.ma.is_masked(array):
                 raise StateError(f"state.{name}: expected a contiguous {dtype} {shape}")
         low, high = self.spring[2:]
         if self.spring[1] and not (

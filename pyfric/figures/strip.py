@@ -38,7 +38,7 @@ from pyfric.figures.style import (
     time_unit,
 )
 from pyfric.record import Record
-from pyfric.scene import Scene, SceneError, written
+from pyfric.scene import Scene, SceneError, check_unmasked, written
 from pyfric.signals import at_once
 
 MOMENTS = (0.05, 0.3, 0.55, 0.8, 1.0, 1.6)
@@ -86,6 +86,7 @@ def frame_times(record: Record, event: int, moments: Sequence[float] = MOMENTS) 
     If no front is resolved, the duration of the event is used instead of this time.
     """
     check_event(record, event)
+    check_unmasked("moments", moments)
     row, times = record.events.loc[event], record.rupture_times[record.row(event)]
     last = np.nanmax(times) if np.isfinite(times).any() else math.nan
     spans = (last - row["t_start"], row["duration"], LEAD * record.method.dt)
@@ -110,6 +111,7 @@ def event_frames(
             before the event, or a run that began from another state.
     """
     check_event(record, event)
+    check_unmasked("times", times)
     scene, method = record.scene, record.method
     t_start = record.events["t_start"].loc[event]
     times = np.asarray(times, dtype=float)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import logging
 import sys
 import time
 from typing import TYPE_CHECKING, Any
@@ -68,6 +69,7 @@ LONG = 600.0
 """Expected duration above which a run prints a note before it starts, in s."""
 SHORT = 10.0
 """How many times longer steps without viscosity have to be for a note on its cost: a policy."""
+LOGGER = logging.getLogger("pyfric")
 
 
 @one_thread_if_small
@@ -94,6 +96,8 @@ def simulate(
     continues the run. The next call of `simulate`, `plan`, `run_all` or `prediction_curve` in the
     same script or cell raises KeyboardInterrupt, so that loops end. Before the first step, Ctrl-C
     raises KeyboardInterrupt at once.
+
+    The logger "pyfric" of `logging` gets status and notes of the record, at level INFO.
 
     Full dynamics and planned runs that are expected to take more than ten minutes carry a note. It
     is also printed on stderr before the start, unless progress is False or a function.
@@ -164,11 +168,19 @@ def simulate(
         of = levels(scene, options, begun=initial is not None)
         _check_steps(of, asked)
         notes += (*_short_steps(asked, progress),)
-        return _with_notes(leveled(asked, of, progress), *notes)
+        return _logged(_with_notes(leveled(asked, of, progress), *notes))
     notes += (*_short_steps(asked, progress),)
     if options.verify not in (None, "none"):
-        return _with_notes(leveled(asked, of_named(scene, options)), *notes)
-    return _with_notes(run(scene, t_end, options), *notes)
+        return _logged(_with_notes(leveled(asked, of_named(scene, options)), *notes))
+    return _logged(_with_notes(run(scene, t_end, options), *notes))
+
+
+def _logged(record: Record) -> Record:
+    """Tell the logger "pyfric" how a run ended, and each of its notes; return the record."""
+    LOGGER.info("%s: %s", record.scene.name or "scene", record.status)
+    for note in record.notes:
+        LOGGER.info("%s", note)
+    return record
 
 
 def _check_steps(of: tuple[Level, ...], asked: Asked) -> None:

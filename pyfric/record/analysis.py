@@ -312,9 +312,9 @@ def compare_curve(
     """Return how far a measured loading curve is from a run, as it stands and shifted in time.
 
     The force of the run is linear between its points. Measured points outside the run do not
-    count, and a shift leaves at least half of them inside. In stick-slip this says little, as a
-    small difference of the period puts events beside each other; `pyfric.measured.events` compares
-    them.
+    count, and a shift leaves at least half of them inside. Points that are masked in one of the
+    arrays, as netCDF4 returns gaps, are left out. In stick-slip this says little, as a small
+    difference of the period puts events beside each other; `pyfric.measured.events` compares them.
 
     Args:
         t, F_T: measured times, s, increasing, and forces, N, shape (n,), n >= 2.
@@ -331,7 +331,7 @@ def compare_curve(
         what = t if isinstance(t, str | os.PathLike) else type(t).__name__
         reason = "not numbers: give two arrays; pandas.read_csv reads them from a file"
         raise SceneError("t", what, "", 'compare_curve(record, table["t"], table["F_T"])', reason)
-    t, F_T = _numbers("t", t), _numbers("F_T", F_T)
+    t, F_T = _without_gaps(_numbers("t", t), _numbers("F_T", F_T))
     _check_measured(t, F_T)
     known, forces = (record.curve[name].to_numpy() for name in ("t", "F_T"))
     widest = 0.5 * (t[-1] - t[0]) if largest_shift is None else largest_shift
@@ -439,7 +439,7 @@ def collapse_spread(
     """Return how far points lie from one curve, the median of y in bins of x.
 
     The bins hold equal numbers of points, except for a remainder and for equal x. Points with a NaN
-    in x or y are left out.
+    in x or y, or masked in one, are left out.
 
     Args:
         x, y: the points, equal shapes.
@@ -450,7 +450,9 @@ def collapse_spread(
         SceneError: bins is not a whole number >= 1, fewer than 5 points per bin, or y not positive
             with log.
     """
-    x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+    x, y = np.broadcast_arrays(
+        *(np.ma.filled(_numbers(*pair), np.nan) for pair in (("x", x), ("y", y)))
+    )
     kept = np.isfinite(x) & np.isfinite(y)
     x, y = x[kept], y[kept]
     bins = check_whole("bins", bins, 1)
@@ -474,10 +476,19 @@ def collapse_spread(
 
 
 def _numbers(name: str, values: ArrayLike) -> np.ndarray:
+    """Return numbers as an array, which keeps its mask."""
     try:
-        return np.asarray(values, dtype=float)
+        return np.asanyarray(values, dtype=float)
     except (TypeError, ValueError):
         raise SceneError(name, values, "", "a list of numbers", "not numbers") from None
+
+
+def _without_gaps(*arrays: np.ndarray) -> list[np.ndarray]:
+    """Return arrays of one shape without the points that are masked in one of them."""
+    if len({array.shape for array in arrays}) == 1 and any(map(np.ma.is_masked, arrays)):
+        kept = ~np.logical_or.reduce([np.ma.getmaskarray(array) for array in arrays])
+        arrays = tuple(array[kept] for array in arrays)
+    return [np.asarray(array) for array in arrays]
 
 
 def _chosen(record: RecordData, mask: pd.Series) -> pd.DataFrame:

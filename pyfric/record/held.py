@@ -71,6 +71,8 @@ class Held(NamedTuple):
             RecordError: they are of another kind, or have another number of dimensions.
         """
         array, where = np.asarray(values), f"record: {self.group}.{self.name}"
+        if np.ma.is_masked(values):
+            raise RecordError(f"{where} has masked values, needs numbers without gaps")
         if array.ndim != len(self.dims):
             raise RecordError(f"{where} has {array.ndim} dimensions, needs {len(self.dims)}")
         if array.dtype.kind not in "biuf" or not np.can_cast(array.dtype, self.dtype):

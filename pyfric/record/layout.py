@@ -13,16 +13,18 @@ its unit and meaning. Its attributes:
     JSON.
 
 Variables of the curve and of the interface carry their plain names, those of the other groups begin
-with ``event_``, ``episode_``, ``quiet_``, ``switch_``, ``motion_`` and ``final_``. Numbers are
-stored as they are in memory, so that a loaded record equals the saved one bit for bit. The
-attribute ``pyfric_seal`` is the SHA-256 of all variables and of the attributes that are read. It
-covers what the file says and not its bytes: another program may open it for writing.
+with ``event_``, ``episode_``, ``quiet_``, ``switch_``, ``motion_`` and ``final_``. Types are
+those that other programs read (`pyfric.record.netcdf`); floats are stored as they are in memory, so
+that a loaded record equals the saved one bit for bit. The attribute ``pyfric_seal`` is the SHA-256
+of all variables and of the attributes that are read. It covers what the file says and not its
+bytes: another program may open it for writing.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
+import io
 import json
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
@@ -169,6 +171,21 @@ def datatree(record: RecordData) -> xr.DataTree:
         groups[held.group][held.name] = held.dims, values, held.labels
     root = xr.Dataset(attrs=attributes(record))
     return xr.DataTree.from_dict({"/": root} | {k: xr.Dataset(v) for k, v in groups.items()})
+
+
+def mat(record: RecordData) -> bytes:
+    """Return a MATLAB file: one struct for each group, and one of texts; see `Record.to_mat`."""
+    from scipy.io import savemat
+
+    groups: dict[str, dict[str, Any]] = {group: {} for group in GROUPS}
+    for held, values in held_by(record):
+        groups[held.group][held.name] = values
+    about = {"scene": record.scene.to_toml(), "status": record.status}
+    about |= {"method": str(record.method), "notes": "\n".join(record.notes)}
+    file = io.BytesIO()
+    held_groups = {name: group for name, group in groups.items() if group}
+    savemat(file, {**held_groups, "about": about}, long_field_names=True, oned_as="column")
+    return file.getvalue()
 
 
 def csv_tables(record: RecordData) -> dict[str, pd.DataFrame]:

@@ -1,5 +1,9 @@
 """netCDF 4 files in memory: HDF5 with a scale for each dimension.
 
+Types are those that every reader of netCDF knows (the classic model): texts are characters of fixed
+length, whole numbers take 32 bits where they fit, truth values take one byte, and there are no
+enumerations. What has gaps says so by `_FillValue`, and `actual_range` has the extremes.
+
 xarray takes seven times as long to write one. What is read may come from anywhere: only numbers
 that lie in the file itself are taken, and no link, plugin or other file is followed.
 """
@@ -18,6 +22,10 @@ Variable = tuple[tuple[str, ...], np.ndarray, dict[str, str]]
 COMPRESSED_FROM = 4096
 """Arrays of at least this many elements are compressed (without loss): one page of memory of bytes,
 below which a chunk and its index take more room than they spare."""
+WHOLE = np.int32
+"""Type of whole numbers that fit: netCDF's classic model has no longer one."""
+LIBVER = ("v108", "v108")
+"""Versions of the file's structures: from 1.8 on a text may be longer than 64 kB."""
 DEFLATE = 1032
 """Most by which deflate makes anything smaller (zlib): what says it is more is none of ours."""
 NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable."
@@ -26,7 +34,7 @@ written behind it."""
 
 
 def file_image(variables: Mapping[str, Variable], attributes: Mapping[str, Any]) -> bytes:
-    """Return the content of a netCDF 4 file: numbers as they are in memory, booleans as int8."""
+    """Return the content of a netCDF 4 file; types are described at the top of this module."""
     import h5py
 
     sizes = {
@@ -35,8 +43,8 @@ def file_image(variables: Mapping[str, Variable], attributes: Mapping[str, Any])
         for dim, size in zip(dims, values.shape, strict=True)
     }
     image = io.BytesIO()
-    with h5py.File(image, "w", track_order=True) as file:
-        file.attrs.update(attributes)
+    with h5py.File(image, "w", track_order=True, libver=LIBVER) as file:
+        _describe(file, attributes)
         made = {name: _made(file, name, *rest) for name, (_, *rest) in variables.items()}
         for number, (dim, size) in enumerate(sizes.items()):
             if dim in variables:
@@ -53,14 +61,54 @@ def file_image(variables: Mapping[str, Variable], attributes: Mapping[str, Any])
 
 
 def _made(file: Any, name: str, values: np.ndarray, attributes: dict[str, str]) -> Any:
-    values = np.asarray(values)
-    if values.dtype.kind == "b":
-        values, attributes = values.astype(np.int8), {**attributes, "dtype": "bool"}
+    values, said = _simple(np.asarray(values))
     packed = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
     how = packed if values.size >= COMPRESSED_FROM else {}
-    made = file.create_dataset(name, data=values, track_order=True, **how)
-    made.attrs.update(attributes)
+    fill = said.get("_FillValue")
+    made = file.create_dataset(name, data=values, track_order=True, fillvalue=fill, **how)
+    _describe(made, attributes | said)
     return made
+
+
+def _simple(values: np.ndarray) -> tuple[np.ndarray, dict[str, Any]]:
+    """Return values in a type of the classic model, and what their attributes say about it."""
+    if values.dtype.kind == "b":
+        return values.astype(np.int8), {"dtype": "bool"}
+    if values.dtype.kind in "iu" and values.dtype.itemsize > np.dtype(WHOLE).itemsize:
+        fits = np.iinfo(WHOLE)
+        if not values.size or (values.min() >= fits.min and values.max() <= fits.max):
+            values = values.astype(WHOLE)
+    said: dict[str, Any] = {}
+    finite = values[np.isfinite(values)]
+    if finite.size:
+        said["actual_range"] = np.array([finite.min(), finite.max()])
+    if np.isnan(values).any():
+        said["_FillValue"] = values.dtype.type(np.nan)
+    return values, said
+
+
+def _describe(made: Any, attributes: Mapping[str, Any]) -> None:
+    """Write attributes: texts as characters, whole numbers in 32 bits."""
+    import h5py
+
+    for name, value in attributes.items():
+        if isinstance(value, str):
+            text = value.encode()
+            kind = h5py.string_dtype("utf-8", len(text)) if text else "S1"
+            made.attrs.create(name, text if text else h5py.Empty(kind), dtype=kind)
+        else:
+            made.attrs[name] = WHOLE(value) if isinstance(value, int) else value
+
+
+def _read(value: Any) -> Any:
+    """Return the value of an attribute: text, one number, or an array."""
+    import h5py
+
+    if isinstance(value, h5py.Empty):
+        return ""
+    if isinstance(value, np.ndarray | np.generic) and value.size == 1:
+        value = value.item()
+    return value.decode() if isinstance(value, bytes) else value
 
 
 def read_image(content: memoryview) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -73,11 +121,8 @@ def read_image(content: memoryview) -> tuple[dict[str, Any], dict[str, np.ndarra
     import h5py
 
     with h5py.File(h5py.h5f.open_file_image(bytes(content))) as file:
-        numbers, values = (np.ndarray, np.generic), {}
-        attributes = {
-            name: value.item() if isinstance(value, numbers) and value.size == 1 else value
-            for name, value in file.attrs.items()
-        }
+        values: dict[str, np.ndarray] = {}
+        attributes = {name: _read(value) for name, value in file.attrs.items()}
         for name in file:
             if not isinstance(file.get(name, getlink=True), h5py.HardLink):
                 raise ValueError(f"{name} is a link")
@@ -105,4 +150,4 @@ def _numbers(name: str, variable: Any) -> np.ndarray:
     if variable.nbytes > DEFLATE * variable.id.get_storage_size():
         raise ValueError(f"{name} claims more data than the file holds")
     values = variable[()]
-    return values.astype(bool) if variable.attrs.get("dtype") == "bool" else values
+    return values.astype(bool) if _read(variable.attrs.get("dtype")) == "bool" else values

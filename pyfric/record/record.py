@@ -211,6 +211,20 @@ class Record(RecordData):
         """
         return write(path, page(self).encode(), ".html")
 
+    @held_back()
+    def to_mat(self, path: str | os.PathLike[str]) -> Path:
+        """Write a MATLAB file (version 5), which Octave reads, too; return its path.
+
+        Each group of `to_datatree` is a struct, such as ``curve.F_T`` or ``events.t_start``, and
+        ``about`` has scene, method, status and notes as text. Columns are column vectors, and
+        arrays over events and blocks have one row for each event. NaN stays NaN.
+
+        Raises:
+            OSError: the file cannot be written; it names path and reason.
+            SceneError: the name ends like that of another format, such as .nc.
+        """
+        return write(path, layout.mat(self), ".mat")
+
     def to_csv(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write the tables as CSV into ``folder`` (made if missing) and return the paths.
 

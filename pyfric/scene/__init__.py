@@ -65,6 +65,7 @@ from pyfric.scene.units import (
     PREFIXES,
     SMALLEST,
     check_number,
+    check_unmasked,
     check_whole,
     parse_quantity,
     prefix_power,

@@ -44,6 +44,9 @@ class Annotation:
     allowed: str = ""
     drawn: type | None = None
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.allowed!r})" if self.allowed else type(self).__name__
+
     def check(self, value: Any, written: Written | None = None) -> Any:
         """Return the checked value, which is of Python, or of an entry `written` in a scene file.
 

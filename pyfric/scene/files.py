@@ -26,6 +26,7 @@ FORMATS = {
     **{".nc": "netCDF", ".csv": "CSV", ".html": "HTML", ".toml": "TOML", ".json": "JSON"},
     **{".png": "PNG", ".pdf": "PDF", ".svg": "SVG", ".jpg": "JPEG", ".gif": "GIF", ".mp4": "MP4"},
     **{".txt": "text", ".xlsx": "Excel", ".parquet": "Parquet", ".npz": "NumPy", ".zip": "zip"},
+    ".mat": "MATLAB",
 }
 """Suffixes of names of files, in small letters, and the formats that they promise."""
 OLD = 86400.0

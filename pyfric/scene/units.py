@@ -144,8 +144,21 @@ def in_si(field: str, value: Any, unit: str, *, allowed: str) -> Any:
         raise SceneError(field, str(value), unit, allowed, str(error)) from None
 
 
+def check_unmasked(field: str, value: Any) -> None:
+    """Raise SceneError if values of NumPy are masked: an array would show what the mask hides."""
+    if np.ma.is_masked(value):
+        n = int(np.ma.count_masked(value))
+        allowed, reason = "numbers without gaps", f"{n} of {np.size(value)} masked"
+        raise SceneError(field, "an array", "", f"{allowed}: leave out or fill them", reason)
+
+
 def as_list(value: Any) -> Any:
-    """Return an array of NumPy or pandas as a list; anything else, or one with a unit, as it is."""
+    """Return an array of NumPy or pandas as a list; anything else, or one with a unit, as it is.
+
+    Raises:
+        SceneError: values are masked.
+    """
+    check_unmasked("", value)
     plain = getattr(value, "ndim", 0) and not (hasattr(value, "unit") or hasattr(value, "units"))
     return np.asarray(value).tolist() if plain else value
 

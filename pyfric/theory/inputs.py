@@ -30,8 +30,11 @@ def checked_array(field: str, value: Any, unit: str = "", **limits: float) -> np
 
     Raises:
         ValueError: not real numbers, none, or one of them not finite or outside the limits. Text
-            and quantities of a library of units are refused: an array would drop the unit.
+            and quantities of a library of units are refused: an array would drop the unit. So
+            are masked values: an array would show what the mask hides.
     """
+    if np.ma.is_masked(value):
+        raise refusal(field, value, unit, "numbers without gaps: leave out or fill what is masked")
     given = value if isinstance(value, list | tuple) else [value]
     if any(isinstance(value, str) or hasattr(value, "magnitude") for value in given):
         raise refusal(field, value, unit, f"plain numbers{unit and f', in {unit}'}")

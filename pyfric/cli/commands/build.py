@@ -37,6 +37,7 @@ def info(record: str | None, tell: Tell) -> None:
         "variants": core.variants(),
         "environment": core.ENVIRONMENT,
         **core.build_info(),
+        "lacks": core.lacks(),
         "processors": core.processors(),
         "blocks_per_thread": core.BLOCKS_PER_THREAD,
         "python": platform.python_version(),
@@ -51,6 +52,7 @@ def info(record: str | None, tell: Tell) -> None:
         "variants": ", ".join(kinds),
         "environment": f"{core.ENVIRONMENT} names another variant",
         "openmp": "yes" if found["openmp"] else "no",
+        "lacks": "; ".join(found["lacks"]) or "nothing",
         "blocks_per_thread": f"{core.BLOCKS_PER_THREAD} at least",
     }
     tell.result(found, lambda: "\n".join(f"{name:<18} {value}" for name, value in rows.items()))

@@ -1,0 +1,44 @@
+"""One block on a spring: what `studies sticks` measures programs with."""
+
+import numpy as np
+import pytest
+import sticks
+
+PEERS = {peer.name: peer for peer in sticks.PEERS}
+
+
+def test_the_closed_form_solves_the_equation_of_motion():
+    """Speed and acceleration of the block follow from the force by differences."""
+    t = np.linspace(4.0, 4.31, 3101)
+    end = np.array([sticks.end_of_spring(None)(one) for one in t])
+    u = end - sticks.exact(t, two=True) / sticks.K
+    a = np.gradient(np.gradient(u, t), t)[2:-2]
+    F = sticks.exact(t, two=True)[2:-2]
+    np.testing.assert_allclose(sticks.M * a, F - sticks.MU_K * sticks.P, atol=2e-3)
+
+
+@pytest.mark.parametrize("name", ["pyfric", "solve_ivp"])
+def test_a_block_that_sticks_does_not_creep(name):
+    for share in sticks.HELD:
+        assert sticks.held(PEERS[name], share) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "step", "error"), [("pyfric", 1e-3, 1e-10), ("solve_ivp", 1e-10, 1e-10)]
+)
+def test_a_pulled_block_follows_the_closed_form(name, step, error):
+    found = sticks.pulled(PEERS[name], step)
+    assert found["error"] < error
+    assert found["F_max"] == pytest.approx(sticks.MU_S * sticks.P, rel=1e-4)
+    arrest = (2 * sticks.MU_K - sticks.MU_S) * sticks.P
+    assert found["F_min"] == pytest.approx(arrest, rel=1e-4)
+
+
+def test_a_block_that_creeps_is_noticed(monkeypatch):
+    def creeping(step, t_end, share):
+        t = np.arange(0, t_end, step)
+        return t, 1e-6 * t, 0.0, "0"
+
+    peer = sticks.Peer("creeping", "", creeping)
+    assert sticks.held(peer, 0.5) == pytest.approx(1e-6 * sticks.HOLD, rel=1e-3)
+    assert sticks.pulled(peer, 1e-3)["error"] > 1e-5

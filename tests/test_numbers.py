@@ -81,7 +81,7 @@ KINDS = {
         "hybrid": "KEPT PATHS",
         "banded": "TOGETHER",
         "blas": "SMALL",
-        "condensation": "LARGE",
+        "condensation": "KEPT LARGE",
         "system": "KEPT",
         "netcdf": "COMPRESSED_FROM",
     },

@@ -158,9 +158,8 @@ def _lines(path: str | os.PathLike[str], name: str) -> tuple[list[Line], Line | 
 
 def _cause(cells: list[str], heads: Line | None) -> str:
     """Return why a row may not be two numbers, and what to do; "" if it is not known."""
-    digits = sum(cell.lstrip("+-").isdigit() for cell in cells)
-    if len(cells) == 4 and digits >= 3:
-        return "; decimal commas need other separators than commas, such as semicolons"
+    if len(cells) == 4:  # decimal commas, see what is allowed
+        return ""
     if heads is not None and not any(map(is_number, cells)):
         return "; if this row has units, write them in the heads, such as 'slip (um)'"
     return "; keep those of slip (or time, or speed) and of mu" if len(cells) > 2 else ""

@@ -1,12 +1,17 @@
 """Fits of measured events: known truths are found, wrong models are noticed, unknowns are said."""
 
 import functools
+import json
+from pathlib import Path
 
+import fits as study
 import numpy as np
 import pandas as pd
 import pytest
+from click.testing import CliRunner
 
 import pyfric
+from pyfric.cli.commands import main
 from pyfric.figures import fit_page, tornado
 from pyfric.fitting import QUANTITIES, fits, misfit
 from pyfric.fitting.fits import _interval
@@ -227,3 +232,47 @@ def test_sensitivities_are_differences_of_runs():
     ):
         with pytest.raises(SceneError, match=text):
             pyfric.sensitivity(SCENE, T_END, steps)
+
+
+# --- commands, and the stored study --------------------------------------------------------------
+
+
+def test_commands_say_what_is_wrong_and_draw(tmp_path):
+    data, stem = tmp_path / "curve.csv", str(tmp_path / "a")
+    short = curve().table.iloc[:600]
+    short.rename(columns={"t": "time_s", "F_T": "F_T (N)"}).to_csv(data, index=False)
+    line = ["fit", "fig1", str(data), "--set", "l=5 mm", "--out", stem]
+    for more, text in (
+        (["--vary", "mu_k"], "write NAME=LOW:HIGH"),
+        (["--vary", "mu_k=0.4"], "write NAME=LOW:HIGH"),
+        (["--vary", "mu_k=0.4:0.5", "--column", "force"], "write MEANING=NAME"),
+        (["--vary", "mu_k=0.4:0.5", "--unit", "t=ms"], "it differs"),
+        (["--vary", "mu_k=0.4:0.5", "--unit", "load_point=m"], "F_N: missing"),
+    ):
+        done = CliRunner().invoke(main, [*line, *more])
+        assert (done.exit_code, text in done.output) == (2, True), done.output
+    line = ["sensitivity", "fig1", "--set", "l=5 mm", "--t-end", "0.4 s", "--out", stem]
+    assert CliRunner().invoke(main, [*line, "--step", "mu_k=x"]).exit_code == 2
+    done = CliRunner().invoke(main, [*line, "--step", "mu_k=2%", "--json"])
+    rows = json.loads(done.stdout)
+    assert {row["parameter"] for row in rows} == {"mu_k"}
+    assert (tmp_path / "a.png").exists()
+
+
+STORED = Path(__file__).parents[1] / "reference_data" / "fits" / "fits.csv"
+
+
+def test_stored_fits_find_their_truths():
+    table = pd.read_csv(STORED)
+    right = table[table["set"] == "right"]
+    assert ((right["mu_k"] / right["mu_k_true"] - 1).abs() < 0.01).all()
+    assert (right["probability"] > 1e-3).all()
+    assert (table.loc[table["set"] != "right", "probability"] < 0.01).all()
+    assert "90 % intervals cover" in study.report(table)
+
+
+def test_a_stored_fit_is_made_again():
+    row = study._row("right", 0)
+    known = pd.read_csv(STORED).set_index(["set", "seed"]).loc[("right", 0)]
+    for name in ("mu_s_true", "mu_k_true", "mu_s", "mu_k", "chi2"):
+        assert row[name] == pytest.approx(known[name], rel=1e-4)

@@ -6,7 +6,6 @@ import struct
 import h5py
 import numpy as np
 import pytest
-from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
 from pyfric.measured import Curve, read
@@ -192,10 +191,11 @@ def test_hdf5_and_matlab_7_3(tmp_path):
 
 
 def test_tdms(tmp_path):
+    nptdms = pytest.importorskip("nptdms")
     path = tmp_path / "a.tdms"
     told = {"wf_increment": 0.5, "wf_start_offset": 0.0, "wf_samples": 4, "unit_string": "V"}
-    with TdmsWriter(path) as writer:
-        writer.write_segment([ChannelObject("shear", "Shear force", np.array(F) / 40, told)])
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment([nptdms.ChannelObject("shear", "Shear force", np.array(F) / 40, told)])
     refuse(lambda: read(path), "the unit 'V'", "calibration=")
     same(read(path, calibration={"F_T": "40 N"}), t=T, F_T=F)
     path.write_bytes(b"TDSm")

@@ -39,11 +39,11 @@ JUNCTION = 1.25e-9
 CALL = 1.5e-4
 """Time of one call of the core, in s. A run that conditions can end, or whose law records motion,
 needs one for each point of the loading curve. To record motion takes as long again."""
-LANDING = {"linear": (1.5e-3, 6e-7), "finite": (2.4e-3, 1.5e-6)}
-"""Time of one predicted landing of a jump, in s: a constant, and a part for each block. It includes
-the calls of the core around the jump."""
-SLIDE = (1e-2, 3.5e-6)
-"""Time of one attempt to jump over stable slip, in s: a constant, and a part for each block."""
+LANDING = {"linear": (1.5e-3, 1e-8), "finite": (2.4e-3, 2.4e-8)}
+"""Time of one predicted landing of a jump, in s: a constant, and a part for each number of a banded
+factor, which static solutions read. It includes the calls of the core around the jump."""
+SLIDE = (1.2e-2, 2e-8)
+"""The same of one attempt to jump over stable slip, in s."""
 EVENT_STEPS = 800.0
 """Work of the hybrid engine for each main event, in steps: 500 to 2000 in 40 scenes, whatever their
 size and step."""
@@ -77,14 +77,13 @@ def prices(scene: Scene, geometry: Geometry) -> dict[str, float]:
     evaluation += JUNCTION * scene.law.junctions * scene.N_x
     if geometry == "finite" and largest_strain(scene, 0.0) > BEYOND:
         evaluation += CLOSED * blocks
-    landing, of_block = LANDING[geometry]
-    sliding, of_sliding = SLIDE
+    numbers = blocks * _band(scene)
     dynamic, hybrid = (set_up(scene, fidelity, geometry).work for fidelity in ("dynamic", "hybrid"))
     return {
         "block_evaluations": evaluation / blocks,
         "calls": CALL * (2 if scene.law.junctions else 1),
-        "landings": landing + of_block * blocks,
-        "slides": sliding + of_sliding * blocks,
+        "landings": LANDING[geometry][0] + LANDING[geometry][1] * numbers,
+        "slides": SLIDE[0] + SLIDE[1] * numbers,
         "modal_bases": hybrid - dynamic,
         "releases": RELEASE * scene.N_x**2,
         "static_events": STATIC_EVENT,
@@ -149,13 +148,18 @@ def full_work(
     return RUN + work(scene, geometry, full_counts(scene, dt, lasts, stepper, calls))
 
 
+def _band(scene: Scene) -> int:
+    """Return the width of the band of a factorised lattice."""
+    return 2 * min(scene.N_x, scene.N_z) + 2
+
+
 def set_up(scene: Scene, fidelity: str, geometry: str) -> SetUp:
     """Return the work and memory of an engine before its first step.
 
     For the hybrid engine this includes the modes of one set of contact states.
     """
     N_x, N_z = scene.N_x, scene.N_z
-    n, band = 2 * N_x * N_z, 2 * min(N_x, N_z) + 2
+    n, band = 2 * N_x * N_z, _band(scene)
     if N_z == 1 or scene.prescribed:
         return SetUp(0.0, 1e3 * n)
     if fidelity in ("quasistatic", "equilibrium"):  # dense rows, one after the other

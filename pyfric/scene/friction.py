@@ -66,6 +66,8 @@ class Law:
     """Whether a block can stick, with constant u_x. Other laws need full dynamics."""
     junctions: ClassVar[int] = 0
     """Number of junctions of each block; 0 without junctions."""
+    apart: ClassVar[bool] = False
+    """Whether the junctions of a block break or pin one by one: many switches in each step."""
     slowest: ClassVar[float] = 0.0
     """Longest mean time scale of the law itself, in s; 0 if it has none."""
 
@@ -258,6 +260,11 @@ class JunctionLaw(Law):
     def junctions(self) -> int:
         """Number of junctions of each block."""
         return self.kind.n_s
+
+    @property
+    def apart(self) -> bool:
+        """Whether stretches or slip times of junctions differ."""
+        return bool(np.any(self.t_R_std) or self.kind.stretch)
 
     @property
     def slowest(self) -> float:

@@ -66,7 +66,6 @@ CASES: Mapping[str, Mapping[str, Any]] = {
     "seed 1": {"seed": 1},
     "seed 2": {"seed": 2},
     "half the step": {"dt": 0.5},
-    "step ends": {"switching": "step_end"},
     "no spread, step ends": {"t_R_std": 0.0, "switching": "step_end"},
     "no spread of t_R": {"t_R_std": 0.0},
     "n_s = 400": {"n_s": 400},
@@ -83,7 +82,7 @@ def jobs(cases: Sequence[str], t_end: float = T_END) -> list[Job]:
     found = []
     for name in cases:
         changes = dict(CASES[name])
-        share, switching = changes.pop("dt", 1.0), changes.pop("switching", "located")
+        share, switching = changes.pop("dt", 1.0), changes.pop("switching", None)
         scene = preset("slow", {f"law.{field}": value for field, value in changes.items()})
         how = {"fidelity": "dynamic", "geometry": "linear", "verify": "none", "sample": SAMPLE}
         how["switching"] = switching

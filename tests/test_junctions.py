@@ -331,7 +331,7 @@ def test_jumps_over_rests_are_refused(fidelity):
 
 def test_plan_takes_full_dynamics_and_says_the_price():
     plan = pyfric.plan("slow", t_end=1.6)
-    assert (plan.alone.engine, plan.alone.switching) == ("dynamic", "located")
+    assert (plan.alone.engine, plan.alone.switching) == ("dynamic", "step_end")
     assert plan.seconds[1] > 10
     assert "break and pin all the time" in plan.levels[0].cannot
     assert "left out (junctions" in str(plan)
@@ -454,3 +454,19 @@ def test_breaks_are_located_because_step_ends_change_events():
     np.testing.assert_allclose(made[None, 1.0], fine, atol=1e-7)
     at_ends = made["step_end", 1.0]
     assert np.abs(at_ends.iloc[: len(fine)].to_numpy() - fine.to_numpy()).max() > 5e-6
+
+
+@pytest.mark.parametrize(
+    ("spread", "switching"),
+    [
+        ({"t_R_std": 0.0}, "located"),
+        ({}, "step_end"),
+        ({"t_R_std": 0.0, "stretch": 0.1}, "step_end"),
+    ],
+)
+def test_where_junctions_break_one_by_one_a_note_says_that_they_switch_late(spread, switching):
+    scene = pyfric.preset("slow", L=0.03, H=0.015, n_s=20, F_N=411.0, **spread)
+    record = pyfric.simulate(scene, 1e-4, fidelity="dynamic", progress=False)
+    assert record.method.switching == switching
+    late = [note for note in record.notes if "break at step ends" in note]
+    assert len(late) == (switching == "step_end")

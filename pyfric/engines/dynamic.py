@@ -178,7 +178,9 @@ class Run:
                 f"(limit {OPEN_BUDGET:g}): steps of {dt:.3g} s damp fast motion; take a smaller "
                 + ("rtol" if self.method.rtol else "dt"),
             )
-        others = *law_notes(scene, self.state.t, dt), *core.fork_notes(scene.N_x * scene.N_z)
+        late = ("junctions break at step ends, which changes single events: switching = 'located'",)
+        late *= not scene.law.rests and self.method.switching == "step_end"
+        others = *law_notes(scene, self.state.t, dt), *late, *core.fork_notes(scene.N_x * scene.N_z)
         return (*notes, *(f"{self.name}: {note}" for note in others))
 
     def _columns(self) -> list[str]:

@@ -193,8 +193,10 @@ class Options:
         ("located"). "located": at the root of v_x, mu_s p - |f| or u_z of a block, and the step
         continues from there. A double root within a sub-step is found if the parabola through
         start, middle and end falls below zero. "step_end": late by up to a step. On junctions
-        this is wrong event by event: the order in which they break decides where ruptures stop.""",
-        unless='"located", or "step_end" with method = "paper" and with rate-and-state friction',
+        this changes single events, because the order in which junctions break decides where
+        ruptures stop. Where they break one by one, "located" takes many times as long.""",
+        unless='"located", or "step_end" with method = "paper", where junctions differ in stretch '
+        "or slip time, and with rate-and-state friction",
         kept=lambda method: method.switching or None,
     )
     rtol: Annotated[float | None, Quantity("", ge=1e-12, le=1.0, optional=True)] = option(
@@ -444,7 +446,8 @@ def check_kept(scene: Scene, method: Method, given: Mapping[str, Any]) -> None:
 
 def default_switching(scene: Scene, method: str | None = None) -> Switching:
     """Return the default of the option `switching`; see `Options`."""
-    return "located" if method is None and not scene.law.flows else "step_end"
+    ends = scene.law.apart or scene.law.flows
+    return "located" if method is None and not ends else "step_end"
 
 
 def step_size(

@@ -271,15 +271,15 @@ def _short_steps(asked: Asked, progress: object) -> list[str]:
     if fidelity not in ("auto", "hybrid") or ENGINES["hybrid"].cannot(scene) or not scene.eta:
         return []
     dt, _ = asked.options.steps_on(scene)
-    longest = full_work(scene, "linear", dt, lasts)
-    if longest * SLOWEST <= LONG or longest * machine_speed() <= LONG:
+    whole = full_work(scene, "linear", dt, lasts)
+    if whole * SLOWEST <= LONG or whole * machine_speed() <= LONG:
         return []
     of_waves = step_size(scene.replace({"slider.eta": 0.0, "slider.damping": None}))
     if of_waves < SHORT * dt:
         return []
     note = (
         f"{fidelity}: viscosity makes steps {of_waves / dt:.2g} times shorter than waves do, and "
-        f"events as many times longer to integrate: up to {longest * machine_speed() / 60:.2g} "
+        f"events as many times longer to integrate: up to {whole * machine_speed() / 60:.2g} "
         "minutes on one core; a smaller eta, or fidelity = 'quasistatic', takes less"
     )
     if progress in (None, True) and sys.stderr is not None:

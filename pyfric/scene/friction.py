@@ -72,6 +72,8 @@ class Law:
     """Whether friction is that of a speed, so that steps are implicit in it."""
     junctions: ClassVar[int] = 0
     """Number of junctions of each block; 0 without junctions."""
+    apart: ClassVar[bool] = False
+    """Whether the junctions of a block break or pin one by one: many switches in each step."""
     slowest: ClassVar[float] = 0.0
     """Longest mean time scale of the law itself, in s; 0 if it has none."""
 
@@ -282,6 +284,11 @@ class JunctionLaw(Law):
     def junctions(self) -> int:
         """Number of junctions of each block."""
         return self.kind.n_s
+
+    @property
+    def apart(self) -> bool:
+        """Whether stretches or slip times of junctions differ."""
+        return bool(np.any(self.t_R_std) or self.kind.stretch)
 
     @property
     def slowest(self) -> float:

@@ -431,7 +431,7 @@ def collapse(fronts: Path, out: Path | None, overwrite: bool, tell: Tell) -> Non
 @figure_out_option
 @telling
 def fits(out: Path, tell: Tell) -> None:
-    """Fit 120 random truths, and count intervals that cover them (15 minutes).
+    """Fit random truths, and count intervals that cover them (five minutes).
 
     The next call goes on where this one was stopped.
     """

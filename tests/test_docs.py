@@ -97,7 +97,7 @@ def test_the_site_names_every_public_name():
     named = set(re.findall(r"^   (\w+)$", text, re.MULTILINE))
     public = {name for name in pyfric.__all__ if inspect.isroutine(getattr(pyfric, name))}
     public |= {name for name in pyfric.__all__ if inspect.isclass(getattr(pyfric, name))}
-    for module in (pyfric.analysis, pyfric.figures, pyfric.theory):
+    for module in (pyfric.analysis, pyfric.figures, pyfric.measured, pyfric.theory):
         public |= set(module.__all__)
     constants = {"ANDREWS_S", "LARGEST_VISCOSITY"}
     assert public - named == constants | {"DataFigure", "PaperFigure", "FIGURES"}

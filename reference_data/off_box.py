@@ -30,6 +30,8 @@ from make import HERE, commit, provenance, say, tables, write
 import pyfric
 
 FOLDER = HERE / "off_box"
+SAME_TIME = 1e-12
+"""Difference of times that count as one, over that of the run."""
 STORED = ("events", "curve", "fronts")
 POINTS = 100
 """Points of the curve."""
@@ -182,8 +184,19 @@ def apart(a: dict[str, pd.DataFrame], b: dict[str, pd.DataFrame], F_N: float) ->
         "blocks": float(off.sum() + len(ruptures) - len(rupture)),
         "rupture_median": float(rupture.median()) if len(rupture) else 0.0,
         "rupture": float(rupture.max()) if len(rupture) else 0.0,
-        "curve": _largest(a["curve"]["F_T"], b["curve"]["F_T"]) / F_N,
+        "curve": _largest(a["curve"]["F_T"], _at_times(b["curve"], a["curve"]["t"])) / F_N,
     }
+
+
+def _at_times(curve: pd.DataFrame, t: pd.Series) -> pd.Series:
+    """Return F_T at the points of a curve at times t (s), NaN where it has none.
+
+    A curve has more points at corners of protocols than the stored ones.
+    """
+    known = curve["t"].to_numpy()
+    at = np.clip(np.searchsorted(known, t - SAME_TIME * known[-1]), 0, len(known) - 1)
+    found = curve["F_T"].to_numpy()[at]
+    return pd.Series(np.where(np.abs(known[at] - t) <= SAME_TIME * known[-1], found, np.nan))
 
 
 def _largest(a: pd.Series, b: pd.Series) -> float:

@@ -8,9 +8,12 @@ from pyfric.engines.pauses import longest_pause, pause_notes
 from pyfric.record import build_catalogue
 from pyfric.scene import PRESETS, preset, setup1, setup2
 
+OTHERS = ("chain", "rate_and_state", "tpv3")
+"""Presets that are not scenes of the paper."""
+
 
 def test_the_papers_scenes_keep_a_millisecond():
-    scenes = [preset(name) for name in PRESETS if name not in ("chain", "tpv3")]
+    scenes = [preset(name) for name in PRESETS if name not in OTHERS]
     scenes += [setup1(F_N=F_N, h=h) for F_N in (1750.0, 2700.0, 3500.0) for h in (2.5e-3, 15e-3)]
     assert {longest_pause(one) for one in scenes} == {1e-3}
 

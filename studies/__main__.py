@@ -409,6 +409,19 @@ def low_viscosity(runs: Path, out: Path | None, overwrite: bool, tell: Tell) -> 
 
 
 @main.command(section="Physics")
+@folder_option("--out", required=True, metavar="DIR", help="Folder of its files.")
+@telling
+def rated(out: Path, tell: Tell) -> None:
+    """Precursors with rate-and-state friction, for three decades of speed (ten minutes)."""
+    check_folder(out)
+    import rated
+
+    frame = rated.study(say=tell.step)
+    save_figure(rated.draw(frame), out / "rated", f"{RUN} rated", tell)
+    tell.table(frame, rated.report)
+
+
+@main.command(section="Physics")
 @click.argument("fronts", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @file_option("--out", metavar="FILE", help="Write the table as CSV.")
 @overwrite_option

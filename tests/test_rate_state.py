@@ -1,9 +1,12 @@
 """Rate-and-state friction: the law, exact blocks, an own integration, bits, the hand-over."""
 
 import functools
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+import rated
 from helpers import advance, bits, mirrored_scene, mirrored_state, refused, small
 from scipy.integrate import solve_ivp
 
@@ -13,6 +16,7 @@ from pyfric.engines.slow_slip import interface_at
 from pyfric.scene import Interface, chain, laws, setup1
 from pyfric.statics import StaticSolver, loaded_state, stability_limit
 
+STORED = Path(__file__).parents[1] / "reference_data" / "rated"
 IMEX = {"stepper": "imex", "switching": "step_end"}
 EVOLUTIONS = ("ageing", "slip")
 LAW = {"a": 0.01, "b": 0.015, "D_c": 1e-5, "f_star": 0.6}
@@ -370,3 +374,19 @@ def test_methods_without_this_friction_are_refused(options, field):
 
 def test_other_laws_have_no_implicit_steps():
     refused(lambda: pyfric.simulate("chain", 1e-4, fidelity="dynamic", stepper="imex"), "stepper")
+
+
+# --- the study ------------------------------------------------------------------------------------
+
+
+def test_the_stored_study_is_that_of_its_command():
+    """Its first precursors again, from the trailing edge on, each longer than the first."""
+    stored = pd.read_csv(STORED / "rated_precursors.csv")
+    assert list(dict.fromkeys(stored["case"])) == list(rated.CASES)
+    again = rated.study(("V = 0.4 mm/s",), 1.15 * 0.4e-3)
+    known = stored[stored["case"] == "V = 0.4 mm/s"].iloc[: len(again)].reset_index(drop=True)
+    np.testing.assert_allclose(again["F_T_over_F_N"], known["F_T_over_F_N"], rtol=1e-5)
+    assert (again["n_blocks"] == known["n_blocks"]).all()
+    assert rated.report(stored).count("\n") == len(rated.CASES)
+    figure = rated.draw(stored)
+    assert len(figure.axes[0].lines) == 1 + len(rated.SHOWN)

@@ -80,7 +80,7 @@ def test_links_and_pictures_are_there(pages):
 
 def test_tutorials_show_output_and_pictures(pages):
     shown = {path: text for path, text in pages.items() if path.parent.name == "tutorials"}
-    assert len(shown) == 6
+    assert len(shown) == 7
     for path, text in shown.items():
         assert re.search(r'<div class="output highlight-text', text), path
         assert re.search(r'<img[^>]*src="\.\./_images/', text), path

@@ -91,4 +91,8 @@ def draw(frame: pd.DataFrame) -> DataFigure:
     axes.set_ylabel(r"length of the precursor $L_p/L$")
     axes.legend(fontsize="small", frameon=False)
     figure.tables = {"precursors": frame}
+    figure.caption = (
+        "Precursors of the preset rate_and_state (D_c = 0.2 um, l = 2.5 mm, V = 0.4 mm/s if not "
+        "said), hybrid engine, linear geometry, and the quasi-static sequence of the Fig. 1 scene."
+    )
     return figure

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-import rated
+import rated as study
 from helpers import advance, bits, mirrored_scene, mirrored_state, refused, small
 from scipy.integrate import solve_ivp
 
@@ -382,11 +382,11 @@ def test_other_laws_have_no_implicit_steps():
 def test_the_stored_study_is_that_of_its_command():
     """Its first precursors again, from the trailing edge on, each longer than the first."""
     stored = pd.read_csv(STORED / "rated_precursors.csv")
-    assert list(dict.fromkeys(stored["case"])) == list(rated.CASES)
-    again = rated.study(("V = 0.4 mm/s",), 1.15 * 0.4e-3)
+    assert list(dict.fromkeys(stored["case"])) == list(study.CASES)
+    again = study.study(("V = 0.4 mm/s",), 1.15 * 0.4e-3)
     known = stored[stored["case"] == "V = 0.4 mm/s"].iloc[: len(again)].reset_index(drop=True)
     np.testing.assert_allclose(again["F_T_over_F_N"], known["F_T_over_F_N"], rtol=1e-5)
     assert (again["n_blocks"] == known["n_blocks"]).all()
-    assert rated.report(stored).count("\n") == len(rated.CASES)
-    figure = rated.draw(stored)
-    assert len(figure.axes[0].lines) == 1 + len(rated.SHOWN)
+    assert study.report(stored).count("\n") == len(study.CASES)
+    figure = study.draw(stored)
+    assert len(figure.axes[0].lines) == 1 + len(study.SHOWN)

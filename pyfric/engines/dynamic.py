@@ -299,6 +299,14 @@ class Run:
         state.t0, state.dt = corner - state.step * dt, dt
         return status
 
+    def piece_ends(self, last: int) -> int:
+        """Return the last step that a jump may reach, at most `last`, before any breakpoint."""
+        state, t = self.state, just_after(self.state)
+        corner = next((corner for corner in self.scene.corners if corner > t), math.inf)
+        if math.isinf(corner):
+            return last
+        return min(last, last_step(state.t0, state.dt, corner) - 1)
+
     def _follow(self, t: float) -> None:
         """Let the model follow the protocols at t (s)."""
         piece = bisect.bisect_right(self.scene.corners, t)

@@ -24,7 +24,7 @@ from pyfric.engines.cost import set_up, work, work_of_step
 from pyfric.engines.creeping import Creeping
 from pyfric.engines.dynamic import Run
 from pyfric.engines.engine import Engine
-from pyfric.engines.integration import integrate, just_after, last_step
+from pyfric.engines.integration import integrate, just_after
 from pyfric.engines.jump import Jump, Landing, Outside, Stale, Wait, at, path_from, rest
 from pyfric.engines.modes import Modes, modes_of
 from pyfric.engines.options import Options, owned
@@ -285,21 +285,13 @@ class HybridRun(Run):
             f"jumps with an accuracy of {self.method.accuracy:g} F_N, or events came too soon",
         )
 
-    def _piece_ends(self, last: int) -> int:
-        """Return the last step that a jump may reach, at most `last`, before any breakpoint."""
-        state, t = self.state, just_after(self.state)
-        corner = next((corner for corner in self.scene.corners if corner > t), math.inf)
-        if math.isinf(corner):
-            return last
-        return min(last, last_step(state.t0, state.dt, corner) - 1)
-
     def jump(self, last: int) -> int:
         """Jump to the last step before a contact state can change.
 
         Return the number of steps until the next attempt.
         """
         state, known = self.state, self.known
-        stuck, n_max = state.mode != OPEN, self._piece_ends(last) - state.step
+        stuck, n_max = state.mode != OPEN, self.piece_ends(last) - state.step
         if n_max <= 0:
             return 1
         if not stuck.any():
@@ -352,7 +344,7 @@ class HybridRun(Run):
 
         Return the number of steps until the next attempt.
         """
-        state, n_max = self.state, self._piece_ends(last) - self.state.step
+        state, n_max = self.state, self.piece_ends(last) - self.state.step
         self.made["attempts"] += 1
         if n_max <= 0:
             return self.least_slide

@@ -20,7 +20,6 @@ Source of the equations: J. R. Rice, J. Geophys. Res. 98, 9885 (1993), without r
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -28,7 +27,7 @@ import numpy as np
 from pyfric import core
 from pyfric.core import OPEN
 from pyfric.engines.dynamic import Run
-from pyfric.engines.integration import just_after, last_step
+from pyfric.engines.integration import just_after
 from pyfric.statics import ContactProblem, Route, Values, table_rows
 
 if TYPE_CHECKING:
@@ -153,7 +152,7 @@ class RateHybridRun(Run):
         from scipy.integrate import RK45  # slow to import
 
         state, scene, law = self.state, self.scene, self.scene.law
-        n_max, closed = self._piece_ends(last) - state.step, state.mode != OPEN
+        n_max, closed = self.piece_ends(last) - state.step, state.mode != OPEN
         if n_max <= 0:
             return False
         interface = interface_at(scene, self.known, state.y[0, 0], closed, just_after(state))
@@ -189,14 +188,6 @@ class RateHybridRun(Run):
         if n:
             self._put(phase, y, n)
         return goes_on and n > 0
-
-    def _piece_ends(self, last: int) -> int:
-        """Return the last step that a phase may reach, at most `last`, before any breakpoint."""
-        state, t = self.state, just_after(self.state)
-        corner = next((corner for corner in self.scene.corners if corner > t), math.inf)
-        if math.isinf(corner):
-            return last
-        return min(last, last_step(state.t0, state.dt, corner) - 1)
 
     def _sample_slip(self, phase: Phase, inside: Any, n: int, reached: int) -> None:
         """Add the points of the curve after n up to `reached` steps since the phase began."""

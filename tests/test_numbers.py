@@ -78,7 +78,7 @@ KINDS = {
         "hybrid": "KEPT PATHS",
         "banded": "TOGETHER",
         "blas": "SMALL",
-        "condensation": "LARGE",
+        "condensation": "LARGE KEPT",
         "system": "KEPT",
         "netcdf": "COMPRESSED_FROM",
     },

@@ -183,7 +183,7 @@ def test_large_strains_are_full_dynamics():
     assert len(a.events) >= 5
     check_same_events(a, b, FORCE_FINITE)
     b = jump(scene, 0.037, geometry="finite", accuracy=1e-3, sample=0.05 / 400)
-    assert b.counts["jumps"] >= 5
+    assert b.counts["jumps"] > 5
     check_same_events(a, b, 1e-3)
 
 

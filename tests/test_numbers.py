@@ -81,7 +81,7 @@ KINDS = {
         "hybrid": "KEPT PATHS",
         "banded": "TOGETHER",
         "blas": "SMALL",
-        "condensation": "KEPT LARGE",
+        "condensation": "LARGE KEPT",
         "system": "KEPT",
         "netcdf": "COMPRESSED_FROM",
     },

@@ -100,8 +100,7 @@ def test_a_record_that_goes_on_is_one_run_with_both_protocols(fidelity, what):
     starts = goes_on.events["t_start"], one.events["t_start"]
     np.testing.assert_allclose(*starts, rtol=1e-9, atol=0)
     np.testing.assert_allclose(goes_on.curve["t"], one.curve["t"], rtol=1e-12, atol=0)
-    left = 2 * one.method.accuracy if fidelity == "hybrid" else 1e-9  # each run has its jumps
-    np.testing.assert_allclose(goes_on.curve["F_T"], one.curve["F_T"], atol=left * 400.0, rtol=0)
+    np.testing.assert_allclose(goes_on.curve["F_T"], one.curve["F_T"], atol=1e-9 * 400.0, rtol=0)
     if fidelity != "quasistatic":
         n = len(before.curve)
         pd.testing.assert_frame_equal(goes_on.curve[: n - 1], before.curve[: n - 1])

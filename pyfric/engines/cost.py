@@ -39,7 +39,7 @@ JUNCTION = 1.25e-9
 CALL = 1.5e-4
 """Time of one call of the core, in s. A run that conditions can end, or whose law records motion,
 needs one for each point of the loading curve. To record motion takes as long again."""
-LANDING = {"linear": (1.5e-3, 1e-8), "finite": (2.4e-3, 2.4e-8)}
+LANDING = {"linear": (1.52e-3, 1e-8), "finite": (2.46e-3, 2.4e-8)}
 """Time of one predicted landing of a jump, in s: a constant, and a part for each number of a banded
 factor, which static solutions read. It includes the calls of the core around the jump."""
 SLIDE = (1.2e-2, 2e-8)

@@ -15,9 +15,14 @@ import pyfric
 from pyfric import core, laws, theory
 from pyfric.core import STUCK
 from pyfric.scene import SceneError, Spread, chain, setup1
+from pyfric.scene.restless import WITHOUT_REST
 from pyfric.statics import loaded_state
 
-KINDS = {name: {"law": kind(**kind.example)} for name, kind in laws.KINDS.items() if kind.rests}
+KINDS = {
+    name: {"law": kind(**kind.example)}
+    for name, kind in laws.KINDS.items()
+    if kind not in WITHOUT_REST
+}
 """Laws that are tables; those of `test_junctions` are not."""
 LAWS = KINDS | {"viscous": {"alpha": 40.0, "d_c": 0.0}}
 

@@ -320,6 +320,24 @@ def test_a_run_that_goes_on_is_the_whole_run():
         assert rest.events.equals(whole.events)
 
 
+@pytest.mark.parametrize("condition", ["main_events = 1", "arrested", "slow = 1 mm/s, 0.4 ms"])
+def test_a_condition_ends_slow_slip_where_it_ends_full_dynamics(condition):
+    """At the same point of the curve, before the next event."""
+    scene, found = cycles(0).scene, []
+    for fidelity in ("dynamic", "hybrid"):
+        how = {"accuracy": 1e-4} if fidelity == "hybrid" else {}
+        how |= {"sample": 1e-4, "progress": False, "stop_when": condition}
+        found.append(pyfric.simulate(scene, 9e-3, fidelity=fidelity, **how))
+    assert found[0].status == found[1].status
+    assert condition in found[0].status
+    assert found[0].curve["t"].iloc[-1] == found[1].curve["t"].iloc[-1] < 9e-3
+    assert found[1].counts["steps_spared"] > 0
+
+
+def test_a_run_has_no_note_of_junctions():
+    assert not any("junction" in note for run in (cycles(0), cycles(1e-3)) for note in run.notes)
+
+
 def test_plans_measure_their_errors():
     scene = cycles(0).scene
     run = pyfric.simulate(scene, 6e-3, tolerance=0.01, sample=1e-4, progress=False)

@@ -179,7 +179,7 @@ class Run:
                 + ("rtol" if self.method.rtol else "dt"),
             )
         late = ("junctions break at step ends, which changes single events: switching = 'located'",)
-        late *= not scene.law.rests and self.method.switching == "step_end"
+        late *= bool(scene.law.junctions) and self.method.switching == "step_end"
         others = *law_notes(scene, self.state.t, dt), *late, *core.fork_notes(scene.N_x * scene.N_z)
         return (*notes, *(f"{self.name}: {note}" for note in others))
 

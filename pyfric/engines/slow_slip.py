@@ -20,6 +20,7 @@ Source of the equations: J. R. Rice, J. Geophys. Res. 98, 9885 (1993), without r
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -155,9 +156,9 @@ class RateHybridRun(Run):
         n_max, closed = self.piece_ends(last) - state.step, state.mode != OPEN
         if n_max <= 0:
             return False
+        n_max, text = self._due(n_max)
         interface = interface_at(scene, self.known, state.y[0, 0], closed, just_after(state))
         phase = Phase(law, interface, state.theta, closed)
-        begin = state.y[0, 2] if self.made["steps"] else phase.speeds(0.0, phase.begin)[0]
         tolerance, unit = self.method.accuracy, scene.F_N / scene.N_x
         stiff = float(np.abs(np.diag(interface.load[2])).max())
         atol = np.repeat(
@@ -165,7 +166,8 @@ class RateHybridRun(Run):
         )
         end = n_max * state.dt
         pair = RK45(phase.rates, 0.0, phase.begin, end, rtol=max(tolerance, 1e-12), atol=atol)
-        v, n, y, goes_on, of_column = begin, 0, phase.begin, True, scene.M_rod + scene.slider.M
+        v, n, y, goes_on = phase.speeds(0.0, phase.begin)[0], 0, phase.begin, True
+        of_column = (scene.M_rod + scene.slider.M) / scene.N_x  # kg
         for _ in range(PAIRS):
             before = pair.t
             with np.errstate(over="ignore", invalid="ignore"):  # a step that is too long fails
@@ -175,7 +177,7 @@ class RateHybridRun(Run):
                 break
             self.made["slow_steps"] += 1
             (now, p), inside = phase.speeds(pair.t, pair.y), pair.dense_output()
-            push = of_column / scene.N_x * float(np.abs(now - v).sum()) / (pair.t - before)
+            push = of_column * float(np.abs(now - v).sum()) / (pair.t - before)
             reached = n_max if pair.status == "finished" else int(pair.t / state.dt)
             self._sample_slip(phase, inside, n, reached)
             if reached > n:
@@ -187,7 +189,27 @@ class RateHybridRun(Run):
                 break
         if n:
             self._put(phase, y, n)
+        if text and n == n_max:
+            self.ending = self.stopping.named(text)
         return goes_on and n > 0
+
+    def _due(self, n_max: int) -> tuple[int, str]:
+        """Return after how many steps a condition ends the run if none slips, and its text.
+
+        The run ends at a point of the curve. If that is beyond n_max steps, n_max and "" are
+        returned.
+        """
+        if self.stopping is None:
+            return n_max, ""
+        self.look()
+        state, every = self.state, self.method.sample
+        due, text = self.stopping.due()
+        points = state.step // every + 1  # number of the next point
+        if due > state.t0 + (state.step + n_max) * state.dt:
+            return n_max, ""
+        points = max(points, math.ceil((due - state.t0) / state.dt / every))
+        n = points * every - state.step
+        return (n, text) if n <= n_max else (n_max, "")
 
     def _sample_slip(self, phase: Phase, inside: Any, n: int, reached: int) -> None:
         """Add the points of the curve after n up to `reached` steps since the phase began."""
@@ -196,11 +218,10 @@ class RateHybridRun(Run):
         for step in range(first, state.step + reached + 1, every):
             s = (step - state.step) * state.dt
             y = inside(s)
-            v, _ = phase.speeds(s, y)
+            (v, _), (load, _) = phase.speeds(s, y), phase.interface.loads(y[:N_x], s)
             F_T = phase.interface.F_T
             force = F_T[0] + F_T[1] * s + F_T[2] @ y[:N_x]
             self.history.add(np.array([[state.t0 + step * state.dt, force]]))
-            load, _ = phase.interface.loads(y[:N_x], s)
             u_x, theta = state.y[0, 0] + y[:N_x], np.exp(y[N_x:])
             self.add_motion({"theta": theta, "u_x": u_x, "v_x": v, "f": -load})
 

@@ -29,7 +29,7 @@ from pyfric.scene.files import (
     write_all,
     written,
 )
-from pyfric.scene.friction import FRICTIONLESS, Law, RateStateLaw, of, slipped
+from pyfric.scene.friction import FRICTIONLESS, Law, of, slipped
 from pyfric.scene.materials import MATERIALS, Material
 from pyfric.scene.parts import (
     DistributedLoad,
@@ -55,6 +55,7 @@ from pyfric.scene.presets import (
     slab,
 )
 from pyfric.scene.protocol import Leg, Push, legs
+from pyfric.scene.restless import RateStateLaw
 from pyfric.scene.scene import Scene
 from pyfric.scene.spread import Spread
 from pyfric.scene.tables import Line, fits, is_number, lines_of, unit_in

@@ -9,7 +9,7 @@ import numpy as np
 
 from pyfric.scene.checked import Name, part
 from pyfric.scene.ends import Conditions
-from pyfric.scene.friction import WITHOUT_REST, Law
+from pyfric.scene.friction import Law
 from pyfric.scene.parts import (
     FIELDS,
     PARTS,
@@ -22,6 +22,7 @@ from pyfric.scene.parts import (
     Walls,
 )
 from pyfric.scene.protocol import Leg, Piece, legs, piece_at, pieces
+from pyfric.scene.restless import WITHOUT_REST
 from pyfric.scene.spread import Spread
 
 OnDriven = float | np.ndarray

@@ -70,7 +70,6 @@ class Junctions(FrictionLaw):
     seed: Annotated[int, Whole(2**64 - 1)] = 0
 
     kind: ClassVar[str] = "junctions"
-    rests: ClassVar[bool] = False
     fields: ClassVar[tuple[str, ...]] = ("u_s", "C", "t_R", "t_R_std")
     example: ClassVar[dict[str, Any]] = {"n_s": 20, "u_s": 1e-6, "t_R": 5e-5, "t_R_std": 1e-5}
 

@@ -160,13 +160,11 @@ class FrictionLaw:
 
     Attributes:
         kind: name of the law in scene files.
-        rests: whether blocks can stick under this law.
         fields: names of parameters that are fields: a number, a list or a `Spread`.
         example: values of the parameters for tests, with mu_k = 0.45.
     """
 
     kind: ClassVar[str]
-    rests: ClassVar[bool] = True
     fields: ClassVar[tuple[str, ...]] = ()
     example: ClassVar[dict[str, Any]] = {}
     _section: ClassVar[str] = "interface.law"

@@ -67,7 +67,6 @@ class RateAndState(FrictionLaw):
     v_slip: Annotated[float, Positive("m/s")] = 1e-3
 
     kind: ClassVar[str] = "rate_and_state"
-    rests: ClassVar[bool] = False
     fields: ClassVar[tuple[str, ...]] = ("a", "b", "D_c", "f_star", "theta_0", "v_0")
     example: ClassVar[dict[str, Any]] = {"a": 0.01, "b": 0.015, "D_c": 1e-6, "f_star": 0.45}
 

@@ -1,0 +1,303 @@
+"""Laws under which no block rests: junctions, and rate-and-state friction.
+
+Junctions are springs, and the positions of their anchors are state variables. Rate-and-state
+friction holds a block by the force at a minute speed. Each law names its state variables, its terms
+of the energy budget, and why no block rests.
+
+Source: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014), junctions; those of
+rate-and-state friction stand with `pyfric.laws.RateAndState`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from pyfric.scene.errors import SceneError
+from pyfric.scene.friction import Law
+from pyfric.scene.laws import FrictionLaw, Junctions, RateAndState, Tables
+
+MOST, NEWTON, SETTLED = 600.0, 100, 1e-10
+"""Of speeds of rate-and-state friction: largest |ln(v/V*)|, most Newton steps, the last step."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JunctionLaw(Law):
+    """Strength, stiffness and state variables of blocks on junctions.
+
+    Attributes:
+        kind: the parameters of the interface.
+        C: the constant in k_j = sqrt(C p/n_s), in N/m^2; a number, or one for each column.
+        t_R, t_R_std: mean slip time of a junction and its standard deviation, in s; numbers, or one
+            for each column.
+    """
+
+    kind: Junctions
+    C: Any
+    t_R: Any
+    t_R_std: Any
+
+    restless: ClassVar[str] = (
+        "junctions break and pin all the time under load: no jump over a rest gains anything"
+    )
+
+    @classmethod
+    def of(cls, kind: Junctions, given: Callable[[str], Any], p: float, V: float) -> JunctionLaw:
+        """Return the law of an interface of junctions.
+
+        Args:
+            kind: the parameters of the interface.
+            given: function of the name of a field of the interface that returns its values.
+            p: mean load of a block, in N.
+            V: speed of the driver at t = 0, in m/s.
+
+        Raises:
+            SceneError: the interface has mu_s = 0 or a viscosity.
+        """
+        mu_s, mu_k, alpha = map(given, ("mu_s", "mu_k", "alpha"))
+        for name, value, wrong, allowed in (
+            ("alpha", alpha, np.any(alpha), "0 N s/m"),
+            ("mu_s", mu_s, not np.all(mu_s), "> 0"),
+        ):
+            if wrong:
+                reason = "an interface of junctions"
+                raise SceneError(f"interface.{name}", float(np.max(value)), "", allowed, reason)
+        t_R, t_R_std = given("t_R"), given("t_R_std")
+        C = given("C") if kind.u_s is None else mu_s**2 * p / (kind.n_s * given("u_s") ** 2)
+        more = {"kind": kind, "C": C, "t_R": t_R, "t_R_std": t_R_std}
+        return cls(mu_s, mu_k, **more)
+
+    def stiffness(self, p: Any) -> Any:
+        """Return the stiffness of blocks with all junctions pinned, n_s k_j, in N/m."""
+        return np.sqrt(self.kind.n_s * self.C * p)
+
+    def u_s(self, p: Any) -> Any:
+        """Return the stretch at which junctions break under a load p (N), in m."""
+        return self.mu_s * np.sqrt(p / (self.kind.n_s * self.C))
+
+    @property
+    def junctions(self) -> int:
+        """Number of junctions of each block."""
+        return self.kind.n_s
+
+    @property
+    def apart(self) -> bool:
+        """Whether stretches or slip times of junctions differ."""
+        return bool(np.any(self.t_R_std) or self.kind.stretch)
+
+    @property
+    def slowest(self) -> float:
+        """Longest mean slip time of junctions, in s."""
+        return float(np.max(self.t_R))
+
+    def in_motion(self, memory: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the share of pinned junctions."""
+        return {"pinned": memory["pinned"].mean(axis=1)}
+
+    @property
+    def memory(self) -> np.dtype:
+        each = (self.kind.n_s,)
+        return np.dtype([(name, float, each) for name in ("anchor", "pinned", "release", "breaks")])
+
+    def begin(
+        self, t: float, u_x: np.ndarray, p: np.ndarray, f: np.ndarray, d: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return margins and state variables of blocks whose junctions are pinned and carry f.
+
+        The mean stretch of the junctions of a block follows from f. Their stretches are spread
+        evenly about this mean. If p = 0, all junctions of the block slip. See `Law.begin`.
+
+        Raises:
+            SceneError: a junction would break.
+        """
+        n, u_s = self.kind.n_s, self.u_s(p)
+        closed = p > 0
+        whole = np.where(closed, self.stiffness(p), 1.0)
+        even = (2 * np.arange(1, n + 1) - n - 1) / n
+        stretch = (-f / whole)[:, None] + d * self.kind.stretch * u_s[:, None] * even
+        over = np.abs(stretch) - u_s[:, None]
+        worst = int(np.argmax(np.where(closed, over.max(axis=1), -np.inf)))
+        if closed.any() and over[worst].max() > 0:
+            number = worst + 1 if d > 0 else len(p) - worst
+            reached = float(np.abs(stretch[worst]).max() / u_s[worst])
+            reason = f"junctions of block {number} from the trailing edge would break at the start"
+            allowed = "stretches up to u_s: less stretch, a larger mu_s or u_s"
+            raise SceneError("interface.law", reached, "u_s", allowed, reason)
+        memory = np.zeros(len(p), self.memory)
+        memory["anchor"] = np.where(closed[:, None], u_x[:, None] - stretch, u_x[:, None])
+        memory["pinned"] = closed[:, None]
+        memory["release"] = t
+        return n * (closed - self.kind.ruptured), memory
+
+    @property
+    def core_fields(self) -> tuple[Any, ...]:
+        return self.mu_s, self.mu_k, self.C, self.t_R, self.t_R_std
+
+    @property
+    def core_numbers(self) -> tuple[dict[str, int], dict[str, float]]:
+        low, high = np.array([self.kind.seed % 2**32, self.kind.seed >> 32], np.uint32).view(
+            np.int32
+        )
+        counts = {"n_junctions": self.kind.n_s, "seed_low": low, "seed_high": high}
+        return counts, {"ruptured": self.kind.ruptured}
+
+    @property
+    def core_tables(self) -> Tables:
+        mean = float(np.mean(self.t_R))
+        cv = float(np.mean(self.t_R_std)) / mean if mean else 0.0
+        return Tables(hold=self.kind.quantiles_of_t_R(cv))
+
+    def budget(self, heat: Any = 0.0, loss: Any = 0.0, parts: Any = (0.0, 0.0)) -> dict[str, Any]:
+        """Return heat of dragging, heat of breaks and pinning, and work of stiffness changes."""
+        return {"friction_heat": parts[0], "switching_loss": loss, "stiffness_work": parts[1]}
+
+
+@dataclass(frozen=True, kw_only=True)
+class RateStateLaw(Law):
+    """Rate-and-state friction (`pyfric.laws.RateAndState`); mu_s and mu_k are f*.
+
+    Attributes:
+        kind: the parameters of the law.
+        a, b: direct and evolution effect; numbers, or one for each column.
+        D_c: slip over which the state evolves, in m; a number, or one for each column.
+        theta: state at t = 0, in s; a number, or one for each column.
+    """
+
+    kind: RateAndState
+    a: Any
+    b: Any
+    D_c: Any
+    theta: Any
+
+    restless: ClassVar[str] = "with rate-and-state friction no block ever rests"
+    flows: ClassVar[bool] = True
+    memory: ClassVar[np.dtype] = np.dtype([("theta", float)])
+
+    @classmethod
+    def of(
+        cls, kind: RateAndState, given: Callable[[str], Any], p: float, V: float
+    ) -> RateStateLaw:
+        """Return the law of an interface; see `JunctionLaw.of`.
+
+        Raises:
+            SceneError: the interface has other coefficients of friction than f*, or no state at
+                t = 0 is known because the driver does not move.
+        """
+        f, D_c = given("f_star"), given("D_c")
+        for name in ("mu_s", "mu_k"):
+            if np.any(given(name) != f):
+                reason = "rate-and-state friction has f_star"
+                allowed = "none, or f_star of the law"
+                raise SceneError(
+                    f"interface.{name}", float(np.max(given(name))), "", allowed, reason
+                )
+        if kind.theta_0 is not None:
+            theta = given("theta_0")
+        elif kind.v_0 is None and not V > 0:
+            reason = "the driver does not move at t = 0"
+            raise SceneError("interface.law.theta_0", None, "s", "theta_0, or v_0", reason)
+        else:
+            theta = D_c / (V if kind.v_0 is None else given("v_0"))
+        more = {"kind": kind, "a": given("a"), "b": given("b"), "D_c": D_c, "theta": theta}
+        return cls(f, f, 0.0, given("alpha"), **more)
+
+    def begin(
+        self, t: float, u_x: np.ndarray, p: np.ndarray, f: np.ndarray, d: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return margins and state variables; see `Law.begin`."""
+        memory = np.zeros(len(p), self.memory)
+        memory["theta"] = self.theta
+        return np.full(len(p), self.kind.v_slip), memory
+
+    def in_motion(self, memory: np.ndarray) -> dict[str, np.ndarray]:
+        """Return theta (s)."""
+        return {"theta": memory["theta"].copy()}
+
+    @property
+    def core_fields(self) -> tuple[Any, ...]:
+        return self.a, self.b, self.D_c, self.alpha, self.mu_k
+
+    @property
+    def core_numbers(self) -> tuple[dict[str, int], dict[str, float]]:
+        kind = self.kind
+        cut = 0.0 if kind.V_c is None else kind.V_star / kind.V_c
+        evolution = 1 + ("ageing", "slip").index(kind.evolution)
+        return {"evolution": evolution}, {"v_ref": kind.V_star, "cut": cut, "v_slip": kind.v_slip}
+
+    def budget(self, heat: Any = 0.0, loss: Any = 0.0, parts: Any = (0.0, 0.0)) -> dict[str, Any]:
+        """Return the heat of friction, of which that of alpha is a part; switches lose nothing."""
+        terms = {"friction_heat": heat, "switching_loss": loss}
+        return terms | {"viscous_heat": parts[1]} if np.any(self.alpha) else terms
+
+    def blocks_in_L_b(self, p: float, k: float) -> float:
+        """Return L_b/l, L_b = E* D_c l B/(b p), with E* B = 4 k/3 of the lattice; see `Law`."""
+        return float(np.min(4 * k * self.D_c / (3 * np.maximum(self.b, np.finfo(float).tiny) * p)))
+
+    def psi(self, log_theta: np.ndarray) -> np.ndarray:
+        """Return ln(V* theta/D_c + V*/V_c) from ln theta (theta in s)."""
+        psi = log_theta + np.log(self.kind.V_star / self.D_c)
+        if self.kind.V_c is None:
+            return psi
+        return np.logaddexp(psi, math.log(self.kind.V_star / self.kind.V_c))
+
+    def speed(self, load: np.ndarray, p: np.ndarray, log_theta: np.ndarray) -> np.ndarray:
+        """Return the velocities at which friction and damping balance loads, shape (N_x,), in m/s.
+
+        The equation is p a asinh(v/(2V*) exp((f* + b psi)/a)) + alpha v = load.
+
+        Args:
+            load: forces on the blocks along the interface, shape (N_x,), in N.
+            p: normal forces, > 0, shape (N_x,), in N.
+            log_theta: ln of theta (s), shape (N_x,).
+        """
+        V, damping = self.kind.V_star, np.asarray(self.alpha)
+        w, unit = np.abs(load), p * self.a
+        kappa = (self.mu_k + self.b * self.psi(log_theta)) / self.a
+        q = w / unit
+        with np.errstate(divide="ignore"):
+            eta = q + np.log1p(-np.exp(-2 * q)) - kappa  # ln of v/V* without damping
+            if not np.any(damping):
+                return np.sign(load) * V * np.exp(np.minimum(eta, MOST))
+            highest = np.minimum(eta, np.log(w / (damping * V)))
+            eta = highest = np.clip(highest, -MOST, MOST)
+        for _ in range(NEWTON):  # from above, on a convex function of eta
+            speed, half = damping * V * np.exp(eta), np.exp(-2 * np.abs(eta + kappa))
+            root = np.sqrt(1 + 4 * half)
+            up = eta + kappa > 0
+            # asinh(e^q/2) = q + ln((1 + (1 + 4 e^-2q)^1/2)/2), and its derivative
+            left = np.where(up, eta + kappa, 0.0) + np.log1p(2 * half / (1 + root))
+            low = np.exp(np.minimum(eta + kappa, 0.0)) / 2
+            left = np.where(up, left, np.arcsinh(low))
+            slope = np.where(up, 1 / root, low / np.sqrt(1 + low**2))
+            step = (speed + unit * left - w) / (speed + unit * slope)
+            eta = np.clip(eta - step, -MOST, highest)
+            if not (np.abs(step) > SETTLED).any():
+                break
+        return np.where(load == 0, 0.0, np.sign(load) * V * np.exp(eta))
+
+    def log_rate(self, v: np.ndarray, log_theta: np.ndarray) -> np.ndarray:
+        """Return the rate of ln theta (1/s) at velocities v (m/s), shape (N_x,)."""
+        rate = np.abs(v) / self.D_c
+        if self.kind.evolution == "ageing":
+            return np.exp(-log_theta) - rate
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(rate > 0, -rate * (np.log(rate) + log_theta), 0.0)
+
+    def resolving_step(self, p: float, m: float) -> float:
+        """Return the longest step (s) that resolves weakening; see `Law.resolving_step`.
+
+        Slip of a free block grows at most with the rate sqrt(p (b - a)/(m D_c)).
+        """
+        steepest = float(np.max((self.b - self.a) / self.D_c)) * p
+        return math.sqrt(m / steepest) if steepest > 0 else math.inf
+
+
+WITHOUT_REST: dict[type[FrictionLaw], type[JunctionLaw | RateStateLaw]] = {
+    Junctions: JunctionLaw,
+    RateAndState: RateStateLaw,
+}
+"""Kinds of laws under which no block rests, and the classes of their laws."""

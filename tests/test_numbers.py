@@ -24,7 +24,7 @@ KINDS = {
         "pauses": "AT_REST BLOCKS COLUMNS",
         "stopping": "TRANSITS",
         "pairs": "PERTURBATION SAFETY",
-        "slow_slip": "LOOK PAIRS",
+        "slow_slip": "LOOK OF_STEP PAIRS",
         "simulation": "LONG SHORT STATIC_SHARE",
         "starts": "EXCESS",
         "contact": "LEAST_DEFINITENESS",

@@ -30,9 +30,9 @@ LAPACK = (
     *("banded", "chart", "claims", "coarse", "complementarity", "condensation"),
     *("constants", "contact", "creep", "creeping", "crossing", "dashpots", "disorder"),
     *("equilibrium", "fields", "figures", "finer", "fronts", "guard", "hybrid", "jump", "lattice"),
-    *("laws", "measured_errors", "methods", "nucleation", "off_box", "operators", "pairs"),
-    *("pauses", "prescribed", "protocol", "quasistatic", "reference", "regimes", "relaxation"),
-    *("resolution", "simulation", "spacetime", "stability", "stopping", "theory"),
+    *("fits", "laws", "measured_errors", "methods", "nucleation", "off_box", "operators", "pairs"),
+    *("pauses", "prescribed", "protocol", "quasistatic", "rate_state", "reference", "regimes"),
+    *("relaxation", "resolution", "simulation", "spacetime", "stability", "stopping", "theory"),
     *("weakening", "zones"),
 )
 """Files of tests that solve or factorise with LAPACK, and so depend on the kernel of BLAS."""

@@ -397,6 +397,7 @@ def test_other_laws_have_no_implicit_steps():
 # --- the study ------------------------------------------------------------------------------------
 
 
+@pytest.mark.portable
 def test_precursors_of_the_preset_are_those_of_full_dynamics():
     """Forces within the accuracy, with the run of the study; full dynamics is stored."""
     stored = pd.read_csv(STORED / "rated_precursors.csv")
@@ -409,6 +410,7 @@ def test_precursors_of_the_preset_are_those_of_full_dynamics():
     assert np.abs(events["n_blocks"].to_numpy() - full["n_blocks"].to_numpy()).max() <= 1
 
 
+@pytest.mark.portable
 def test_the_stored_study_is_that_of_its_command():
     """Its first precursors again, to the accuracy on any processor."""
     stored = pd.read_csv(STORED / "rated_precursors.csv")

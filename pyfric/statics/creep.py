@@ -30,6 +30,7 @@ import numpy as np
 
 from pyfric.scene import of
 from pyfric.statics.rows import table_rows
+from pyfric.statics.weakening import Weakening
 
 if TYPE_CHECKING:
     from pyfric.scene import Law
@@ -83,7 +84,7 @@ class Change(NamedTuple):
 WHAT = ("slip +", "slip -", "stick", "gap", "knot")
 
 
-class Creep:
+class Creep(Weakening):
     """Paths of static states in which blocks slip as the driver moves.
 
     Args:
@@ -102,38 +103,12 @@ class Creep:
         closed: np.ndarray,
         clock: np.ndarray,
     ) -> None:
-        self.problem, self.law, scene = problem, problem.scene.law, problem.scene
-        self.N_x, self.k_f = scene.N_x, np.broadcast_to(np.asarray(scene.k_f, float), scene.N_x)
-        self.way, self.closed = way.astype(float), closed.copy()
-        self.clock, self.u_x = clock.copy(), u_x.copy()
-        self.d_c = np.broadcast_to(np.asarray(self.law.d_c, float), self.N_x)
+        self.problem, scene = problem, problem.scene
+        super().__init__(scene.law, way, clock, u_x)
+        self.k_f = np.broadcast_to(np.asarray(scene.k_f, float), self.N_x)
+        self.closed, self.u_x = closed.copy(), u_x.copy()
         force = ROUNDED * problem.unit
         self.small = np.array([force, force, RATE, force, force / scene.slider.k])  # see `wrong`
-        table = self.law.tables.slide
-        self._x, self._y = np.array(table.x), np.array(table.y)
-        self._slopes = np.append(table.slopes, 0.0)
-        self.look(u_x)
-
-    # --- friction --------------------------------------------------------------------------------
-
-    def look(self, u_x: np.ndarray) -> None:
-        """Select the linear piece of the law for each block at u_x (m), by the last passed knot."""
-        path = self.clock + self.way * u_x
-        share = np.divide(path, self.d_c, out=np.full(self.N_x, math.inf), where=self.d_c > 0)
-        self.cell = np.clip(np.searchsorted(self._x, share, side="right") - 1, 0, None)
-
-    def friction(self, u_x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return mu of each block on its linear piece of the law, and dmu/ds (1/m)."""
-        law, d_c, c = self.law, self.d_c, self.cell
-        slope = np.divide(self._slopes[c], d_c, out=np.zeros(self.N_x), where=d_c > 0)
-        left = self._y[c] + slope * (self.clock + self.way * u_x - self._x[c] * d_c)
-        left = np.where(c == len(self._x) - 1, self._y[-1], left)
-        return law.mu_k + law.drop * left, law.drop * slope
-
-    def knot(self) -> np.ndarray:
-        """Return the slip at the next knot, shape (N_x,), in m; inf beyond the last."""
-        following = np.append(self._x, math.inf)[self.cell + 1]
-        return following * np.where(self.d_c == 0, 1.0, self.d_c)
 
     @property
     def free(self) -> np.ndarray:
@@ -334,8 +309,7 @@ class Creep:
         falls = np.isfinite(now.margins) & (slopes < 0)
         left, never = now.margins + self.small[:, None], np.full(falls.shape, math.inf)
         ahead = np.divide(-left, slopes, out=never, where=falls)
-        weakens = self.cell < len(self._x) - 1
-        speed = np.abs(now.rate[weakens]).max(initial=0.0)
+        speed = np.abs(now.rate[self.weakens]).max(initial=0.0)
         far = PART * self._x[1] * float(np.max(self.d_c))
         return min(far / speed if speed > 0 else math.inf, PAST * max(float(ahead.min()), 0.0))
 

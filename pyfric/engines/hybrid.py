@@ -24,7 +24,7 @@ from pyfric.engines.cost import set_up, work, work_of_step
 from pyfric.engines.dynamic import Run
 from pyfric.engines.engine import Engine
 from pyfric.engines.integration import integrate, just_after
-from pyfric.engines.jump import Jump, Landing, Outside, Stale, Wait, at, path_from, rest
+from pyfric.engines.jump import LONGEST, Jump, Landing, Outside, Stale, Wait, at, path_from, rest
 from pyfric.engines.modes import Modes, modes_at, modes_of
 from pyfric.engines.options import Options, owned
 from pyfric.engines.slipping import SlipGaps, SlipSpace, slides
@@ -58,7 +58,8 @@ KEPT, KEPT_SLIPS, PATHS = 8, 3, 1e8
 memory; sets of slipping blocks whose shapes are kept; and memory of the paths on which static
 states are found, in bytes."""
 FAST = 10.0
-"""Slip speed over that of the driver above which no jump over slip is tried."""
+"""Slip speed over that of the driver above which no jump over slip is tried: a static path has such
+speeds just before slip becomes unstable only."""
 SPENT = 1 / 4
 """Largest work of all attempts to jump, over that of full dynamics up to the same time. An attempt
 waits for it, so that no run takes much longer than full dynamics."""
@@ -254,24 +255,30 @@ class HybridRun(Run):
         mode = self.state.mode
         return np.where(np.abs(mode) == 1, mode, 0)
 
-    def _fast(self) -> bool:
-        """Whether slip is too fast for any jump."""
-        state = self.state
-        v, V = state.y[0, 2, self._way() != 0], self.scene.piece("V", just_after(state))
-        return not self.slides or bool(np.abs(v).max() > FAST * abs(V.at(state.t)))
+    def _waits(self) -> int:
+        """Return for how many steps no jump over slip is tried.
+
+        Slip has to be slow, and to go on unchanged for as many steps as an attempt costs.
+        """
+        state, slips = self.state, self._way() != 0
+        if not slips.any():
+            return 0
+        if not self.slides:  # the core returns when the last block stops, apart from corner slip
+            return self.least if state.corner[slips].all() else LONGEST
+        V = self.scene.piece("V", just_after(state)).at(state.t)
+        if np.abs(state.y[0, 2, slips]).max() > FAST * abs(V):
+            return self.least_slide
+        lasts = (state.t - state.t_0[slips].max()) / state.dt
+        return max(self.least_slide - math.floor(lasts), 0)
 
     def call_length(self) -> int:
         """Return how many steps may be made before the next attempt to jump."""
-        slips = self._way() != 0
-        if not slips.any() or not self._fast():
-            return max(1, self.worth - self.state.step)
-        # the core returns when the last block stops, apart from corner slip
-        return self.least if self.slides or self.state.corner[slips].all() else 2**30
+        return self._waits() or max(1, self.worth - self.state.step)
 
     def before_call(self, last: int) -> None:
         """Jump, if an attempt is worth its work."""
         state = self.state
-        if self._way().any() and self._fast():
+        if self._waits():
             self.worth = self._paid_off()  # an event ends what the last attempt waits for
         elif state.step >= self.worth:
             wait = self.jump(last)

@@ -79,7 +79,7 @@ class Corrected(NamedTuple):
     Attributes:
         shape: shape (n_q,), complex, in m.
         rate: in 1/s.
-        off: error of the rate that is left, in 1/s.
+        off: error of the rate that is left, in 1/s; 0 where it is not known.
     """
 
     shape: np.ndarray
@@ -156,34 +156,28 @@ class Modes:
         error of a rate, delta lambda = phi.Q phi/(phi.C phi + 2 lambda phi.M phi). A further
         correction would divide it by the square of the factor by which this one reduces the
         residual; and the functional is of first order in delta lambda/lambda. The sum of both is
-        the share of the error that is left, at most 1, and `off` what is left. With slip, K is
-        unsymmetric and phi on the left is the left shape, which is not corrected: the factor
-        itself counts.
+        the share of the error that is left, at most 1, and `off` what is left. Modes with
+        slipping blocks serve one jump only. They are not corrected; their residual is looked at.
         """
         if k not in self._corrections:
             group = slice(k - k % TOGETHER, k - k % TOGETHER + TOGETHER)
-            psi = (self.pulled * self.norm)[:, group]
-            found = self._correct(self.x[:, group], psi, self.rates[group], self.norm[group])
+            found = self._correct(self.x[:, group], self.rates[group], self.norm[group])
             self._corrections.update(enumerate(found, group.start))
         return self._corrections[k]
 
-    def _correct(
-        self, x: np.ndarray, psi: np.ndarray, rates: np.ndarray, norm: np.ndarray
-    ) -> Iterator[Corrected]:
-        """Correct the modes with these eigenvectors, left ones, rates and norms."""
+    def _correct(self, x: np.ndarray, rates: np.ndarray, norm: np.ndarray) -> Iterator[Corrected]:
+        """Correct the modes with these eigenvectors, rates and norms."""
         phi = applied(self.space.B.dot, x)
+        if len(self.space.slips):
+            return map(Corrected, np.ascontiguousarray(phi.T), rates.tolist(), [0.0] * len(rates))
         left = self._residual(phi, rates)
         shift = -applied(self.space.answer, left)
         change = self._residual(shift, rates)
         twice = np.where(rates.imag > 0, 2.0, 1.0)  # the real part of one mode of a pair
+        wrong = np.sum(shift * (2 * left + change), axis=0) / (norm * twice**2)
         before, after = (np.linalg.norm(f[self.space.free], axis=0) for f in (left, left + change))
         ratio = np.divide(after, before, out=np.ones_like(after), where=before > 0)
-        if len(self.space.slips):
-            wrong = np.sum((self.space.B @ psi) * change, axis=0) / (norm * twice)
-        else:
-            wrong = np.sum(shift * (2 * left + change), axis=0) / (norm * twice**2)
-            ratio = ratio**2
-        kept = np.minimum(ratio + np.abs(wrong / rates), 1.0)
+        kept = np.minimum(ratio**2 + np.abs(wrong / rates), 1.0)
         rates = rates - (1 - kept) * wrong
         rates.real = np.minimum(rates.real, 0.0)
         shapes = np.ascontiguousarray((phi + shift).T)

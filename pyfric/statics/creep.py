@@ -75,7 +75,7 @@ class Point(NamedTuple):
 
 
 class Change(NamedTuple):
-    """The reason why a path ends: "end", "fast", "unstable", or an entry of `WHAT` and a block."""
+    """The reason why a path ends: "end", "unstable", or an entry of `WHAT` and a block."""
 
     what: str
     block: int = -1
@@ -172,33 +172,14 @@ class Creep(Weakening):
         )
         return np.array(rows)
 
-    def on(self, path: list[Point], drive: float) -> Point | None:
-        """Return the state at a driver position within a path, or None if it is not found."""
-        near = max((point for point in path if point.drive <= drive), key=lambda point: point.drive)
-        for _ in range(2):  # the slope of the law changes at knots
-            self.look(near.u_x)
-            found = self.at(drive, near)
-            if found is None:
-                return None
-            near = found
-        return near
-
     # --- the path --------------------------------------------------------------------------------
 
-    def follow(
-        self,
-        begin: Point,
-        drive_end: float,
-        fastest: float = math.inf,
-        kink: float = math.inf,
-    ) -> tuple[list[Point], Change]:
+    def follow(self, begin: Point, drive_end: float) -> tuple[list[Point], Change]:
         """Follow the path until a contact state changes; knots of the law are passed.
 
         Args:
             begin: state at the start, from `at`.
             drive_end: position of the driver at the end, in m.
-            fastest: slip per drive at which the path ends.
-            kink: largest change of slip per drive at a knot that is passed.
 
         Returns:
             States along the path, the last one just before the change, and the change.
@@ -207,18 +188,16 @@ class Creep(Weakening):
         for _ in range(STEPS):
             if path[-1].drive >= drive_end:
                 return path, Change("end")
-            change = self._stretch(path, drive_end, fastest)
+            change = self._stretch(path, drive_end)
             if change is None:
                 continue
             if change.what != "knot":
                 return path, change
             self.cell[change.block] += 1
             after = self.at(path[-1].drive, path[-1])
-            wrong = self.wrong(after, fastest)
+            wrong = self.wrong(after)
             if wrong is not None:
                 return path, wrong
-            if np.abs(after.rate - path[-1].rate).max() > kink:
-                return path, change
             path.append(after)
         return path, Change("unstable")
 
@@ -262,14 +241,14 @@ class Creep(Weakening):
             begin = self.after(change, path[-1])
         return path, changes
 
-    def _stretch(self, path: list[Point], drive_end: float, fastest: float) -> Change | None:
+    def _stretch(self, path: list[Point], drive_end: float) -> Change | None:
         """Make one step along a path, or go up to just before a change if one is near."""
         low, unit = path[-1], self.problem.unit
         close = ROUNDED * unit / self.problem.scene.slider.k
         close = max(close, 8 * float(np.spacing(abs(low.drive))))
         high = min(low.drive + max(self._step(low), 2 * close), drive_end)
         at = self.at(high, low)
-        change = self.wrong(at, fastest)
+        change = self.wrong(at)
         for n in range(LOOKS):
             if change is None or high - low.drive <= close:
                 break
@@ -283,7 +262,7 @@ class Creep(Weakening):
                     middle = low.drive + max(begin, 0.0) / (begin - end) * (high - low.drive)
             middle = min(max(middle, low.drive + close), max(high - close, low.drive + close / 2))
             found = self.at(middle, low)
-            wrong = self.wrong(found, fastest)
+            wrong = self.wrong(found)
             if wrong is None:
                 low = found
             else:
@@ -313,7 +292,7 @@ class Creep(Weakening):
         far = PART * self._x[1] * float(np.max(self.d_c))
         return min(far / speed if speed > 0 else math.inf, PAST * max(float(ahead.min()), 0.0))
 
-    def wrong(self, point: Point | None, fastest: float) -> Change | None:
+    def wrong(self, point: Point | None) -> Change | None:
         """Return the worst violation at a state as a change, or None if there is none."""
         if point is None:
             return Change("unstable")
@@ -321,4 +300,4 @@ class Creep(Weakening):
         if over.max() > 1:
             row, block = np.unravel_index(int(np.argmax(over)), over.shape)
             return Change(WHAT[row], int(block))
-        return Change("fast") if np.abs(point.rate).max() > fastest else None
+        return None

@@ -65,8 +65,9 @@ def test_stable_slip_is_full_dynamics(name):
     assert b.counts["steps"] + b.counts["steps_spared"] == b.final_state.step
 
 
+@pytest.mark.usefixtures("free_attempts")
 def test_stable_slip_takes_hardly_any_steps():
-    """At a speed ten times slower: a fiftieth of all, most of them while an attempt is paid off."""
+    """At a speed ten times slower: a fiftieth of all, if attempts cost no more than six steps."""
     b = run(rod(V=2e-4), 0.36, "hybrid")
     assert b.final_state.step - b.switches["step"][0] > 20_000
     assert b.counts["steps"] < 0.02 * b.final_state.step
@@ -193,14 +194,19 @@ def test_where_slip_is_left_to_dynamics():
     assert not slides(pyfric.preset("rate_and_state").law)
 
 
-def test_blocks_that_are_drawn_along_are_jumped_over(monkeypatch):
-    """With mu_k from the first slip on: a soft driver draws a chain whose last blocks hold."""
-    hold = np.where(np.arange(12) < 8, 0.3, 5.0)
-    scene = pyfric.chain(L=0.055, l=5e-3, mu_s=hold, mu_k=np.where(hold < 1, 0.29, 4.9), eta=500.0)
-    t_end = 1.3 * float(run(scene, 1.0, "quasistatic").curve["t"].iloc[-1])
-    known = run(scene, t_end, "dynamic", energies=False)
-    made = run(scene, t_end, "hybrid")
+@pytest.mark.usefixtures("free_attempts")
+@pytest.mark.parametrize("geometry", ["linear", "finite"])
+def test_blocks_that_are_drawn_along_are_jumped_over(geometry, monkeypatch):
+    """With mu_k from the first slip on: the driver draws three blocks, and all others hold."""
+    drawn = np.arange(9) < 3
+    scene = rod(d_c=0.0, mu_s=np.where(drawn, 0.3, 5.0), mu_k=np.where(drawn, 0.29, 4.9))
+    known = run(scene, 0.04, "dynamic", energies=False, geometry=geometry)
+    made = run(scene, 0.04, "hybrid", geometry=geometry)
+    assert (np.abs(known.final_state.mode) == 1).any()
     assert made.counts["slides"] > 0
-    np.testing.assert_allclose(made.final_state.y, known.final_state.y, rtol=0, atol=1e-11)
+    assert made.counts["steps"] < 0.5 * known.counts["steps"]
+    for name in ("block", "old", "new"):
+        np.testing.assert_array_equal(made.switches[name], known.switches[name])
+    np.testing.assert_allclose(made.final_state.y[:, :2], known.final_state.y[:, :2], atol=1e-11)
     monkeypatch.setattr(hybrid, "FAST", 0.0)
-    assert run(scene, t_end, "hybrid").counts["slides"] == 0
+    assert run(scene, 0.04, "hybrid", geometry=geometry).counts["slides"] == 0

@@ -302,11 +302,11 @@ class Jump:
             if isinstance(n, Wait):
                 return n
             s = n * self.dt
-            left = self._left(s)
+            left = self._left(s) + self._driven(s)
             if left > self.accuracy:
                 return self._wait(left / self.accuracy, self.motion.decay, n)
             alive = self.ringing.alive(s, CORRECTED * self.accuracy)
-            self.ringing.correct(alive)
+            self.ringing.correct(self._inexact(s, alive))
             if not round_:
                 end = self.space.stiffer(at(self.path.q, s))
                 follows = self.ringing.alive(s, len(self.motion.a) * self.accuracy)
@@ -326,6 +326,8 @@ class Jump:
                 defect, decay = 0.0, 0.0
                 if alive.size:
                     defect, decay = self._late(s, alive) if linear else self._defect(s, alive)
+                    if len(self.space.slips):
+                        defect += self._late(s, alive)[0]
                 if defect > self.accuracy:
                     wait = self._wait(defect / self.accuracy, decay, n)
                     return wait if linear else Stale(wait.steps)
@@ -370,14 +372,27 @@ class Jump:
         """
         return Wait(max(steps_to_fall(times, decay * self.dt, longest), self.least))
 
+    def _driven(self, s: float) -> float:
+        """Return the change of the gap functions at s (s) by modes that the truncated part drives."""
+        a = self.motion.driven * np.exp(self.ringing.growth.real * s)
+        return float((np.abs(self.modes.gaps) @ a).max(initial=0.0))
+
+    def _inexact(self, s: float, alive: np.ndarray) -> np.ndarray:
+        """Return the indices of modes that are to be corrected, of those that are alive at s (s).
+
+        Modes with slipping blocks serve one jump only. Few of their rates count so much.
+        """
+        if not len(self.space.slips):
+            return alive
+        wrong = self.ringing.late(s, alive).max(axis=0, initial=0.0)
+        return alive[wrong * len(alive) > CORRECTED * self.accuracy]
+
     def _late(self, s: float, alive: np.ndarray) -> tuple[float, float]:
         """Return the change of the gap functions at s (s) by errors of rates, in N.
 
         Also return its decay rate if the jump begins later, in 1/s.
         """
-        ringing, growth = self.ringing, self.ringing.growth[alive]
-        a = np.abs(np.exp(growth * s))
-        wrong = np.abs(ringing.gaps[:, alive]) * (a * ringing.off[alive] * s)
+        growth, wrong = self.ringing.growth[alive], self.ringing.late(s, alive)
         parts = wrong[wrong.sum(axis=1).argmax()]
         change = float(parts.sum())
         return change, float(-growth.real @ parts) / change if change else 0.0

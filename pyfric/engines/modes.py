@@ -21,6 +21,7 @@ Source: B. N. Parlett, The Symmetric Eigenvalue Problem (1998), Rayleigh-Ritz me
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -65,12 +66,14 @@ class Motion(NamedTuple):
         energy: energy of the truncated part, in J.
         gaps: present change of the gap functions by the truncated part, shape (n_c,), in N.
         decay: present decay rate of the amplitude of the truncated part, in 1/s.
+        driven: largest amplitudes by which the truncated part drives the modes, shape (n,).
     """
 
     a: np.ndarray
     energy: float
     gaps: np.ndarray
     decay: float
+    driven: np.ndarray
 
 
 class Corrected(NamedTuple):
@@ -79,7 +82,7 @@ class Corrected(NamedTuple):
     Attributes:
         shape: shape (n_q,), complex, in m.
         rate: in 1/s.
-        off: error of the rate that is left, in 1/s; 0 where it is not known.
+        off: error of the rate that is left, in 1/s.
     """
 
     shape: np.ndarray
@@ -108,6 +111,8 @@ class Modes:
         gaps: gap functions of modes of amplitude 1, shape (n_c, n), complex, in N.
         u_h: mean u_x of the driven blocks in these modes, shape (n,), complex, in m.
         fade: expected decay rate of the truncated part, in 1/s.
+        off: largest errors of the rates with slipping blocks, shape (n,), in 1/s; 0 without any,
+            where all modes that count are corrected.
     """
 
     gap_functions: GapFunctions
@@ -125,6 +130,7 @@ class Modes:
     gaps: np.ndarray
     u_h: np.ndarray
     fade: float
+    off: np.ndarray
     _corrections: dict[int, Corrected] = dataclasses.field(default_factory=dict)
     _works: dict[int, np.ndarray] = dataclasses.field(default_factory=dict)
 
@@ -156,28 +162,34 @@ class Modes:
         error of a rate, delta lambda = phi.Q phi/(phi.C phi + 2 lambda phi.M phi). A further
         correction would divide it by the square of the factor by which this one reduces the
         residual; and the functional is of first order in delta lambda/lambda. The sum of both is
-        the share of the error that is left, at most 1, and `off` what is left. Modes with
-        slipping blocks serve one jump only. They are not corrected; their residual is looked at.
+        the share of the error that is left, at most 1, and `off` what is left. With slip, K is
+        unsymmetric and the left shape, which is not corrected, takes the place of phi: the factor
+        itself counts.
         """
         if k not in self._corrections:
             group = slice(k - k % TOGETHER, k - k % TOGETHER + TOGETHER)
-            found = self._correct(self.x[:, group], self.rates[group], self.norm[group])
+            psi = self.pulled[:, group] * self.norm[group]
+            found = self._correct(self.x[:, group], psi, self.rates[group], self.norm[group])
             self._corrections.update(enumerate(found, group.start))
         return self._corrections[k]
 
-    def _correct(self, x: np.ndarray, rates: np.ndarray, norm: np.ndarray) -> Iterator[Corrected]:
-        """Correct the modes with these eigenvectors, rates and norms."""
+    def _correct(
+        self, x: np.ndarray, psi: np.ndarray, rates: np.ndarray, norm: np.ndarray
+    ) -> Iterator[Corrected]:
+        """Correct the modes with these eigenvectors, left ones, rates and norms."""
         phi = applied(self.space.B.dot, x)
-        if len(self.space.slips):
-            return map(Corrected, np.ascontiguousarray(phi.T), rates.tolist(), [0.0] * len(rates))
         left = self._residual(phi, rates)
         shift = -applied(self.space.answer, left)
         change = self._residual(shift, rates)
         twice = np.where(rates.imag > 0, 2.0, 1.0)  # the real part of one mode of a pair
-        wrong = np.sum(shift * (2 * left + change), axis=0) / (norm * twice**2)
         before, after = (np.linalg.norm(f[self.space.free], axis=0) for f in (left, left + change))
         ratio = np.divide(after, before, out=np.ones_like(after), where=before > 0)
-        kept = np.minimum(ratio**2 + np.abs(wrong / rates), 1.0)
+        if len(self.space.slips):
+            wrong = np.sum((self.space.B @ psi) * change, axis=0) / (norm * twice)
+        else:
+            wrong = np.sum(shift * (2 * left + change), axis=0) / (norm * twice**2)
+            ratio = ratio**2
+        kept = np.minimum(ratio + np.abs(wrong / rates), 1.0)
         rates = rates - (1 - kept) * wrong
         rates.real = np.minimum(rates.real, 0.0)
         shapes = np.ascontiguousarray((phi + shift).T)
@@ -233,6 +245,8 @@ class Modes:
 
         For the truncated part, M w, M v and K w are orthogonal to B, but viscosity couples it to
         the modes. It adds phi.C w/(phi.C phi + 2 lambda phi.M phi) to the amplitude of a mode phi.
+        Responses to slip are no modes. Beside them K w drives the modes, at no frequency below
+        `cut`.
         """
         space, (K, C, _) = self.space, self.tangent
         y_0, y_1, drawn = np.array([space.M * w, space.M * v, C @ w]) @ space.B
@@ -243,7 +257,8 @@ class Modes:
         decay = float(v @ drag) / (2 * twice_kinetic) if twice_kinetic > 0 else 0.0
         gaps = self.gap_functions.at(w, -(force + drag)[space.held], v)
         a = self.amplitudes(np.array([y_0, y_1])) + (drawn - self.damping @ y_0) @ self.pulled
-        return Motion(a, max(energy, 0.0), gaps, max(decay, space.decay))
+        driven = np.abs((force @ space.B) @ self.pulled) / (space.cut or math.inf)
+        return Motion(a, max(energy, 0.0), gaps, max(decay, space.decay), driven)
 
     def motion_of(self, a: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """Return w (m), w' (m/s) and w'' (m/s^2), shape (3, n_q), of all modes, not corrected."""
@@ -296,7 +311,37 @@ def modes_at(
         gaps=gap_functions.of(w, f, w * rates),
         u_h=(space.solver.driven_row @ B) @ real,
         fade=_fade(space, rates),
+        off=_off(space, (KB, CB), (stiffness, damping), x, rates) / np.abs(norm),
     )
+
+
+def _off(
+    space: Space,
+    forces: tuple[np.ndarray, np.ndarray],
+    reduced: tuple[np.ndarray, np.ndarray],
+    x: np.ndarray,
+    rates: np.ndarray,
+) -> np.ndarray:
+    """Return r.M^-1 r/cut^2 of the residuals r of single modes, shape (n,), in N/m.
+
+    A residual is orthogonal to the space. It excites motion outside only, which is no slower than
+    `cut`. Zeros without slipping blocks, and for chains, which the space spans.
+
+    Args:
+        space: the slider.
+        forces: K B and C B, shape (n_q, r).
+        reduced: B'K B and B'C B, shape (r, r).
+        x: single eigenvectors, shape (r, n).
+        rates: in 1/s, shape (n,).
+    """
+    if not (len(space.slips) and space.cut):
+        return np.zeros(len(rates))
+    root = np.sqrt(space.M[space.free])[:, None]
+    (K, C), (k, c) = (force[space.free] / root for force in forces), reduced
+    parts = K.T @ K - k.T @ k, C.T @ C - c.T @ c, K.T @ C - k.T @ c
+    of_K, of_C, mixed = (np.sum(x.conj() * (part @ x), axis=0) for part in parts)
+    squares = (of_K + np.abs(rates) ** 2 * of_C + 2 * rates * mixed).real
+    return np.maximum(squares, 0.0) / space.cut**2
 
 
 def _fade(space: Space, rates: np.ndarray) -> float:

@@ -1,8 +1,9 @@
-"""Hybrid engine: full dynamics while blocks slip, closed forms while all blocks stick.
+"""Hybrid engine: full dynamics in events, closed forms while all blocks stick or slip slowly.
 
 Events are integrated as in full dynamics, by the same core and with the same time steps. When
-nothing slips any more, the run jumps to the last step before a contact state can change (`jump`).
-It continues there with the remaining oscillation. Jumps end at the breakpoints of a protocol.
+nothing slips any more, or slip is slow, the run jumps to the last step before a contact state can
+change (`jump`). It continues there with the remaining oscillation. Jumps end at the breakpoints of
+a protocol.
 
 If no jump is possible, the engine makes steps. A slider that never comes to rest is integrated in
 full, and a note in the record says so.
@@ -118,8 +119,8 @@ class RestStates:
         slips = np.flatnonzero(weakening.way)
         key = closed.tobytes() + slips.tobytes()
         space = self._slips.made(key, lambda: SlipSpace(self.modes(closed).space, slips))
-        here = space.at(weakening, q)
-        return modes_at(SlipGaps(here), here.tangent_at(q), self.dt, self.stepper)
+        slipping = space.at(weakening, q)
+        return modes_at(SlipGaps(slipping), slipping.tangent_at(q), self.dt, self.stepper)
 
     def modes(self, stuck: np.ndarray) -> Modes:
         """Return the modes of the slider at these contact states."""
@@ -330,7 +331,9 @@ class HybridRun(Run):
             return least
         self.made["attempts"] += 1
         outside = Outside(self.known, state.t, just_after(state))
-        found = self._slipping(closed, way, outside) if way.any() else self._resting(closed, outside)
+        found = (
+            self._slipping(closed, way, outside) if way.any() else self._resting(closed, outside)
+        )
         if found is None:
             return least
         modes, start = found

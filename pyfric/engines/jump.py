@@ -249,7 +249,7 @@ def path_from(
     guess = outside.V * space.lag if steady and plain else space.answer(pull)
     l_0, left_0, _ = space.refined(guess, pull, stiffer)
     bottom = zip((q, q_1, q_2), (forces[held], left_1, left_2), (q_1 + l_1, q_2, zero), strict=True)
-    gaps = np.array([gap_functions.at(*one) for one in bottom])
+    gaps = np.array([gap_functions.at(*parts) for parts in bottom])
     gaps[0] += gap_functions.at(l_0, left_0 + (drag - pull)[held]) + gap_functions.knots
     if not steady:
         left = -(C @ q_2) - space.restoring(l_1, stiffer)
@@ -373,7 +373,7 @@ class Jump:
         return Wait(max(steps_to_fall(times, decay * self.dt, longest), self.least))
 
     def _driven(self, s: float) -> float:
-        """Return the change of the gap functions at s (s) by modes that the truncated part drives."""
+        """Return the change of gap functions at s (s) by what the truncated part drives, in N."""
         a = self.motion.driven * np.exp(self.ringing.growth.real * s)
         return float((np.abs(self.modes.gaps) @ a).max(initial=0.0))
 

@@ -29,6 +29,7 @@ import numpy as np
 
 from pyfric.core import STEPPERS
 from pyfric.engines.gaps import GapFunctions
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 

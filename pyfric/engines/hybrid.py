@@ -353,7 +353,7 @@ class HybridRun(Run):
             self._land(landing, modes.space)
         while state.step < end:
             self.call(end - state.step)
-        return 1 if full else least
+        return 1 if full else self.least
 
     def _resting(
         self, stuck: np.ndarray, outside: Outside

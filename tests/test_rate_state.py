@@ -308,9 +308,27 @@ def creep(**how):
     return scene, load, slow(scene, np.log(0.5), load, **how)
 
 
+def by_radau(rates, start, times, atol):
+    """Return a solution of SciPy's Radau, a row for each time."""
+    how = {"method": "Radau", "rtol": 1e-10, "atol": atol}
+    return solve_ivp(rates, (0, times[-1]), start, t_eval=times, **how).y.T
+
+
+def by_cvode(rates, start, times, atol):
+    """Return a solution of CVODE of SUNDIALS, a row for each time."""
+    cvode = pytest.importorskip("sksundae.cvode", reason="needs scikit-sundae")
+
+    def into(t, y, yp):
+        yp[:] = rates(t, y)
+
+    solver = cvode.CVODE(into, rtol=1e-12, atol=0.01 * atol, max_num_steps=10**5)
+    return solver.solve(np.append(0.0, times), start).y[1:]
+
+
+@pytest.mark.parametrize("other", [by_radau, by_cvode])
 @pytest.mark.parametrize("evolution", EVOLUTIONS)
-def test_slow_slip_is_that_of_another_method(evolution):
-    """Against SciPy's Radau; the error follows the tolerance."""
+def test_slow_slip_is_that_of_another_method(evolution, other):
+    """Against SciPy's Radau and CVODE; the error follows the tolerance."""
     scene, load, found = creep(evolution=evolution)
     law = scene.interface.law
 
@@ -324,8 +342,8 @@ def test_slow_slip_is_that_of_another_method(evolution):
         return np.concatenate([v, evolves])
 
     start = np.append(np.zeros(3), np.full(3, np.log(0.5)))
-    how = {"method": "Radau", "rtol": 1e-10, "atol": [1e-16] * 3 + [1e-10] * 3}
-    exact = solve_ivp(rates, (0, 1), start, t_eval=[0.1, 0.2, 1.0], **how).y.T
+    atol = np.repeat([1e-16, 1e-10], 3)
+    exact = other(rates, start, np.array([0.1, 0.2, 1.0]), atol)
 
     def error(run):
         return np.abs(run.points[:, :2].reshape(3, 6) / exact - 1).max()
@@ -407,6 +425,20 @@ def test_a_condition_ends_slow_slip_where_it_ends_full_dynamics(condition):
     assert condition in found[0].status
     assert found[0].curve["t"].iloc[-1] == found[1].curve["t"].iloc[-1] < 9e-3
     assert found[1].counts["steps_spared"] > 0
+
+
+def test_a_run_cut_in_a_rupture_goes_on_exactly():
+    """A cut in slow slip changes its steps, and forces of events by far less than the accuracy."""
+    whole = cycles(1e-4)
+    how = {"fidelity": "hybrid", "accuracy": 1e-4, "sample": 1e-4, "progress": False}
+    start, arrest = whole.events["t_start"].iloc[1], whole.events["t_stop"].iloc[1]
+    for t, exact in ((0.5 * (start + arrest), True), (5e-4, False)):
+        first = pyfric.simulate(whole.scene, t, **how)
+        rest = pyfric.simulate(whole.scene, 9e-3, initial=first, progress=False)
+        assert (bits(rest.final_state) == bits(whole.final_state)) is exact
+        for name in ("F_T_start", "F_T_arrest"):
+            off = np.abs(rest.events[name] - whole.events[name]).dropna() / whole.scene.F_N
+            assert (off < 1e-6).all()
 
 
 def test_a_run_has_no_note_of_junctions():

@@ -417,7 +417,7 @@ def rated(out: Path, tell: Tell) -> None:
     import rated
 
     frame = rated.study(say=tell.step)
-    save_figure(rated.draw(frame), out / "rated", f"{RUN} rated", tell)
+    save_figure(rated.draw(frame, rated.regimes(tell.step)), out / "rated", f"{RUN} rated", tell)
     tell.table(frame, rated.report)
 
 

@@ -9,11 +9,12 @@ import pytest
 import rated as study
 from helpers import advance, bits, mirrored_scene, mirrored_state, refused, small
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 import pyfric
 from pyfric import core
 from pyfric.engines.slow_slip import interface_at
-from pyfric.scene import Interface, chain, laws, setup1
+from pyfric.scene import Interface, chain, laws, setup1, setup2
 from pyfric.statics import StaticSolver, loaded_state, stability_limit
 
 STORED = Path(__file__).parents[1] / "reference_data" / "rated"
@@ -377,6 +378,86 @@ def test_slow_slip_ends_at_a_limit():
         assert round(found.t / 1e-7) * 1e-7 == pytest.approx(found.t, rel=1e-12)
         assert found.v.max() < 8e-6 + 1e-12
     assert not creep(closed=np.array([True, False, True]))[2].v[1]
+
+
+def block_of(columns, rows, a, blocks_in_L_b):
+    """Return a slider whose p is 10 N on each block, and its condensed elasticity in N/m."""
+    k, p, l = 13.5e6, 10.0, 1e-3
+    D_c = blocks_in_L_b * 3 * LAW["b"] * p / (4 * k)
+    law = {"a": a, "D_c": D_c, "theta_0": 1.0, "v_0": None, "f_star": 0.6}
+    size = {"L": (columns - 1) * l, "H": rows * l, "l": l, "k": k, "F_N": p * columns}
+    scene = setup2(V=0.0, K=1.0, **size).replace({"interface": rated(**law)})
+    known = StaticSolver(scene, "linear")
+    at = known.loaded.u[0, 0]
+    return scene, interface_at(scene, known, at, ~known.loaded.open, 0.0).load[1]
+
+
+def slide(scene, elastic, start, load, **limits):
+    """Return slip without inertia under this load and its rate (N, N/s), at p = 10 N."""
+    none = np.zeros(scene.N_x)
+    return core.slow_slip(
+        core.model(scene, "linear", loaded_state(scene).state(scene, 1e-7).u_drv0),
+        (np.column_stack([none + load[0], none + load[1], none]), elastic),
+        (np.column_stack([none + 10.0, none, none]), 0 * elastic),
+        start,
+        core.SlowLimits(**limits),
+    )
+
+
+@pytest.mark.parametrize("evolution", EVOLUTIONS)
+def test_perturbations_of_steady_slip_grow_as_in_linear_theory(evolution):
+    """Each mode of the lattice with stiffness K: (p a/V) s^2 + (K - k_c) s + K V/D_c = 0.
+
+    Modes with K < k_c = p (b - a)/D_c grow: those of up to three half waves, the longer ones.
+    """
+    V, p, a, b = 1e-6, 10.0, LAW["a"], LAW["b"]
+    scene, elastic = block_of(41, 20, a, 2.0)
+    scene = scene.replace({"interface.law.evolution": evolution})
+    D_c, grew = scene.interface.law.D_c, []
+    stiffness, modes = np.linalg.eigh(-elastic)
+    critical = p * (b - a) / D_c
+    steady = p * (LAW["f_star"] + (a - b) * np.log(V / 1e-6))
+    for n in (1, 2, 3, 4, 5, 7, 10, 20):
+        K, shape = stiffness[n], modes[:, n]
+        # d/dt of u and ln theta beyond steady slip: v = -(V/(p a)) (K u + p b y)
+        rate = np.array([[-K, -p * b], [K / D_c, p * b / D_c - p * a / D_c]]) * V / (p * a)
+        t = 0.3 * D_c / V
+        small = 1e-5
+        limits = {"end": t, "dt": 1e-9, "relative": 1e-11, "u": 1e-11 * D_c * small}
+        limits["log_theta"] = 1e-11 * small
+        start = np.log(D_c / V) + small * shape
+        found = slide(scene, elastic, start, (steady, 0.0), **limits)
+        expected = expm(rate * t) @ [0.0, small]
+        u, y = shape @ (found.u - V * t), shape @ (found.log_theta - np.log(D_c / V))
+        np.testing.assert_allclose([u, y], expected, rtol=0.01)
+        roots = np.linalg.eigvals(rate)
+        grew.append(roots.real.max() > 0)
+        assert grew[-1] == (K < critical)
+    assert grew == [True] * 3 + [False] * 5
+
+
+def test_nucleation_is_wider_the_closer_a_is_to_b():
+    """Half-width of nucleation over L_b (ageing law), with 8 blocks in L_b.
+
+    1.3774 for a/b < 0.378, and towards 1/(pi (1 - a/b)^2) above a/b = 0.5 (Rubin and Ampuero, J.
+    Geophys. Res. 110, B11312, 2005), as far as slip speeds up to 0.1 m/s let it grow. The width
+    is counted where v is above 5 % of its largest value.
+    """
+    halves = []
+    for ratio in (0.2, 0.35, 0.7, 0.8):
+        scene, elastic = block_of(121, 50, ratio * LAW["b"], 8.0)
+        law, V = scene.interface.law, 1e-9
+        start = np.log(law.D_c / V) + np.zeros(121)
+        start[57:64] += np.log(0.9)
+        load = 10.0 * (law.f_star + (law.a - law.b) * np.log(V / law.V_star)), 0.01
+        limits = {"end": 1e4, "dt": 1e-9, "relative": 1e-6, "u": 1e-6 * law.D_c, "log_theta": 1e-6}
+        found = slide(scene, elastic, start, load, speed=0.1, **limits)
+        assert found.v.max() > 0.09
+        halves.append(np.count_nonzero(found.v > 0.05 * found.v.max()) / 2 / 8)
+    assert halves[0] == pytest.approx(1.3774, rel=0.25)
+    assert halves[1] == pytest.approx(halves[0], abs=1 / 16)
+    assert 1.2 * halves[1] < halves[2] < halves[3]
+    assert halves[3] > 1.5 * halves[0]
 
 
 @functools.cache

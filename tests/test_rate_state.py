@@ -508,6 +508,37 @@ def test_a_condition_ends_slow_slip_where_it_ends_full_dynamics(condition):
     assert found[1].counts["steps_spared"] > 0
 
 
+def test_a_weakening_patch_between_strengthening_ends():
+    """Slip events of the patch, as in full dynamics, and at a hundredth of that driver's speed.
+
+    An accuracy of 1e-3 moves events in time, which shows in the curve where it is steep.
+    """
+    a = [0.025] * 8 + [0.005] * 15 + [0.025] * 8
+
+    def run(V, **how):
+        law = rated(D_c=1e-7, v_0=V, a=a, v_slip=0.02)
+        scene = chain(L=0.075, V=V, K=2e6, k=2e7, p=20.0, tau=0.0, interface=law)
+        how |= {"sample": 1e-7 / V, "progress": False}
+        return pyfric.simulate(scene, 2.5e-4 / V, **how)
+
+    V = 4e-3
+    full, fine, coarse = (
+        run(V, fidelity="dynamic"),
+        run(V, fidelity="hybrid", accuracy=1e-5),
+        run(V, fidelity="hybrid", accuracy=1e-3),
+    )
+    off = [
+        np.abs(one.curve["F_T"] - full.curve["F_T"]).max() / full.scene.F_N
+        for one in (fine, coarse)
+    ]
+    assert off[0] < 1e-4 < off[1] < 5e-3
+    assert coarse.counts["steps"] < fine.counts["steps"] < 0.7 * full.counts["steps"]
+    slow = run(V / 100, fidelity="hybrid", accuracy=1e-5)
+    for record, times in ((full, 2.5), (slow, 20.0)):
+        fastest = np.abs(record.motion["v_x"]).max(axis=0) / record.scene.driver.V
+        assert fastest[10:20].max() > times > 2.0 > fastest[-5:].max()
+
+
 def test_a_run_cut_in_a_rupture_goes_on_exactly():
     """A cut in slow slip changes its steps, and forces of events by far less than the accuracy."""
     whole = cycles(1e-4)

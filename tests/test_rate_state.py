@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import rated as study
+import rated_ruptures
 from helpers import advance, bits, mirrored_scene, mirrored_state, refused, small
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
@@ -641,3 +642,14 @@ def test_the_stored_study_is_that_of_its_command():
     assert study.report(stored).count("\n") == len(study.CASES)
     figure = study.draw(stored)
     assert len(figure.axes[0].lines) == 1 + len(study.SHOWN)
+
+
+@pytest.mark.portable
+def test_tau_over_p_after_a_precursor_is_the_friction_at_its_speed():
+    """In the preset, within 0.01; its fronts are slow."""
+    table = rated_ruptures.study(("V = 0.4 mm/s",), 0.48e-3)
+    assert len(table) == 2
+    assert (np.abs(table["tau_over_p_after"] - table["steady_friction"]) < 0.01).all()
+    assert (table["tau_over_p_before"] > table["tau_over_p_after"]).all()
+    assert (table["front_over_c_S"] < 0.1).all()
+    assert "V = 0.4 mm/s: 2" in rated_ruptures.report(table)

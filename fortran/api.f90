@@ -192,6 +192,65 @@ subroutine curve_point(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t
                 budget, loss)
 end subroutine curve_point
 
+!> Slip without inertia under rate-and-state friction.
+subroutine slow_slip(nx, n_counts, n_numbers, n_points, counts, numbers, closed, load, load_u, p, p_u, limits, max_steps, times, &
+                     h, q, v, points, made, t_end, status)
+  use, intrinsic :: iso_c_binding, only: c_double, c_int
+  use pyfric_model, only: model_t, new_model
+  use pyfric_slow_slip, only: condensed_t, limits_t, phase_t, work_t, new_condensed, new_work, advance_phase, velocities
+  implicit none
+  !f2py threadsafe
+  integer(c_int), intent(in) :: nx                           !! blocks along the interface
+  integer(c_int), intent(in) :: n_counts                     !! length of counts
+  integer(c_int), intent(in) :: n_numbers                    !! length of numbers
+  integer(c_int), intent(in) :: n_points                     !! points of the loading curve
+  integer(c_int), intent(in) :: counts(n_counts)             !! the scene, see pyfric_model
+  real(c_double), intent(in) :: numbers(n_numbers)           !! the scene, see pyfric_model [SI]
+  integer(c_int), intent(in) :: closed(nx)                   !! 1: in contact
+  real(c_double), intent(in) :: load(nx, 3)                  !! on each block, see pyfric_slow_slip
+  real(c_double), intent(in) :: load_u(nx, nx)               !! by displacements [N/m]
+  real(c_double), intent(in) :: p(nx, 3)                     !! normal force, alike
+  real(c_double), intent(in) :: p_u(nx, nx)                  !! by displacements [N/m]
+  real(c_double), intent(in) :: limits(7)                    !! see `limits_t` of pyfric_slow_slip
+  integer(c_int), intent(in) :: max_steps                    !! most steps
+  real(c_double), intent(in) :: times(n_points)              !! of the points, ascending, since the beginning [s]
+  real(c_double), intent(inout) :: h(1)                      !! next step [s]
+  real(c_double), intent(inout) :: q(nx, 2)                  !! u [m], ln theta; then those at t_end
+  real(c_double), intent(out) :: v(nx)                       !! velocities at t_end [m/s]
+  real(c_double), intent(inout) :: points(nx, 3, n_points)   !! u [m], ln theta, velocities [m/s]
+  integer(c_int), intent(out) :: made(2)                     !! steps made, points filled
+  real(c_double), intent(out) :: t_end                       !! last time on the grid [s]
+  integer(c_int), intent(out) :: status                      !! why it ended, see pyfric_slow_slip; -1 without memory
+  type(model_t) :: model
+  type(condensed_t) :: s
+  type(phase_t) :: phase
+  type(work_t) :: w
+  integer :: i
+
+  status = -1
+  made = 0
+  t_end = 0
+  v = 0
+  model = new_model(counts, numbers)
+  if (.not. model%complete) return
+  s = new_condensed(nx, model%law, closed == 1, load, load_u, p, p_u)
+  w = new_work(nx)
+  if (.not. (s%complete .and. w%complete)) return
+  phase%h = h(1)
+  phase%q = q
+  phase%grid = q
+  call advance_phase(s, limits_t(limits(1), limits(2), limits(3), limits(4:5), limits(6), limits(7), max_steps), n_points, times, &
+                     w, phase, points(:, :2, :), status)
+  h = phase%h
+  q = phase%grid
+  t_end = phase%t_grid
+  made = [phase%steps, phase%n_points]
+  call velocities(s, t_end, q, w, v)
+  do i = 1, phase%n_points
+    call velocities(s, times(i), points(:, :2, i), w, points(:, 3, i))
+  end do
+end subroutine slow_slip
+
 !> Random numbers in [0, 1) by counter.
 subroutine uniforms(n, key, counter, u)
   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_long

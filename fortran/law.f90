@@ -17,13 +17,14 @@ module pyfric_law
   use pyfric_junction_memory, only: n_whole, prepare
   use pyfric_junctions, only: junctions_t, new_junctions, forces, powers, stored_energy, settle, next_break, next_release, &
                               drag_limits, drag_functions
-  use pyfric_rate_state, only: rate_state_t, new_rate_state, rate_forces, implicit_speeds, variables_of, thetas_of, variable_rates
+  use pyfric_rate_state, only: rate_state_t, new_rate_state, rate_forces, implicit_speeds, variables_of, thetas_of, &
+                               variable_rates, balanced_speeds, evolution_rates
   implicit none (type, external)
   private
   public :: law_t, new_law, whole_memory, friction_force, friction_powers, interface_energy
   public :: event_functions, knot_functions, last_knots, time_to_knot
   public :: stop_reversed, next_states, settle_moving, remember
-  public :: implicit_speeds, variables_of, thetas_of, variable_rates
+  public :: implicit_speeds, variables_of, thetas_of, variable_rates, balanced_speeds, evolution_rates
   public :: STUCK, OPEN_GAP, N_TABLES, N_FIELDS, N_CONTACT, N_KNOT, N_MARK
 
   !> Contact states; slipping blocks have the sign of their motion, +1 or -1. On junctions a block counts as stuck while

@@ -15,6 +15,7 @@ module pyfric_rate_state
   implicit none (type, external)
   private
   public :: rate_state_t, new_rate_state, rate_forces, implicit_speeds, variables_of, thetas_of, variable_rates
+  public :: balanced_speeds, evolution_rates
 
   integer(ip), parameter :: AGEING = 1, SLIP_LAW = 2
   !> Newton steps of a root at most, the step in ln(v) after which the next one is the last, and the least ln(|v|/V*).
@@ -286,4 +287,106 @@ contains
     left = inertia*speed + c*of%a*value
     grows = inertia*speed + c*slope*(of%a + of%b*psi_slope*x_slope)
   end subroutine balance
+
+  !> Velocities at which friction balances loads, p a asinh(...) + alpha |v| = |load|, and their derivatives. Blocks without
+  !> contact, p <= 0, do not move.
+  pure subroutine balanced_speeds(of, nx, load, p, log_theta, v, by_load, by_p, by_theta)
+    type(rate_state_t), intent(in) :: of
+    integer, intent(in) :: nx
+    real(dp), intent(in) :: load(nx)       !! along +x [N]
+    real(dp), intent(in) :: p(nx)          !! normal force [N]
+    real(dp), intent(in) :: log_theta(nx)  !! ln of theta [s]
+    real(dp), intent(out) :: v(nx)         !! [m/s]
+    real(dp), intent(out) :: by_load(nx)   !! [m/(s N)]
+    real(dp), intent(out) :: by_p(nx)      !! [m/(s N)]
+    real(dp), intent(out) :: by_theta(nx)  !! by ln(theta) [m/s]
+    real(dp), dimension(nx) :: x, psi, psi_slope, kappa, w, pressed, eta, value, slope, gain
+
+    x = log_theta
+    call exponentials(nx, x)
+    x = variables_of(of, nx, x)
+    call state_effect(of, nx, x, psi, psi_slope)
+    if (of%evolution == AGEING) psi_slope = psi_slope*x
+    kappa = (of%f_ref + of%b*psi)/of%a
+    w = abs(load)
+    pressed = max(p, tiny(w))
+    eta = min(max(speed_without_damping(of, nx, w, pressed) - kappa, LEAST), -LEAST)
+    if (any(of%alpha > 0.0_dp)) then
+      eta = min(eta, -LEAST)
+      call damp(of, nx, pressed, x, w, eta)
+    end if
+    call asinh_of_exp(nx, eta + kappa, value, slope)
+    v = eta
+    call exponentials(nx, v)
+    v = of%v_ref*v
+    gain = v/(of%alpha*v + pressed*of%a*slope)
+    v = merge(sign(v, load), 0.0_dp, p > 0.0_dp .and. w > 0.0_dp)
+    by_load = merge(gain, 0.0_dp, p > 0.0_dp)
+    by_p = -sign(by_load, load)*of%a*value
+    by_theta = -sign(by_load, load)*pressed*of%b*slope*psi_slope
+  end subroutine balanced_speeds
+
+  !> ln(|v|/V*) + (f* + b psi)/a from p a asinh(...) = w.
+  pure function speed_without_damping(of, nx, w, p) result(q)
+    type(rate_state_t), intent(in) :: of
+    integer, intent(in) :: nx
+    real(dp), intent(in) :: w(nx)   !! [N]
+    real(dp), intent(in) :: p(nx)   !! [N]
+    real(dp) :: q(nx), y(nx)
+
+    y = w/(p*of%a)
+    q = -2.0_dp*y
+    call exponentials(nx, q)
+    q = max(1.0_dp - q, tiny(q))
+    call logarithms(nx, q)
+    q = y + q
+  end function speed_without_damping
+
+  !> eta = ln(|v|/V*) from that without damping, which is above: Newton's method on a convex function.
+  pure subroutine damp(of, nx, p, x, w, eta)
+    type(rate_state_t), intent(in) :: of
+    integer, intent(in) :: nx
+    real(dp), intent(in) :: p(nx)        !! [N]
+    real(dp), intent(in) :: x(nx)
+    real(dp), intent(in) :: w(nx)        !! [N]
+    real(dp), intent(inout) :: eta(nx)
+    real(dp) :: bound(nx), left(nx), grows(nx), step(nx)
+    integer :: k
+
+    bound = max(w, tiny(w))/(of%v_ref*max(of%alpha, tiny(w)*1e200_dp))
+    call logarithms(nx, bound)
+    eta = max(min(eta, bound), LEAST)
+    do k = 1, MOST
+      call balance(of, nx, 0.0_dp, p, of%v_ref*of%alpha, x, eta, left, grows)
+      step = max((w - left)/grows, LEAST - eta)
+      eta = eta + step
+      if (all(abs(step) < LAST_STEP)) exit
+    end do
+  end subroutine damp
+
+  !> Rates of ln(theta) [1/s], and their derivatives by v and ln(theta).
+  pure subroutine evolution_rates(of, nx, v, log_theta, rate, by_v, by_theta)
+    type(rate_state_t), intent(in) :: of
+    integer, intent(in) :: nx
+    real(dp), intent(in) :: v(nx)          !! velocities [m/s]
+    real(dp), intent(in) :: log_theta(nx)  !! ln of theta [s]
+    real(dp), intent(out) :: rate(nx)
+    real(dp), intent(out) :: by_v(nx)      !! [1/m]
+    real(dp), intent(out) :: by_theta(nx)  !! [1/s]
+    real(dp) :: logs(nx)
+
+    if (of%evolution == AGEING) then
+      by_theta = -log_theta
+      call exponentials(nx, by_theta)
+      rate = by_theta - abs(v)/of%d_c
+      by_theta = -by_theta
+      by_v = -sign(1.0_dp/of%d_c, v)
+    else
+      logs = max(abs(v)/of%d_c, tiny(1.0_dp))
+      call logarithms(nx, logs)
+      rate = -abs(v)/of%d_c*(logs + log_theta)
+      by_theta = -abs(v)/of%d_c
+      by_v = -sign((logs + log_theta + 1.0_dp)/of%d_c, v)
+    end if
+  end subroutine evolution_rates
 end module pyfric_rate_state

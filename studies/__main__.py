@@ -421,6 +421,20 @@ def rated(out: Path, tell: Tell) -> None:
     tell.table(frame, rated.report)
 
 
+@main.command("rated-ruptures", section="Physics")
+@folder_option("--out", required=True, metavar="DIR", help="Folder of its files.")
+@telling
+def rated_ruptures(out: Path, tell: Tell) -> None:
+    """Slip speeds, stress drops and slow fronts with rate-and-state friction (ten minutes)."""
+    check_folder(out)
+    import rated_ruptures as own
+
+    frame = own.study(say=tell.step)
+    figure = own.draw(frame, own.regimes(tell.step))
+    save_figure(figure, out / "rated", f"{RUN} rated-ruptures", tell)
+    tell.table(frame, own.report)
+
+
 @main.command(section="Physics")
 @click.argument("fronts", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @file_option("--out", metavar="FILE", help="Write the table as CSV.")

@@ -7,13 +7,15 @@ import numpy as np
 import pandas as pd
 import pytest
 import rated as study
+import rated_ruptures
 from helpers import advance, bits, mirrored_scene, mirrored_state, refused, small
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 import pyfric
 from pyfric import core
 from pyfric.engines.slow_slip import interface_at
-from pyfric.scene import Interface, chain, laws, setup1
+from pyfric.scene import Interface, chain, laws, setup1, setup2
 from pyfric.statics import StaticSolver, loaded_state, stability_limit
 
 STORED = Path(__file__).parents[1] / "reference_data" / "rated"
@@ -80,6 +82,23 @@ def test_friction_is_that_of_the_literature(evolution, V_c):
         np.testing.assert_allclose(f, expected.astype(float), rtol=3e-14, atol=0)
 
 
+def slow(scene, start, load, *, load_1=0.0, spring=0.0, variant=None, **how):
+    """Return slip without inertia of blocks that do not touch, each on a spring (N/m)."""
+    n, state = scene.N_x, loaded_state(scene).state(scene, 1e-7)
+    none, p = np.zeros(n), np.broadcast_to(20.0, n)
+    limits = {"end": 1.0, "dt": 1e-7, "relative": 1e-10, "u": 1e-18, "log_theta": 1e-10}
+    options = {name: how.pop(name) for name in ("times", "h", "closed") if name in how}
+    return core.slow_slip(
+        core.model(scene, "linear", state.u_drv0),
+        (np.column_stack([none + load, none + load_1, none]), -np.diag(none + spring)),
+        (np.column_stack([p, none, none]), np.zeros((n, n))),
+        none + start,
+        core.SlowLimits(**limits | how),
+        variant=variant or core.VARIANT,
+        **options,
+    )
+
+
 @pytest.mark.parametrize("alpha", [0.0, 16.0])
 @pytest.mark.parametrize("V_c", [None, 1e-2])
 def test_speed_balances_the_load(alpha, V_c):
@@ -87,30 +106,28 @@ def test_speed_balances_the_load(alpha, V_c):
     law, p = scene.law, np.full(8, 20.0)
     load = np.array([-14.0, -5.0, -1e-3, 0.0, 1e-6, 0.1, 12.0, 16.0])
     for theta in (1e-5, 1.0, 1e6):
-        v = law.speed(load, p, np.full(8, np.log(theta)))
+        v = slow(scene, np.log(theta), load, speed=0.0).v  # which no block is below
         force = (p * coefficient(law.kind, v, theta)).astype(float) + alpha * v
-        np.testing.assert_allclose(force, load, rtol=1e-11, atol=1e-300)
+        np.testing.assert_allclose(force, load, rtol=1e-10, atol=1e-300)
 
 
 @pytest.mark.parametrize("evolution", EVOLUTIONS)
 def test_state_after_a_step_in_speed(evolution):
-    """Ageing: theta relaxes as exp(-x/D_c) with slip x; slip law: ln(v theta/D_c) does."""
-    law = row(3, evolution=evolution).law
-    v, x, before = 1e-4, np.linspace(0, 5e-5, 6), 0.02
-    found = solve_ivp(
-        lambda t, y: law.log_rate(np.full(3, v), y),
-        (0, x[-1] / v),
-        np.log([before] * 3),
-        t_eval=x / v,
-        rtol=1e-11,
-        atol=1e-12,
-    )
-    steady, theta = law.D_c / v, np.exp(found.y[0])
+    """On a stiff spring: ageing, theta relaxes as exp(-x/D_c); slip law, ln(v theta/D_c) does."""
+    scene = row(3, evolution=evolution)
+    law, v, spring = scene.law, 1e-4, 1e12
+    x, before = np.linspace(1e-5, 5e-5, 5), 0.02
+    load = float(20.0 * coefficient(law.kind, v, before))  # which lets it slide at once
+    how = {"load_1": spring * v, "spring": spring, "times": x / v, "end": x[-1] / v}
+    found = slow(scene, np.log(before), load, **how)
+    assert found.goes_on
+    np.testing.assert_allclose(found.points[:, 0, 0], x, rtol=1e-7)
+    steady, theta = law.D_c / v, np.exp(found.points[:, 1, 0])
+    left = np.exp(-x / law.D_c)
     if evolution == "ageing":
-        np.testing.assert_allclose(theta, steady + (before - steady) * np.exp(-x / law.D_c), 1e-9)
+        np.testing.assert_allclose(theta, steady + (before - steady) * left, rtol=1e-7)
     else:
-        left = np.log(before / steady) * np.exp(-x / law.D_c)
-        np.testing.assert_allclose(np.log(theta / steady), left, rtol=1e-8)
+        np.testing.assert_allclose(theta, steady * (before / steady) ** left, rtol=1e-7)
 
 
 # --- full dynamics --------------------------------------------------------------------------------
@@ -276,14 +293,172 @@ def test_condensed_loads_are_those_of_static_states(geometry):
     interface = interface_at(scene, known, u_x, closed, 0.01)
     moved = 1e-6 * np.cos(np.arange(scene.N_x))
     s = 1e-6 / scene.driver.V
-    load, p = interface.loads(moved, s)
+    load, p, force = interface.at(s, moved)
     there = known.solve(u_x + moved, scene.drive(0.01 + s), free=~closed)
-    changed = np.abs(load - interface.load[0]).max()
+    changed = np.abs(load - interface.load[0][:, 0]).max()
     error = max(np.abs(load + there.f).max(), np.abs(p - there.p).max())
-    force = interface.F_T[0] + interface.F_T[1] * s + interface.F_T[2] @ moved
     error = max(error, abs(force - there.F_T)) / changed
     assert error < (1e-9 if geometry == "linear" else 3e-3)
     assert geometry == "linear" or error > 1e-6
+
+
+def creep(**how):
+    """Slow slip of three blocks, each on its spring, from 2 to 10 um/s."""
+    scene = row(3, evolution=how.pop("evolution", "ageing"), D_c=1e-6)
+    load = 20.0 * float(coefficient(scene.law.kind, 2e-6, 0.5)) + np.array([0.0, -0.01, 0.01])
+    how = {"load_1": 6.0, "spring": 6e5, "times": np.array([0.1, 0.2, 1.0]), "end": 1.0} | how
+    return scene, load, slow(scene, np.log(0.5), load, **how)
+
+
+def by_radau(rates, start, times, atol):
+    """Return a solution of SciPy's Radau, a row for each time."""
+    how = {"method": "Radau", "rtol": 1e-10, "atol": atol}
+    return solve_ivp(rates, (0, times[-1]), start, t_eval=times, **how).y.T
+
+
+def by_cvode(rates, start, times, atol):
+    """Return a solution of CVODE of SUNDIALS, a row for each time."""
+    cvode = pytest.importorskip("sksundae.cvode", reason="needs scikit-sundae")
+
+    def into(t, y, yp):
+        yp[:] = rates(t, y)
+
+    solver = cvode.CVODE(into, rtol=1e-12, atol=0.01 * atol, max_num_steps=10**5)
+    return solver.solve(np.append(0.0, times), start).y[1:]
+
+
+@pytest.mark.parametrize("other", [by_radau, by_cvode])
+@pytest.mark.parametrize("evolution", EVOLUTIONS)
+def test_slow_slip_is_that_of_another_method(evolution, other):
+    """Against SciPy's Radau and CVODE; the error follows the tolerance."""
+    scene, load, found = creep(evolution=evolution)
+    law = scene.interface.law
+
+    def rates(t, y):
+        u, x = y[:3], y[3:]
+        psi = np.log(law.V_star / law.D_c) + x
+        v = np.sinh((load + 6.0 * t - 6e5 * u) / (20.0 * law.a))
+        v *= 2 * law.V_star * np.exp(-(law.f_star + law.b * psi) / law.a)
+        rate = v / law.D_c
+        evolves = np.exp(-x) - rate if evolution == "ageing" else -rate * (np.log(rate) + x)
+        return np.concatenate([v, evolves])
+
+    start = np.append(np.zeros(3), np.full(3, np.log(0.5)))
+    atol = np.repeat([1e-16, 1e-10], 3)
+    exact = other(rates, start, np.array([0.1, 0.2, 1.0]), atol)
+
+    def error(run):
+        return np.abs(run.points[:, :2].reshape(3, 6) / exact - 1).max()
+
+    loose = creep(evolution=evolution, relative=1e-5, u=1e-13, log_theta=1e-5)[2]
+    assert exact[-1, 0] > 3 * law.D_c
+    assert error(found) < 1e-9
+    assert 1e-6 < error(loose) < 1e-4
+    assert loose.steps < found.steps / 5
+
+
+@pytest.mark.parametrize("evolution", EVOLUTIONS)
+def test_slow_slip_has_the_same_bits_with_each_variant_and_after_a_cut(evolution):
+    """A phase that is cut goes on with its last step."""
+    first = creep(evolution=evolution)[2]
+    for variant in (name for name, runs in core.variants().items() if runs):
+        other = creep(evolution=evolution, variant=variant)[2]
+        assert all(np.array_equal(a, b) for a, b in zip(first, other, strict=True))
+    cut = creep(evolution=evolution, steps=5)[2]
+    assert cut.goes_on
+    assert cut.t < first.t
+    assert 0 < cut.h != 1e-7
+
+
+def test_slow_slip_ends_at_a_limit():
+    """At a speed, and where contact ends; on the grid of steps."""
+    for name, value in (("speed", 8e-6), ("inertia", 2.5e-4)):
+        found = creep(**{name: value})[2]
+        assert not found.goes_on
+        assert 0 < found.t < 1
+        assert round(found.t / 1e-7) * 1e-7 == pytest.approx(found.t, rel=1e-12)
+        assert found.v.max() < 8e-6 + 1e-12
+    assert not creep(closed=np.array([True, False, True]))[2].v[1]
+
+
+def block_of(columns, rows, a, blocks_in_L_b):
+    """Return a slider whose p is 10 N on each block, and its condensed elasticity in N/m."""
+    k, p, l = 13.5e6, 10.0, 1e-3
+    D_c = blocks_in_L_b * 3 * LAW["b"] * p / (4 * k)
+    law = {"a": a, "D_c": D_c, "theta_0": 1.0, "v_0": None, "f_star": 0.6}
+    size = {"L": (columns - 1) * l, "H": rows * l, "l": l, "k": k, "F_N": p * columns}
+    scene = setup2(V=0.0, K=1.0, **size).replace({"interface": rated(**law)})
+    known = StaticSolver(scene, "linear")
+    at = known.loaded.u[0, 0]
+    return scene, interface_at(scene, known, at, ~known.loaded.open, 0.0).load[1]
+
+
+def slide(scene, elastic, start, load, **limits):
+    """Return slip without inertia under this load and its rate (N, N/s), at p = 10 N."""
+    none = np.zeros(scene.N_x)
+    return core.slow_slip(
+        core.model(scene, "linear", loaded_state(scene).state(scene, 1e-7).u_drv0),
+        (np.column_stack([none + load[0], none + load[1], none]), elastic),
+        (np.column_stack([none + 10.0, none, none]), 0 * elastic),
+        start,
+        core.SlowLimits(**limits),
+    )
+
+
+@pytest.mark.parametrize("evolution", EVOLUTIONS)
+def test_perturbations_of_steady_slip_grow_as_in_linear_theory(evolution):
+    """Each mode of the lattice with stiffness K: (p a/V) s^2 + (K - k_c) s + K V/D_c = 0.
+
+    Modes with K < k_c = p (b - a)/D_c grow: those of up to three half waves, the longer ones.
+    """
+    V, p, a, b = 1e-6, 10.0, LAW["a"], LAW["b"]
+    scene, elastic = block_of(41, 20, a, 2.0)
+    scene = scene.replace({"interface.law.evolution": evolution})
+    D_c, grew = scene.interface.law.D_c, []
+    stiffness, modes = np.linalg.eigh(-elastic)
+    critical = p * (b - a) / D_c
+    steady = p * (LAW["f_star"] + (a - b) * np.log(V / 1e-6))
+    for n in (1, 2, 3, 4, 5, 7, 10, 20):
+        K, shape = stiffness[n], modes[:, n]
+        # d/dt of u and ln theta beyond steady slip: v = -(V/(p a)) (K u + p b y)
+        rate = np.array([[-K, -p * b], [K / D_c, p * b / D_c - p * a / D_c]]) * V / (p * a)
+        t = 0.3 * D_c / V
+        small = 1e-5
+        limits = {"end": t, "dt": 1e-9, "relative": 1e-11, "u": 1e-11 * D_c * small}
+        limits["log_theta"] = 1e-11 * small
+        start = np.log(D_c / V) + small * shape
+        found = slide(scene, elastic, start, (steady, 0.0), **limits)
+        expected = expm(rate * t) @ [0.0, small]
+        u, y = shape @ (found.u - V * t), shape @ (found.log_theta - np.log(D_c / V))
+        np.testing.assert_allclose([u, y], expected, rtol=0.01)
+        roots = np.linalg.eigvals(rate)
+        grew.append(roots.real.max() > 0)
+        assert grew[-1] == (K < critical)
+    assert grew == [True] * 3 + [False] * 5
+
+
+def test_nucleation_is_wider_the_closer_a_is_to_b():
+    """Half-width of nucleation over L_b (ageing law), with 8 blocks in L_b.
+
+    1.3774 for a/b < 0.378, and towards 1/(pi (1 - a/b)^2) above a/b = 0.5 (Rubin and Ampuero, J.
+    Geophys. Res. 110, B11312, 2005), as far as slip speeds up to 0.1 m/s let it grow. The width
+    is counted where v is above 5 % of its largest value.
+    """
+    halves = []
+    for ratio in (0.2, 0.35, 0.7, 0.8):
+        scene, elastic = block_of(121, 50, ratio * LAW["b"], 8.0)
+        law, V = scene.interface.law, 1e-9
+        start = np.log(law.D_c / V) + np.zeros(121)
+        start[57:64] += np.log(0.9)
+        load = 10.0 * (law.f_star + (law.a - law.b) * np.log(V / law.V_star)), 0.01
+        limits = {"end": 1e4, "dt": 1e-9, "relative": 1e-6, "u": 1e-6 * law.D_c, "log_theta": 1e-6}
+        found = slide(scene, elastic, start, load, speed=0.1, **limits)
+        assert found.v.max() > 0.09
+        halves.append(np.count_nonzero(found.v > 0.05 * found.v.max()) / 2 / 8)
+    assert halves[0] == pytest.approx(1.3774, rel=0.25)
+    assert halves[1] == pytest.approx(halves[0], abs=1 / 16)
+    assert 1.2 * halves[1] < halves[2] < halves[3]
+    assert halves[3] > 1.5 * halves[0]
 
 
 @functools.cache
@@ -332,6 +507,51 @@ def test_a_condition_ends_slow_slip_where_it_ends_full_dynamics(condition):
     assert condition in found[0].status
     assert found[0].curve["t"].iloc[-1] == found[1].curve["t"].iloc[-1] < 9e-3
     assert found[1].counts["steps_spared"] > 0
+
+
+def test_a_weakening_patch_between_strengthening_ends():
+    """Slip events of the patch, as in full dynamics, and at a hundredth of that driver's speed.
+
+    An accuracy of 1e-3 moves events in time, which shows in the curve where it is steep.
+    """
+    a = [0.025] * 8 + [0.005] * 15 + [0.025] * 8
+
+    def run(V, **how):
+        law = rated(D_c=1e-7, v_0=V, a=a, v_slip=0.02)
+        scene = chain(L=0.075, V=V, K=2e6, k=2e7, p=20.0, tau=0.0, interface=law)
+        how |= {"sample": 1e-7 / V, "progress": False}
+        return pyfric.simulate(scene, 2.5e-4 / V, **how)
+
+    V = 4e-3
+    full, fine, coarse = (
+        run(V, fidelity="dynamic"),
+        run(V, fidelity="hybrid", accuracy=1e-5),
+        run(V, fidelity="hybrid", accuracy=1e-3),
+    )
+    off = [
+        np.abs(one.curve["F_T"] - full.curve["F_T"]).max() / full.scene.F_N
+        for one in (fine, coarse)
+    ]
+    assert off[0] < 1e-4 < off[1] < 5e-3
+    assert coarse.counts["steps"] < fine.counts["steps"] < 0.7 * full.counts["steps"]
+    slow = run(V / 100, fidelity="hybrid", accuracy=1e-5)
+    for record, times in ((full, 2.5), (slow, 20.0)):
+        fastest = np.abs(record.motion["v_x"]).max(axis=0) / record.scene.driver.V
+        assert fastest[10:20].max() > times > 2.0 > fastest[-5:].max()
+
+
+def test_a_run_cut_in_a_rupture_goes_on_exactly():
+    """A cut in slow slip changes its steps, and forces of events by far less than the accuracy."""
+    whole = cycles(1e-4)
+    how = {"fidelity": "hybrid", "accuracy": 1e-4, "sample": 1e-4, "progress": False}
+    start, arrest = whole.events["t_start"].iloc[1], whole.events["t_stop"].iloc[1]
+    for t, exact in ((0.5 * (start + arrest), True), (5e-4, False)):
+        first = pyfric.simulate(whole.scene, t, **how)
+        rest = pyfric.simulate(whole.scene, 9e-3, initial=first, progress=False)
+        assert (bits(rest.final_state) == bits(whole.final_state)) is exact
+        for name in ("F_T_start", "F_T_arrest"):
+            off = np.abs(rest.events[name] - whole.events[name]).dropna() / whole.scene.F_N
+            assert (off < 1e-6).all()
 
 
 def test_a_run_has_no_note_of_junctions():
@@ -422,3 +642,14 @@ def test_the_stored_study_is_that_of_its_command():
     assert study.report(stored).count("\n") == len(study.CASES)
     figure = study.draw(stored)
     assert len(figure.axes[0].lines) == 1 + len(study.SHOWN)
+
+
+@pytest.mark.portable
+def test_tau_over_p_after_a_precursor_is_the_friction_at_its_speed():
+    """In the preset, within 0.01; its fronts are slow."""
+    table = rated_ruptures.study(("V = 0.4 mm/s",), 0.48e-3)
+    assert len(table) == 2
+    assert (np.abs(table["tau_over_p_after"] - table["steady_friction"]) < 0.01).all()
+    assert (table["tau_over_p_before"] > table["tau_over_p_after"]).all()
+    assert (table["front_over_c_S"] < 0.1).all()
+    assert "V = 0.4 mm/s: 2" in rated_ruptures.report(table)

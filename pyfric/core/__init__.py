@@ -15,11 +15,14 @@ from pyfric.core.builds import (
 )
 from pyfric.core.calls import (
     ENERGIES,
+    SlowLimits,
+    SlowSlip,
     advance,
     bond_forces,
     curve_point,
     energies,
     evaluate,
+    slow_slip,
 )
 from pyfric.core.log import Log, Switching, room_of_step
 from pyfric.core.memory import available

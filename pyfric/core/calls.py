@@ -31,6 +31,8 @@ ENERGIES = (
     "elastic_driver",
 )
 """Energies in the order of the core. In a chain, "elastic_mattress" is the energy of k_top."""
+SLIP_FINISHED = 1
+"""Largest code of slip without inertia that no limit ended."""
 JUNCTIONS = "elastic_junctions"
 """Name of the additional energy of junctions."""
 
@@ -181,6 +183,111 @@ def evaluate(
     )
     _check_memory(status, state.y.shape)
     return Forces(a.T, *rest)
+
+
+class SlowSlip(NamedTuple):
+    """Slip without inertia up to a time on the grid of steps.
+
+    Attributes:
+        t: that time since the beginning, in s.
+        u: displacements since the beginning, shape (N_x,), in m.
+        log_theta: ln of theta (s), shape (N_x,).
+        v: velocities, shape (N_x,), in m/s.
+        points: the same at the times asked for, as far as they were reached: u, ln theta and v,
+            shape (n, 3, N_x).
+        h: length of the next step, in s.
+        steps: number of steps made.
+        goes_on: whether neither a limit nor an error ended it.
+    """
+
+    t: float
+    u: np.ndarray
+    log_theta: np.ndarray
+    v: np.ndarray
+    points: np.ndarray
+    h: float
+    steps: int
+    goes_on: bool
+
+
+class SlowLimits(NamedTuple):
+    """What ends slip without inertia, and its accuracy.
+
+    Attributes:
+        end: time since the beginning, in s.
+        dt: grid of times, and shortest step, in s.
+        relative: error of a step over displacements and ln theta.
+        u: error of displacements in addition, in m.
+        log_theta: error of ln theta in addition.
+        inertia: largest sum of accelerations over the interface, in m/s^2.
+        speed: speed that no block may reach, in m/s.
+        steps: most steps.
+    """
+
+    end: float
+    dt: float
+    relative: float
+    u: float
+    log_theta: float
+    inertia: float = np.inf
+    speed: float = np.inf
+    steps: int = 2**31 - 1
+
+
+def slow_slip(
+    model: Model,
+    load: tuple[np.ndarray, np.ndarray],
+    p: tuple[np.ndarray, np.ndarray],
+    log_theta: np.ndarray,
+    limits: SlowLimits,
+    *,
+    closed: np.ndarray | None = None,
+    times: np.ndarray | None = None,
+    h: float = 0.0,
+    variant: str = VARIANT,
+) -> SlowSlip:
+    """Slip without inertia under rate-and-state friction (pyfric_slow_slip in Fortran).
+
+    Args:
+        model: from `model`, for a scene with rate-and-state friction.
+        load: load on each block along +x, in N: its value, its rate and the rate of that, shape
+            (N_x, 3), and its matrix over displacements, shape (N_x, N_x).
+        p: the same for the normal force.
+        log_theta: ln of theta (s) at the beginning, shape (N_x,).
+        limits: what ends it.
+        closed: blocks in contact, shape (N_x,), bool; None means all.
+        times: times of points, ascending, in s.
+        h: length of the first step, in s; 0 means dt.
+        variant: build to use; results do not depend on it.
+
+    Raises:
+        ValueError: arrays do not fit the model, or it has another law.
+        MemoryError: there is no memory for the work space.
+    """
+    N_x = model.N_x
+    shapes = (N_x, 3), (N_x, N_x)
+    fit = all(a.shape == b for part in (load, p) for a, b in zip(part, shapes, strict=True))
+    if not model.flows or not fit or log_theta.shape != (N_x,):
+        raise ValueError(f"slow_slip: needs rate-and-state friction and arrays of {N_x} blocks")
+    times = np.zeros(0) if times is None else np.asarray(times, dtype=float)
+    contact = np.ones(N_x) if closed is None else closed
+    q = np.array([np.zeros(N_x), log_theta])
+    points, step = np.zeros((max(len(times), 1), 3, N_x)), np.array([h or limits.dt])
+    v, made, t, status = load_variant(variant).slow_slip(
+        *model,
+        contact.astype(np.int32),
+        *(np.asfortranarray(array) for part in (load, p) for array in part),
+        np.array(limits[:-1]),
+        limits.steps,
+        times if len(times) else np.array([np.inf]),
+        step,
+        q.T,
+        points.T,
+    )
+    if status < 0:
+        raise MemoryError(f"the core has no memory for {N_x} blocks")
+    steps, n = made.tolist()
+    return SlowSlip(t, *q, v, points[:n], float(step[0]), steps, status <= SLIP_FINISHED)
 
 
 def bond_forces(scene: Scene, geometry: Geometry) -> Callable[[np.ndarray], np.ndarray]:

@@ -70,8 +70,8 @@ FINEST = 1e-9
 """Smallest accuracy."""
 LONGEST_LOCATED = 30.0
 """Longest step of the adaptive stepper with located switching, over the stability limit of RK4."""
-MAX_STEPS = 10**12
-"""Most steps of one run."""
+MAX_STEPS = 10**14
+"""Most steps of one run: the time, as a multiple of the step, is then rounded to 1 % of it."""
 MAX_THREADS = 4096
 """Most threads that may be asked for."""
 

@@ -6,12 +6,12 @@ then gives the speed of each block from the load on it and from its state:
     p_i(u, t) a asinh( v_i/(2V*) exp((f* + b psi_i)/a) ) + alpha v_i = tau_i(u, t) ,
     du_i/dt = v_i ,   d(ln theta_i)/dt by the evolution law ,
 
-2 N_x equations, which an embedded Runge-Kutta pair of orders 5 and 4 (SciPy's RK45) advances, for
-seconds or years alike. In finite geometry they are those of linear geometry, with the static state
-in which a phase begins.
+2 N_x equations. An implicit method of order 5 advances them, for seconds or years alike
+(pyfric_slow_slip in Fortran). In finite geometry they are those of linear geometry, with the static
+state in which a phase begins.
 
 `RateHybridRun` hands over to full dynamics where inertia is no longer small: where the sum over
-columns of M/N_x |dv_i/dt| exceeds the accuracy times F_N. It returns when the sum of |m a| over all
+columns of M/N_x |dv_i/dt| reaches the accuracy times F_N. It returns when the sum of |m a| over all
 blocks is below that again. Both directions keep u, v and theta of the interface. The rest of the
 slider is then in its static state for these u, or moves with its rates.
 
@@ -32,16 +32,15 @@ from pyfric.engines.integration import just_after
 from pyfric.statics import ContactProblem, Route, Values, table_rows
 
 if TYPE_CHECKING:
-    from pyfric.scene import RateStateLaw, Scene
+    from pyfric.scene import Scene
     from pyfric.statics import StaticSolver
 
 LOOK = 200
 """Steps of full dynamics between two looks at inertia."""
-PAIRS = 200
-"""Steps of the Runge-Kutta pair between two looks at Ctrl-C and checkpoints."""
+SLOW_STEPS, SLOW_POINTS, SLOW_WORK = 1000, 1000, 4e8
+"""Most slow steps, points of the curve, and steps times N_x^3 between two looks at Ctrl-C."""
 OF_STEP = 0.01
-"""Error of a step of the pair over the accuracy, as some hundred steps lead to an event: forces of
-events in the preset `rate_and_state` are then within 1e-4 F_N, and not with 1."""
+"""Error of a slow step over the accuracy, as some hundred steps lead to an event."""
 MOVED = 1e-9
 """Displacement of the interface over which velocities of the slider are differences, in m."""
 
@@ -50,20 +49,21 @@ class Interface(NamedTuple):
     """The condensed slider with the time s since a state, in s; all blocks in contact stick to it.
 
     Attributes:
-        load: load on each block along +x, in N: its value, its rate, and its matrix over the
-            displacements since that state, shapes (N_x,), (N_x,), (N_x, N_x).
+        load: load on each block along +x, in N: its value, its rate and the rate of that, shape
+            (N_x, 3), and its matrix over the displacements since that state, shape (N_x, N_x).
         p: the same for the normal force.
-        F_T: the same for the force of the driver, shapes (), (), (N_x,).
+        F_T: the same for the force of the driver, shapes (3,) and (N_x,).
     """
 
-    load: tuple[np.ndarray, np.ndarray, np.ndarray]
-    p: tuple[np.ndarray, np.ndarray, np.ndarray]
-    F_T: tuple[float, float, np.ndarray]
+    load: tuple[np.ndarray, np.ndarray]
+    p: tuple[np.ndarray, np.ndarray]
+    F_T: tuple[np.ndarray, np.ndarray]
 
-    def loads(self, moved: np.ndarray, s: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return loads and normal forces (N) after displacements (m) at s (s)."""
-        load, p = (part[0] + part[1] * s + part[2] @ moved for part in (self.load, self.p))
-        return load, p
+    def at(self, s: float, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        """Return loads, normal forces and F_T (N) at s (s) after displacements (m)."""
+        powers = np.array([1.0, s, s * s / 2])
+        load, p, F_T = (part[0] @ powers + part[1] @ moved for part in self)
+        return load, p, float(F_T)
 
 
 def interface_at(
@@ -72,49 +72,26 @@ def interface_at(
     """Return the condensed slider about its static state at u_x (m) and t (s)."""
     V, F_N, T = (scene.piece(what, t) for what in ("V", "F_N", "T"))
     drive, load = scene.drive(t), (F_N.at(t), T.at(t))
-    way, gain = V.at(t), (F_N.slope, T.slope)
     at = known.solve(u_x, drive, free=~closed, load=load if scene.load_at(t) else None)
     now = Values(u_x, at.f, at.u[0, 1], at.p, at.F_T)
     home = scene.d * float(np.mean(known.u_drv0))
-    problem = ContactProblem(scene, known.u_drv0).along(Route(drive + home, way, load, gain))
-    rows = table_rows(scene.N_x)
-    table = problem.corrected(now, 0.0).base(closed)
-    held, rate = table[:, rows.u_x], table[:, rows.given.start]
     k_f = np.broadcast_to(scene.k_f, closed.shape) * closed
+    rows = table_rows(scene.N_x)
+    ways = ((V.at(t), (F_N.slope, T.slope)), (V.slope, (0.0, 0.0)))  # of driver and loads, in time
+    rates = []
+    for way, gain in ways:
+        route = Route(drive + home, way, load, gain)
+        table = ContactProblem(scene, known.u_drv0).along(route).corrected(now, 0.0).base(closed)
+        rates.append(table[:, rows.given.start])
+    held, rate = table[:, rows.u_x], np.column_stack(rates)
     return Interface(
-        (-at.f, -rate[rows.f], -held[rows.f]),
-        (at.p, -k_f * rate[rows.u_z], -k_f[:, None] * held[rows.u_z]),
-        (at.F_T, float(rate[rows.F_T]), held[rows.F_T]),
+        (np.column_stack([-at.f, -rate[rows.f]]), -held[rows.f]),
+        (
+            np.column_stack([at.p, -k_f[:, None] * rate[rows.u_z]]),
+            -k_f[:, None] * held[rows.u_z],
+        ),
+        (np.array([at.F_T, *rate[rows.F_T]]), held[rows.F_T]),
     )
-
-
-class Phase:
-    """Slip without inertia from a state on.
-
-    Args:
-        law: the law.
-        interface: the condensed slider about that state.
-        theta: state variables, shape (N_x,), in s.
-        closed: blocks in contact, shape (N_x,), bool.
-    """
-
-    def __init__(
-        self, law: RateStateLaw, interface: Interface, theta: np.ndarray, closed: np.ndarray
-    ) -> None:
-        self.law, self.interface, self.closed = law, interface, closed
-        self.N_x = len(theta)
-        self.begin = np.concatenate([np.zeros(self.N_x), np.log(theta)])
-
-    def speeds(self, s: float, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return velocities (m/s) and normal forces (N) at s (s); blocks without contact stay."""
-        load, p = self.interface.loads(y[: self.N_x], s)
-        v = self.law.speed(load, np.where(p > 0, p, np.nan), y[self.N_x :])
-        return np.where(self.closed, np.nan_to_num(v), 0.0), p
-
-    def rates(self, s: float, y: np.ndarray) -> np.ndarray:
-        """Return the rates of displacements (m/s) and of ln theta (1/s)."""
-        v, _ = self.speeds(s, y)
-        return np.concatenate([v, self.law.log_rate(v, y[self.N_x :])])
 
 
 class RateHybridRun(Run):
@@ -125,7 +102,9 @@ class RateHybridRun(Run):
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self.made |= {"jumps": 0, "steps_spared": 0, "slow_steps": 0}
-        self.worth = self.state.step
+        self.worth = self.state.step  # the step at which inertia is looked at next
+        if not self.state.sub:
+            self.worth += -self.worth % LOOK
         self.limit = self.method.accuracy * self.scene.F_N
 
     def call_length(self) -> int:
@@ -138,9 +117,9 @@ class RateHybridRun(Run):
         while state.step < last and state.step >= self.worth and not self.ending:
             begin = state.step
             again = not (np.abs(state.mode) == 1).any() and self.inertia() < self.limit
-            again = again and self.slip(last)
-            if not again:
-                self.worth = state.step + LOOK
+            if not (again and self.slip(last)):
+                state.sub = 0.0
+                self.worth = state.step + LOOK - state.step % LOOK
             if state.step > begin:
                 return
 
@@ -153,48 +132,47 @@ class RateHybridRun(Run):
 
     def slip(self, last: int) -> bool:
         """Leave out inertia up to step `last` at most; return whether that may go on."""
-        from scipy.integrate import RK45  # slow to import
-
-        state, scene, law = self.state, self.scene, self.scene.law
+        state, scene, law, N_x = self.state, self.scene, self.scene.law, self.scene.N_x
         n_max, closed = self.piece_ends(last) - state.step, state.mode != OPEN
         if n_max <= 0:
             return False
         n_max, text = self._due(n_max)
+        every = self.method.sample
+        first = every - state.step % every
+        points = np.arange(first, n_max + 1, every)[:SLOW_POINTS]
+        n_end = int(points[-1]) if len(points) == SLOW_POINTS else n_max
         interface = interface_at(scene, self.known, state.y[0, 0], closed, just_after(state))
-        phase = Phase(law, interface, state.theta, closed)
-        tolerance, unit = OF_STEP * self.method.accuracy, scene.F_N / scene.N_x
-        stiff = float(np.abs(np.diag(interface.load[2])).max())
-        atol = np.repeat(
-            [tolerance * unit / stiff, tolerance / float(np.max(law.b + law.a))], scene.N_x
+        tolerance, unit = OF_STEP * self.method.accuracy, scene.F_N / N_x
+        of_column = (scene.M_rod + scene.slider.M) / N_x  # kg
+        limits = core.SlowLimits(
+            end=n_end * state.dt,
+            dt=state.dt,
+            relative=tolerance,
+            u=tolerance * unit / float(np.abs(np.diag(interface.load[1])).max()),
+            log_theta=tolerance / float(np.max(law.b + law.a)),
+            inertia=self.limit / of_column,
+            speed=law.kind.v_slip,
+            steps=int(min(max(SLOW_WORK / N_x**3, 10), SLOW_STEPS)),
         )
-        end = n_max * state.dt
-        pair = RK45(phase.rates, 0.0, phase.begin, end, rtol=tolerance, atol=atol)
-        v, n, y, goes_on = phase.speeds(0.0, phase.begin)[0], 0, phase.begin, True
-        of_column = (scene.M_rod + scene.slider.M) / scene.N_x  # kg
-        for _ in range(PAIRS):
-            before = pair.t
-            with np.errstate(over="ignore", invalid="ignore"):  # a step that is too long fails
-                pair.step()
-            if pair.status == "failed":
-                goes_on = False
-                break
-            self.made["slow_steps"] += 1
-            (now, p), inside = phase.speeds(pair.t, pair.y), pair.dense_output()
-            push = of_column * float(np.abs(now - v).sum()) / (pair.t - before)
-            reached = n_max if pair.status == "finished" else int(pair.t / state.dt)
-            self._sample_slip(phase, inside, n, reached)
-            if reached > n:
-                n, y = reached, inside(min(reached * state.dt, pair.t))
-            slow = push <= self.limit and float(np.abs(now).max()) < law.kind.v_slip
-            goes_on = slow and bool((p > 0)[closed].all())
-            v = now
-            if not goes_on or pair.status == "finished":
-                break
+        self._follow(just_after(state))
+        found = core.slow_slip(
+            self.model,
+            *interface[:2],
+            np.log(state.theta),
+            limits,
+            closed=closed,
+            times=points * state.dt,
+            h=state.sub,
+        )
+        self.made["slow_steps"] += found.steps
+        self._sample_slip(interface, points, found.points)
+        n = round(found.t / state.dt)
         if n:
-            self._put(phase, y, n)
+            self._put(found, closed, n)
+            state.sub = found.h
         if text and n == n_max:
             self.ending = self.stopping.named(text)
-        return goes_on and n > 0
+        return found.goes_on and n > 0
 
     def _due(self, n_max: int) -> tuple[int, str]:
         """Return after how many steps a condition ends the run if none slips, and its text.
@@ -214,40 +192,31 @@ class RateHybridRun(Run):
         n = points * every - state.step
         return (n, text) if n <= n_max else (n_max, "")
 
-    def _sample_slip(self, phase: Phase, inside: Any, n: int, reached: int) -> None:
-        """Add the points of the curve after n up to `reached` steps since the phase began."""
-        state, every, N_x = self.state, self.method.sample, self.scene.N_x
-        first = ((state.step + n) // every + 1) * every
-        for step in range(first, state.step + reached + 1, every):
-            s = (step - state.step) * state.dt
-            y = inside(s)
-            (v, _), (load, _) = phase.speeds(s, y), phase.interface.loads(y[:N_x], s)
-            F_T = phase.interface.F_T
-            force = F_T[0] + F_T[1] * s + F_T[2] @ y[:N_x]
-            self.history.add(np.array([[state.t0 + step * state.dt, force]]))
-            u_x, theta = state.y[0, 0] + y[:N_x], np.exp(y[N_x:])
-            self.add_motion({"theta": theta, "u_x": u_x, "v_x": v, "f": -load})
+    def _sample_slip(self, interface: Interface, steps: np.ndarray, points: np.ndarray) -> None:
+        """Add points of the curve after these numbers of steps since the phase began."""
+        state = self.state
+        for n, (moved, log_theta, v) in zip(steps.tolist(), points, strict=False):
+            load, _, F_T = interface.at(n * state.dt, moved)
+            self.history.add(np.array([[state.t0 + (state.step + n) * state.dt, F_T]]))
+            u_x = state.y[0, 0] + moved
+            self.add_motion({"theta": np.exp(log_theta), "u_x": u_x, "v_x": v, "f": -load})
 
-    def _put(self, phase: Phase, y: np.ndarray, n: int) -> None:
+    def _put(self, found: core.SlowSlip, closed: np.ndarray, n: int) -> None:
         """Set the state to that after n steps of a phase."""
-        state, scene, N_x = self.state, self.scene, self.scene.N_x
-        v, _ = phase.speeds(n * state.dt, y)
-        u_x = state.y[0, 0] + y[:N_x]
-        state.theta[:] = np.exp(y[N_x:])
+        state, scene, v = self.state, self.scene, found.v
+        u_x = state.y[0, 0] + found.u
+        state.theta[:] = np.exp(found.log_theta)
         state.step += n
         t, fastest = just_after(state), float(np.abs(v).max())
         tau = MOVED / max(fastest, scene.driver.fastest, MOVED)
-        now = self._at(u_x, t, ~phase.closed, 0.0, v)
-        ahead = self._at(u_x, t, ~phase.closed, tau, v)
+        now = self._at(u_x, t, ~closed, 0.0, v)
+        ahead = self._at(u_x, t, ~closed, tau, v)
         state.y[:, :2], state.rod[:3] = now
         state.y[:, 2:], state.rod[3:] = (ahead[0] - now[0]) / tau, (ahead[1] - now[1]) / tau
         if scene.rigid:
             X, Z, phi = state.rod[3:]
             state.y[-1, 2], state.y[-1, 3] = X, Z + phi * scene.x
-        state.y[0, 0, phase.closed], state.y[0, 2, phase.closed] = (
-            u_x[phase.closed],
-            v[phase.closed],
-        )
+        state.y[0, 0, closed], state.y[0, 2, closed] = u_x[closed], v[closed]
         state.margin[:] = scene.law.kind.v_slip - np.abs(v)
         self.good = None
         self.made["jumps"] += 1

@@ -21,9 +21,6 @@ from pyfric.scene.errors import SceneError
 from pyfric.scene.friction import Law
 from pyfric.scene.laws import FrictionLaw, Junctions, RateAndState, Tables
 
-MOST, NEWTON, SETTLED = 600.0, 100, 1e-10
-"""Of speeds of rate-and-state friction: largest |ln(v/V*)|, most Newton steps, the last step."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class JunctionLaw(Law):
@@ -236,56 +233,6 @@ class RateStateLaw(Law):
     def blocks_in_L_b(self, p: float, k: float) -> float:
         """Return L_b/l, L_b = E* D_c l B/(b p), with E* B = 4 k/3 of the lattice; see `Law`."""
         return float(np.min(4 * k * self.D_c / (3 * np.maximum(self.b, np.finfo(float).tiny) * p)))
-
-    def psi(self, log_theta: np.ndarray) -> np.ndarray:
-        """Return ln(V* theta/D_c + V*/V_c) from ln theta (theta in s)."""
-        psi = log_theta + np.log(self.kind.V_star / self.D_c)
-        if self.kind.V_c is None:
-            return psi
-        return np.logaddexp(psi, math.log(self.kind.V_star / self.kind.V_c))
-
-    def speed(self, load: np.ndarray, p: np.ndarray, log_theta: np.ndarray) -> np.ndarray:
-        """Return the velocities at which friction and damping balance loads, shape (N_x,), in m/s.
-
-        The equation is p a asinh(v/(2V*) exp((f* + b psi)/a)) + alpha v = load.
-
-        Args:
-            load: forces on the blocks along the interface, shape (N_x,), in N.
-            p: normal forces, > 0, shape (N_x,), in N.
-            log_theta: ln of theta (s), shape (N_x,).
-        """
-        V, damping = self.kind.V_star, np.asarray(self.alpha)
-        w, unit = np.abs(load), p * self.a
-        kappa = (self.mu_k + self.b * self.psi(log_theta)) / self.a
-        q = w / unit
-        with np.errstate(divide="ignore"):
-            eta = q + np.log1p(-np.exp(-2 * q)) - kappa  # ln of v/V* without damping
-            if not np.any(damping):
-                return np.sign(load) * V * np.exp(np.minimum(eta, MOST))
-            highest = np.minimum(eta, np.log(w / (damping * V)))
-            eta = highest = np.clip(highest, -MOST, MOST)
-        for _ in range(NEWTON):  # from above, on a convex function of eta
-            speed, half = damping * V * np.exp(eta), np.exp(-2 * np.abs(eta + kappa))
-            root = np.sqrt(1 + 4 * half)
-            up = eta + kappa > 0
-            # asinh(e^q/2) = q + ln((1 + (1 + 4 e^-2q)^1/2)/2), and its derivative
-            left = np.where(up, eta + kappa, 0.0) + np.log1p(2 * half / (1 + root))
-            low = np.exp(np.minimum(eta + kappa, 0.0)) / 2
-            left = np.where(up, left, np.arcsinh(low))
-            slope = np.where(up, 1 / root, low / np.sqrt(1 + low**2))
-            step = (speed + unit * left - w) / (speed + unit * slope)
-            eta = np.clip(eta - step, -MOST, highest)
-            if not (np.abs(step) > SETTLED).any():
-                break
-        return np.where(load == 0, 0.0, np.sign(load) * V * np.exp(eta))
-
-    def log_rate(self, v: np.ndarray, log_theta: np.ndarray) -> np.ndarray:
-        """Return the rate of ln theta (1/s) at velocities v (m/s), shape (N_x,)."""
-        rate = np.abs(v) / self.D_c
-        if self.kind.evolution == "ageing":
-            return np.exp(-log_theta) - rate
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(rate > 0, -rate * (np.log(rate) + log_theta), 0.0)
 
     def resolving_step(self, p: float, m: float) -> float:
         """Return the longest step (s) that resolves weakening; see `Law.resolving_step`.

@@ -1,0 +1,68 @@
+!> Linear equations with a full matrix: LU decomposition with row exchanges. Sums have a fixed order, unlike those of LAPACK.
+module pyfric_dense
+  use pyfric_kinds, only: dp
+  implicit none (type, external)
+  private
+  public :: decompose, solve, applied
+
+contains
+
+  !> A becomes L and U, P A = L U, with 1 on the diagonal of L.
+  pure subroutine decompose(n, a, pivot)
+    integer, intent(in) :: n
+    real(dp), intent(inout) :: a(n, n)
+    integer, intent(out) :: pivot(n)   !! row that row k was exchanged with
+    real(dp) :: row(n)
+    integer :: j, k
+
+    do k = 1, n
+      pivot(k) = k - 1 + maxloc(abs(a(k:, k)), dim=1)
+      if (pivot(k) /= k) then
+        row = a(k, :)
+        a(k, :) = a(pivot(k), :)
+        a(pivot(k), :) = row
+      end if
+      a(k + 1:, k) = a(k + 1:, k)/a(k, k)
+      do j = k + 1, n
+        a(k + 1:, j) = a(k + 1:, j) - a(k, j)*a(k + 1:, k)
+      end do
+    end do
+  end subroutine decompose
+
+  !> x becomes the solution of A x = x.
+  pure subroutine solve(n, lu, pivot, x)
+    integer, intent(in) :: n
+    real(dp), intent(in) :: lu(n, n)   !! from `decompose`
+    integer, intent(in) :: pivot(n)    !! from `decompose`
+    real(dp), intent(inout) :: x(n)
+    real(dp) :: other
+    integer :: k
+
+    do k = 1, n
+      other = x(pivot(k))
+      x(pivot(k)) = x(k)
+      x(k) = other
+    end do
+    do k = 1, n
+      x(k + 1:) = x(k + 1:) - x(k)*lu(k + 1:, k)
+    end do
+    do k = n, 1, -1
+      x(k) = x(k)/lu(k, k)
+      x(:k - 1) = x(:k - 1) - x(k)*lu(:k - 1, k)
+    end do
+  end subroutine solve
+
+  !> A x, column by column.
+  pure function applied(n, a, x) result(y)
+    integer, intent(in) :: n
+    real(dp), intent(in) :: a(n, n)
+    real(dp), intent(in) :: x(n)
+    real(dp) :: y(n)
+    integer :: k
+
+    y = 0.0_dp
+    do k = 1, n
+      y = y + x(k)*a(:, k)
+    end do
+  end function applied
+end module pyfric_dense

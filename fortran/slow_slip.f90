@@ -1,0 +1,456 @@
+!> Slip without inertia under rate-and-state friction: 2 N_x equations, with u since the beginning and y = ln(theta),
+!>
+!>     du/dt = v(load, p, y) ,   dy/dt = X(v, y) ,   load = load_0 + load_1 t + load_2 t^2/2 + load_u u ,   p alike ,
+!>
+!> with v from `balanced_speeds`. Where slip is steady they are stiff: a block relaxes over a slip of p a/(dload/du). So each step
+!> solves linear equations with the Jacobian, by a Rosenbrock method of order 5 with an embedded one of order 4 and polynomials
+!> of order 4 inside the step. y is eliminated, so the matrix is one of N_x x N_x numbers.
+!>
+!> Source of the method: G. Steinebach, BIT Numer. Math. 63, 27 (2023), Rodas5P; its form without products by the Jacobian:
+!> E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, section IV.7.
+module pyfric_slow_slip
+  use pyfric_kinds, only: dp, ip
+  use pyfric_elementary, only: exponentials, logarithms
+  use pyfric_law, only: law_t, balanced_speeds, evolution_rates
+  use pyfric_dense, only: decompose, solve, applied
+  implicit none (type, external)
+  private
+  public :: condensed_t, limits_t, phase_t, work_t, new_condensed, new_work, advance_phase, velocities
+  public :: GOES_ON, FINISHED, FAST, ABRUPT
+
+  !> Why steps ended: their number, the end of the phase, a limit was reached, the error of a shortest step is too large.
+  integer(ip), parameter :: GOES_ON = 0, FINISHED = 1, FAST = 2, ABRUPT = 3
+
+  integer, parameter :: STAGES = 8, U = 1, Y = 2
+  real(dp), parameter :: GAMMA = 0.21193756319429014_dp
+  !> Time of a stage, and its part of the derivative by time.
+  real(dp), parameter :: AT(STAGES) = [ &
+                         0.0_dp, 0.6358126895828704_dp, 0.4095798393397535_dp, 0.9769306725060716_dp, 0.4288403609558664_dp, &
+                         1.0_dp, 1.0_dp, 1.0_dp]
+  real(dp), parameter :: BY_TIME(STAGES) = [ &
+                         GAMMA, -0.42387512638858027_dp, -0.3384627126235924_dp, 1.8046452872882734_dp, &
+                         2.325825639765069_dp, 0.0_dp, 0.0_dp, 0.0_dp]
+  !> Column i: increments of earlier stages in stage i. The last two and the end of the step add one increment each.
+  real(dp), parameter :: A(5, 2:6) = reshape([ &
+                         3.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, &
+                         2.849394379747939_dp, 0.45842242204463923_dp, 0.0_dp, 0.0_dp, 0.0_dp, &
+                         -6.954028509809101_dp, 2.489845061869568_dp, -10.358996098473584_dp, 0.0_dp, 0.0_dp, &
+                         2.8029986275628964_dp, 0.5072464736228206_dp, -0.3988312541770524_dp, -0.04721187230404641_dp, 0.0_dp, &
+                         -7.502846399306121_dp, 2.561846144803919_dp, -11.627539656261098_dp, -0.18268767659942256_dp, &
+                         0.030198172008377946_dp], [5, 5])
+  real(dp), parameter :: C(7, STAGES) = reshape([ &
+                         0.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, &
+                         -14.155112264123755_dp, 0.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, &
+                         -17.97296035885952_dp, -2.859693295451294_dp, 0.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, &
+                         147.12150275711716_dp, -1.41221402718213_dp, 71.68940251302358_dp, 0.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, &
+                         165.43517024871676_dp, -0.4592823456491126_dp, 42.90938336958603_dp, -5.961986721573306_dp, &
+                         0.0_dp, 0.0_dp, 0.0_dp, &
+                         24.854864614690072_dp, -3.0009227002832186_dp, 47.4931110020768_dp, 5.5814197821558125_dp, &
+                         -0.6610691825249471_dp, 0.0_dp, 0.0_dp, &
+                         30.91273214028599_dp, -3.1208243349937974_dp, 77.79954646070892_dp, 34.28646028294783_dp, &
+                         -19.097331116725623_dp, -28.087943162872662_dp, 0.0_dp, &
+                         37.80277123390563_dp, -3.2571969029072276_dp, 112.26918849496327_dp, 66.9347231244047_dp, &
+                         -40.06618937091002_dp, -54.66780262877968_dp, -9.48861652309627_dp], [7, STAGES])
+  !> Inside the step.
+  real(dp), parameter :: INSIDE(STAGES, 3) = reshape([ &
+                         25.948786856663858_dp, -2.5579724845846235_dp, 10.433815404888879_dp, -2.3679251022685204_dp, &
+                         0.524948541321073_dp, 1.1241088310450404_dp, 0.4272876194431874_dp, -0.17202221070155493_dp, &
+                         -9.91568850695171_dp, -0.9689944594115154_dp, 3.0438037242978453_dp, -24.495224566215796_dp, &
+                         20.176138334709044_dp, 15.98066361424651_dp, -6.789040303419874_dp, -6.710236069923372_dp, &
+                         11.419903575922262_dp, 2.8879645146136994_dp, 72.92137995996029_dp, 80.12511834622643_dp, &
+                         -52.072871366152654_dp, -59.78993625266729_dp, -0.15582684282751913_dp, 4.883087185713722_dp], [STAGES, 3])
+
+  !> Step control: safety, least and largest change of the step; halvings that locate a limit.
+  real(dp), parameter :: SAFE = 0.9_dp, SHORTER = 0.2_dp, LONGER = 6.0_dp
+  integer, parameter :: HALVINGS = 40
+
+  type :: condensed_t
+    logical :: complete = .false.         !! there was enough memory
+    integer :: nx
+    type(law_t) :: law
+    logical, allocatable :: closed(:)     !! in contact
+    real(dp), allocatable :: load(:, :)   !! on each block along +x: value, rate, its rate [N, N/s, N/s2]
+    real(dp), allocatable :: load_u(:, :) !! by the displacements [N/m]
+    real(dp), allocatable :: p(:, :)      !! normal force, alike
+    real(dp), allocatable :: p_u(:, :)
+  end type condensed_t
+
+  type :: limits_t
+    real(dp) :: end             !! end of the phase [s]
+    real(dp) :: dt              !! grid of times, and the shortest step that is tried again [s]
+    real(dp) :: relative        !! error of a step over u and y
+    real(dp) :: absolute(2)     !! and in addition: of u [m], of y
+    real(dp) :: inertia         !! largest sum of accelerations [m/s2]
+    real(dp) :: speed           !! largest speed [m/s]
+    integer :: steps            !! most steps
+  end type limits_t
+
+  type :: phase_t
+    real(dp) :: t = 0.0_dp               !! since the beginning [s]
+    real(dp) :: h = 0.0_dp               !! next step [s]
+    real(dp) :: t_grid = 0.0_dp          !! last time on the grid [s]
+    integer :: steps = 0                 !! steps made
+    integer :: n_points = 0              !! points filled
+    real(dp), allocatable :: q(:, :)     !! u [m] and ln(theta)
+    real(dp), allocatable :: grid(:, :)  !! the same on the grid
+  end type phase_t
+
+  type :: slopes_t
+    real(dp), allocatable :: by_load(:)  !! of v, see `balanced_speeds`
+    real(dp), allocatable :: by_p(:)
+    real(dp), allocatable :: by_y(:)
+    real(dp), allocatable :: x_v(:)      !! of X, see `evolution_rates`
+    real(dp), allocatable :: x_y(:)
+    real(dp), allocatable :: by_t(:)     !! of v by time
+  end type slopes_t
+
+  type :: work_t
+    logical :: complete = .false.          !! there was enough memory
+    type(slopes_t) :: slopes               !! at the beginning of a step
+    type(slopes_t) :: others               !! elsewhere
+    real(dp), allocatable :: lu(:, :)      !! see `prepare`
+    integer, allocatable :: pivot(:)
+    real(dp), allocatable :: k(:, :, :)    !! increments of stages
+    real(dp), allocatable :: poly(:, :, :) !! see `inside_step`
+    real(dp), allocatable :: q_new(:, :)   !! state at the end of a step
+  end type work_t
+
+contains
+
+  !> Rates of u and y, and their derivatives.
+  pure subroutine rates_at(s, t, q, f, slopes, p)
+    type(condensed_t), intent(in) :: s
+    real(dp), intent(in) :: t                 !! [s]
+    real(dp), intent(in) :: q(s%nx, 2)        !! u [m], y
+    real(dp), intent(out) :: f(s%nx, 2)       !! [m/s], [1/s]
+    type(slopes_t), intent(inout) :: slopes
+    real(dp), intent(out) :: p(s%nx)          !! [N]
+    real(dp) :: load(s%nx), pressed(s%nx)
+
+    load = s%load(:, 1) + t*(s%load(:, 2) + 0.5_dp*t*s%load(:, 3)) + applied(s%nx, s%load_u, q(:, U))
+    p = s%p(:, 1) + t*(s%p(:, 2) + 0.5_dp*t*s%p(:, 3)) + applied(s%nx, s%p_u, q(:, U))
+    pressed = merge(p, 0.0_dp, s%closed)
+    call balanced_speeds(s%law%rate_state, s%nx, load, pressed, q(:, Y), f(:, U), slopes%by_load, slopes%by_p, slopes%by_y)
+    call evolution_rates(s%law%rate_state, s%nx, f(:, U), q(:, Y), f(:, Y), slopes%x_v, slopes%x_y)
+    slopes%by_t = slopes%by_load*(s%load(:, 2) + t*s%load(:, 3)) + slopes%by_p*(s%p(:, 2) + t*s%p(:, 3))
+  end subroutine rates_at
+
+  !> Accelerations [m/s2].
+  pure function accelerations(s, f, slopes) result(acceleration)
+    type(condensed_t), intent(in) :: s
+    real(dp), intent(in) :: f(s%nx, 2)       !! from `rates_at`
+    type(slopes_t), intent(in) :: slopes
+    real(dp) :: acceleration(s%nx)
+
+    acceleration = slopes%by_t + slopes%by_load*applied(s%nx, s%load_u, f(:, U)) &
+                   + slopes%by_p*applied(s%nx, s%p_u, f(:, U)) + slopes%by_y*f(:, Y)
+  end function accelerations
+
+  !> Whether inertia, speeds and contacts allow that a phase goes on.
+  pure subroutine look(s, limits, t, q, slopes, within)
+    type(condensed_t), intent(in) :: s
+    type(limits_t), intent(in) :: limits
+    real(dp), intent(in) :: t                 !! [s]
+    real(dp), intent(in) :: q(s%nx, 2)        !! u [m], y
+    type(slopes_t), intent(inout) :: slopes   !! work space
+    logical, intent(out) :: within
+    real(dp) :: f(s%nx, 2), p(s%nx), a(s%nx), inertia
+    integer :: i
+
+    call rates_at(s, t, q, f, slopes, p)
+    a = abs(accelerations(s, f, slopes))
+    inertia = 0.0_dp
+    do i = 1, s%nx
+      inertia = inertia + a(i)
+    end do
+    within = inertia <= limits%inertia .and. all(abs(f(:, U)) < limits%speed) .and. all(p > 0.0_dp .or. .not. s%closed)
+  end subroutine look
+
+  pure subroutine new_slopes(nx, slopes, complete)
+    integer, intent(in) :: nx
+    type(slopes_t), intent(out) :: slopes
+    logical, intent(inout) :: complete
+    integer :: failed
+
+    allocate (slopes%by_load(nx), slopes%by_p(nx), slopes%by_y(nx), slopes%x_v(nx), slopes%x_y(nx), slopes%by_t(nx), stat=failed)
+    complete = complete .and. failed == 0
+  end subroutine new_slopes
+
+  pure function new_work(nx) result(w)
+    integer, intent(in) :: nx
+    type(work_t) :: w
+    integer :: failed
+
+    allocate (w%lu(nx, nx), w%pivot(nx), w%k(nx, 2, STAGES), w%poly(nx, 2, 3), w%q_new(nx, 2), stat=failed)
+    w%complete = failed == 0
+    call new_slopes(nx, w%slopes, w%complete)
+    call new_slopes(nx, w%others, w%complete)
+  end function new_work
+
+  pure function new_condensed(nx, law, closed, load, load_u, p, p_u) result(s)
+    integer, intent(in) :: nx
+    type(law_t), intent(in) :: law
+    logical, intent(in) :: closed(nx)      !! in contact
+    real(dp), intent(in) :: load(nx, 3)    !! see `condensed_t`
+    real(dp), intent(in) :: load_u(nx, nx)
+    real(dp), intent(in) :: p(nx, 3)
+    real(dp), intent(in) :: p_u(nx, nx)
+    type(condensed_t) :: s
+    integer :: failed
+
+    s%nx = nx
+    s%law = law
+    allocate (s%closed(nx), s%load(nx, 3), s%load_u(nx, nx), s%p(nx, 3), s%p_u(nx, nx), stat=failed)
+    s%complete = failed == 0
+    if (.not. s%complete) return
+    s%closed(:) = closed
+    s%load(:, :) = load
+    s%load_u(:, :) = load_u
+    s%p(:, :) = p
+    s%p_u(:, :) = p_u
+  end function new_condensed
+
+  !> Velocities [m/s].
+  pure subroutine velocities(s, t, q, w, v)
+    type(condensed_t), intent(in) :: s
+    real(dp), intent(in) :: t                 !! [s]
+    real(dp), intent(in) :: q(s%nx, 2)        !! u [m], y
+    type(work_t), intent(inout) :: w
+    real(dp), intent(out) :: v(s%nx)
+    real(dp) :: f(s%nx, 2), p(s%nx)
+
+    call rates_at(s, t, q, f, w%others, p)
+    v = f(:, U)
+  end subroutine velocities
+
+  !> The matrix of a step, decomposed: that for the increments of u, after those of y are eliminated.
+  pure subroutine prepare(s, inverse, slopes, lu, pivot)
+    type(condensed_t), intent(in) :: s
+    real(dp), intent(in) :: inverse             !! 1/(gamma h) [1/s]
+    type(slopes_t), intent(in) :: slopes
+    real(dp), intent(out) :: lu(s%nx, s%nx)
+    integer, intent(out) :: pivot(s%nx)
+    integer :: i
+
+    do i = 1, s%nx
+      lu(:, i) = -slopes%by_load*s%load_u(:, i) - slopes%by_p*s%p_u(:, i)
+    end do
+    do i = 1, s%nx
+      lu(i, i) = lu(i, i) + inverse*(1.0_dp - slopes%by_y(i)*slopes%x_v(i)/(inverse - slopes%x_y(i)))
+    end do
+    call decompose(s%nx, lu, pivot)
+  end subroutine prepare
+
+  !> Increments k of a stage from its right side.
+  pure subroutine increments(s, inverse, slopes, lu, pivot, k)
+    type(condensed_t), intent(in) :: s
+    real(dp), intent(in) :: inverse             !! 1/(gamma h) [1/s]
+    type(slopes_t), intent(in) :: slopes
+    real(dp), intent(in) :: lu(s%nx, s%nx)
+    integer, intent(in) :: pivot(s%nx)
+    real(dp), intent(inout) :: k(s%nx, 2)       !! right side, then increments
+    real(dp) :: rest(s%nx)
+
+    rest = (k(:, Y) - slopes%x_v*k(:, U))/(inverse - slopes%x_y)
+    k(:, U) = k(:, U) + slopes%by_y*rest
+    call solve(s%nx, lu, pivot, k(:, U))
+    k(:, Y) = rest + slopes%x_v*inverse/(inverse - slopes%x_y)*k(:, U)
+  end subroutine increments
+
+  !> One step: the state at its end, polynomials inside it, and its error over the one allowed.
+  pure subroutine step(s, limits, t, h, q, w, error)
+    type(condensed_t), intent(in) :: s
+    type(limits_t), intent(in) :: limits
+    real(dp), intent(in) :: t                     !! [s]
+    real(dp), intent(in) :: h                     !! [s]
+    real(dp), intent(in) :: q(s%nx, 2)            !! u [m], y
+    type(work_t), intent(inout) :: w              !! q_new and poly are set
+    real(dp), intent(out) :: error
+    real(dp) :: f(s%nx, 2), p(s%nx), by_t(s%nx, 2), inverse
+    integer :: i, j
+
+    inverse = 1.0_dp/(GAMMA*h)
+    error = huge(error)
+    call rates_at(s, t, q, f, w%slopes, p)
+    by_t(:, U) = w%slopes%by_t
+    by_t(:, Y) = w%slopes%x_v*w%slopes%by_t
+    call prepare(s, inverse, w%slopes, w%lu, w%pivot)
+    do i = 1, STAGES
+      call stage_state(s%nx, i, q, w%k, w%q_new)
+      if (i > 1) call rates_at(s, t + AT(i)*h, w%q_new, f, w%others, p)
+      w%k(:, :, i) = f + h*BY_TIME(i)*by_t
+      do j = 1, i - 1
+        w%k(:, :, i) = w%k(:, :, i) + C(j, i)/h*w%k(:, :, j)
+      end do
+      call increments(s, inverse, w%slopes, w%lu, w%pivot, w%k(:, :, i))
+      if (.not. all(abs(w%k(:, :, i)) < huge(h))) return
+    end do
+    w%q_new = w%q_new + w%k(:, :, STAGES)
+    w%poly = 0.0_dp
+    do j = 1, 3
+      do i = 1, STAGES
+        w%poly(:, :, j) = w%poly(:, :, j) + INSIDE(i, j)*w%k(:, :, i)
+      end do
+    end do
+    error = over_allowed(s%nx, limits, q, w%q_new, w%k(:, :, STAGES))
+  end subroutine step
+
+  !> The state at a stage, from the one before and the increments of earlier stages.
+  pure subroutine stage_state(nx, i, q, k, q_stage)
+    integer, intent(in) :: nx
+    integer, intent(in) :: i                       !! stage
+    real(dp), intent(in) :: q(nx, 2)               !! at the beginning of the step
+    real(dp), intent(in) :: k(nx, 2, STAGES)
+    real(dp), intent(inout) :: q_stage(nx, 2)
+    integer :: j
+
+    if (i > ubound(A, 2)) then
+      q_stage = q_stage + k(:, :, i - 1)
+      return
+    end if
+    q_stage = q
+    do j = 1, i - 1
+      q_stage = q_stage + A(j, i)*k(:, :, j)
+    end do
+  end subroutine stage_state
+
+  !> Root mean square of errors over the allowed ones.
+  pure function over_allowed(nx, limits, q, q_new, errors) result(error)
+    integer, intent(in) :: nx
+    type(limits_t), intent(in) :: limits
+    real(dp), intent(in) :: q(nx, 2)
+    real(dp), intent(in) :: q_new(nx, 2)
+    real(dp), intent(in) :: errors(nx, 2)
+    real(dp) :: error
+    integer :: i, j
+
+    error = 0.0_dp
+    do j = 1, 2
+      do i = 1, nx
+        error = error + (errors(i, j)/(limits%absolute(j) + limits%relative*max(abs(q(i, j)), abs(q_new(i, j)))))**2
+      end do
+    end do
+    error = sqrt(error/(2*nx))
+  end function over_allowed
+
+  !> The state at a share of a step.
+  pure function inside_step(nx, share, q, q_new, poly) result(at_share)
+    integer, intent(in) :: nx
+    real(dp), intent(in) :: share              !! from 0 to 1
+    real(dp), intent(in) :: q(nx, 2)
+    real(dp), intent(in) :: q_new(nx, 2)
+    real(dp), intent(in) :: poly(nx, 2, 3)     !! from `step`
+    real(dp) :: at_share(nx, 2), other
+
+    other = 1.0_dp - share
+    at_share = other*q + share*(q_new + other*(poly(:, :, 1) + share*(poly(:, :, 2) + share*poly(:, :, 3))))
+  end function inside_step
+
+  !> The next step after one of length h with this error.
+  pure function next_length(h, error) result(next)
+    real(dp), intent(in) :: h              !! [s]
+    real(dp), intent(in) :: error          !! over the one allowed
+    real(dp) :: next, change(1)
+
+    change = min(max(error, 1e-10_dp), 1e10_dp)
+    call logarithms(1, change)
+    change = -0.2_dp*change
+    call exponentials(1, change)
+    next = h*min(max(SAFE*change(1), SHORTER), LONGER)
+  end function next_length
+
+  !> Makes steps until a limit is reached, and fills points.
+  pure subroutine advance_phase(s, limits, n_points, times, w, phase, points, status)
+    type(condensed_t), intent(in) :: s
+    type(limits_t), intent(in) :: limits
+    integer, intent(in) :: n_points                       !! of the curve
+    real(dp), intent(in) :: times(n_points)               !! ascending, since the beginning [s]
+    type(work_t), intent(inout) :: w
+    type(phase_t), intent(inout) :: phase
+    real(dp), intent(inout) :: points(s%nx, 2, n_points)  !! u [m], y
+    integer(ip), intent(out) :: status
+    real(dp) :: h, planned, error, share
+    logical :: within
+
+    status = FAST
+    call look(s, limits, phase%t, phase%q, w%others, within)
+    if (.not. within) return
+    do while (phase%steps < limits%steps)
+      planned = phase%h
+      h = min(planned, limits%end - phase%t)
+      call step(s, limits, phase%t, h, phase%q, w, error)
+      phase%h = next_length(h, error)
+      status = ABRUPT
+      if (.not. error <= 1.0_dp) then
+        if (h <= limits%dt) return
+        cycle
+      end if
+      if (h < planned) phase%h = max(planned, phase%h)
+      phase%steps = phase%steps + 1
+      status = merge(FINISHED, GOES_ON, h >= limits%end - phase%t)
+      share = 1.0_dp
+      call look(s, limits, phase%t + h, w%q_new, w%others, within)
+      if (.not. within) then
+        status = FAST
+        call share_within(s, limits, phase%t, h, phase%q, w, share)
+      end if
+      call take(s%nx, limits, h, share, w%q_new, w%poly, status == FINISHED, phase, n_points, times, points)
+      if (status /= GOES_ON) return
+    end do
+  end subroutine advance_phase
+
+  !> The largest share of a step within the limits, by halving.
+  pure subroutine share_within(s, limits, t, h, q, w, low)
+    type(condensed_t), intent(in) :: s
+    type(limits_t), intent(in) :: limits
+    real(dp), intent(in) :: t                  !! [s]
+    real(dp), intent(in) :: h                  !! [s]
+    real(dp), intent(in) :: q(s%nx, 2)
+    type(work_t), intent(inout) :: w
+    real(dp), intent(out) :: low
+    real(dp) :: high, middle
+    logical :: within
+    integer :: n
+
+    low = 0.0_dp
+    high = 1.0_dp
+    do n = 1, HALVINGS
+      if ((high - low)*h < limits%dt) exit
+      middle = 0.5_dp*(low + high)
+      call look(s, limits, t + middle*h, inside_step(s%nx, middle, q, w%q_new, w%poly), w%others, within)
+      low = merge(middle, low, within)
+      high = merge(high, middle, within)
+    end do
+  end subroutine share_within
+
+  !> Takes over a share of a step: points up to there, the last time on the grid, and the state.
+  pure subroutine take(nx, limits, h, share, q_new, poly, at_end, phase, n_points, times, points)
+    integer, intent(in) :: nx
+    type(limits_t), intent(in) :: limits
+    real(dp), intent(in) :: h                  !! [s]
+    real(dp), intent(in) :: share
+    real(dp), intent(in) :: q_new(nx, 2)
+    real(dp), intent(in) :: poly(nx, 2, 3)
+    logical, intent(in) :: at_end              !! of the phase
+    type(phase_t), intent(inout) :: phase
+    integer, intent(in) :: n_points
+    real(dp), intent(in) :: times(n_points)               !! [s]
+    real(dp), intent(inout) :: points(nx, 2, n_points)
+    real(dp) :: t_new, on_grid
+
+    t_new = merge(limits%end, phase%t + share*h, at_end)
+    do while (phase%n_points < n_points)
+      on_grid = times(phase%n_points + 1)
+      if (on_grid > t_new) exit
+      phase%n_points = phase%n_points + 1
+      points(:, :, phase%n_points) = inside_step(nx, min((on_grid - phase%t)/h, 1.0_dp), phase%q, q_new, poly)
+    end do
+    on_grid = merge(limits%end, aint(t_new/limits%dt)*limits%dt, at_end)
+    if (on_grid >= phase%t .and. on_grid > phase%t_grid) then
+      phase%t_grid = on_grid
+      phase%grid = inside_step(nx, min((on_grid - phase%t)/h, 1.0_dp), phase%q, q_new, poly)
+    end if
+    phase%t = t_new
+    phase%q = merge(inside_step(nx, share, phase%q, q_new, poly), q_new, share < 1.0_dp)
+  end subroutine take
+end module pyfric_slow_slip

@@ -21,7 +21,7 @@ from pyfric.core.calls import (
     energies,
     evaluate,
 )
-from pyfric.core.log import Log, Switching, room_of_step
+from pyfric.core.log import POINT, Log, Switching, room_of_step
 from pyfric.core.memory import available
 from pyfric.core.packing import (
     CORNER_SHARE,

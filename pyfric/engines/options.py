@@ -103,6 +103,7 @@ class Keywords(TypedDict, total=False):
     energies: bool | None
     sample: Number | None
     t_gap: Number | None
+    threshold: Number | None
     stop_when: str | Sequence[str] | None
     threads: int | None
     checkpoint: str | os.PathLike[str] | None
@@ -245,6 +246,15 @@ class Options:
         unless="a value derived from the scene, 1 ms in scenes of the paper",
         kept=lambda method: method.t_gap,
     )
+    threshold: Annotated[float | None, Positive("m/s", optional=True)] = option(
+        None,
+        "steps",
+        """slip rate above which a block makes events, in m/s, such as "1 mm/s". It is looked at in
+        every step, and the motion of the interface is kept at the points of the curve.
+        See `pyfric.record.rates`.""",
+        unless="that blocks which slip make events, or are faster than v_slip of their law",
+        kept=lambda method: method.threshold,
+    )
     stop_when: Annotated[str | tuple[str, ...] | None, Ends()] = option(
         None,
         "run",
@@ -353,7 +363,7 @@ class Options:
 
     def calls_on(self, scene: Scene) -> int:
         """Return the number of calls of the core that points of the loading curve need."""
-        return POINTS if self.stop_when or scene.law.junctions else 0
+        return POINTS if self.stop_when or self.threshold or scene.law.junctions else 0
 
     def settled(self, scene: Scene, engine: Engine, t_begin: float, t_end: float) -> Method:
         """Return the method of an engine with time steps for a run between two times, in s.
@@ -383,6 +393,7 @@ class Options:
             variant=core.VARIANT,
             budget=engine.energies if self.energies is None else self.energies,
             accuracy=(self.accuracy or ACCURACY) if engine.jumps else None,
+            threshold=self.threshold,
         )
 
 

@@ -117,6 +117,79 @@ class Phase:
         return np.concatenate([v, self.law.log_rate(v, y[self.N_x :])])
 
 
+class Passages:
+    """Passages of blocks through a threshold of slip rate in a phase; see `pyfric.record.rates`.
+
+    Args:
+        phase: the phase.
+        threshold: slip rate, in m/s; None looks for nothing.
+        log: what the core knows of fast blocks; it is brought up to date.
+    """
+
+    def __init__(self, phase: Phase, threshold: float | None, log: core.Log) -> None:
+        self.phase, self.threshold, self.log = phase, threshold or math.inf, log
+        self.fast = log.fast[0].copy()
+        self.found: list[tuple[float, int, int, np.ndarray]] = []
+        self.sums: list[tuple[float, float]] = []
+
+    def look(self, v: np.ndarray, begin: float, end: float, inside: Any) -> None:
+        """Find the passages in a step of the pair, after which blocks move at v (m/s).
+
+        Args:
+            begin, end: times since the phase began, in s.
+            inside: function of such a time that returns displacements and ln of states.
+        """
+        from scipy.optimize import brentq  # slow to import
+
+        def above(s: float, i: int) -> float:
+            return abs(self.phase.speeds(s, inside(s))[0][i]) - self.threshold
+
+        now = np.where(np.abs(v) > self.threshold, np.sign(v), 0).astype(np.int32)
+        self.sums.append((end, abs(float(v.sum()))))
+        passed = []
+        for i in np.flatnonzero(now != self.fast):
+            differ = above(begin, i) * above(end, i) < 0
+            s = brentq(above, begin, end, (i,)) if differ else begin
+            passed.append((s, int(i), int(now[i]), inside(s)))
+        self.found += sorted(passed, key=lambda passage: passage[:2])
+        self.fast = now
+
+    def logs(self, state: core.State, scene: Scene, n: int) -> dict[str, dict[str, np.ndarray]]:
+        """Return crossings and bursts in the first n steps after a state; {} if there are none."""
+        N_x, fast, peak = self.phase.N_x, self.log.fast, self.log.speeds[-1]
+        found = [passage for passage in self.found if passage[0] <= n * state.dt]
+        log = core.Log(N_x, len(found), len(found), 0, self.threshold)
+        bursting, last = self._bursting(fast), 0.0
+        for s, i, new, y in found:
+            step, t = state.step + math.ceil(s / state.dt), state.t + s
+            p, u_x = self.phase.speeds(s, y)[1], state.y[0, 0] + y[:N_x]
+            F_T = self.phase.interface.F_T
+            force = F_T[0] + F_T[1] * s + F_T[2] @ y[:N_x]
+            old, fast[0, i] = fast[0, i], new
+            if old == 0:
+                fast[1, i] = p[i] < core.CORNER_SHARE * scene.F_N / N_x
+            log.crossing_i[:, log.n_crossing] = i, old, new, fast[1, i]
+            log.crossing_r[:, log.n_crossing] = step, t, u_x[i], p[i]
+            log.n_crossing += 1
+            if bursting:
+                peak = max([peak, *(of for at, of in self.sums if last <= at <= s)])
+            if self._bursting(fast) != bursting:
+                bursting, last = not bursting, s
+                row = log.burst_r[:, log.n_burst]
+                row[:3], row[-1] = (step, t, force), 0.0 if bursting else peak
+                row[2 + core.POINT : -1] = u_x
+                log.burst_i[:, log.n_burst] = 1 if bursting else -1, *state.mode
+                log.n_burst, peak = log.n_burst + 1, 0.0
+        if bursting:
+            peak = max([peak, *(of for at, of in self.sums if last <= at <= n * state.dt)])
+        self.log.speeds[N_x] = peak
+        return {"crossings": log.crossings(), "bursts": log.bursts()} if found else {}
+
+    @staticmethod
+    def _bursting(fast: np.ndarray) -> bool:
+        return bool(((fast[0] != 0) & (fast[1] == 0)).any())
+
+
 class RateHybridRun(Run):
     """A run that steps through ruptures, and leaves out inertia between them."""
 
@@ -171,6 +244,7 @@ class RateHybridRun(Run):
         pair = RK45(phase.rates, 0.0, phase.begin, end, rtol=tolerance, atol=atol)
         v, n, y, goes_on = phase.speeds(0.0, phase.begin)[0], 0, phase.begin, True
         of_column = (scene.M_rod + scene.slider.M) / scene.N_x  # kg
+        passages = Passages(phase, self.method.threshold, self.log)
         for _ in range(PAIRS):
             before = pair.t
             with np.errstate(over="ignore", invalid="ignore"):  # a step that is too long fails
@@ -180,6 +254,7 @@ class RateHybridRun(Run):
                 break
             self.made["slow_steps"] += 1
             (now, p), inside = phase.speeds(pair.t, pair.y), pair.dense_output()
+            passages.look(now, before, pair.t, inside)
             push = of_column * float(np.abs(now - v).sum()) / (pair.t - before)
             reached = n_max if pair.status == "finished" else int(pair.t / state.dt)
             self._sample_slip(phase, inside, n, reached)
@@ -191,6 +266,8 @@ class RateHybridRun(Run):
             if not goes_on or pair.status == "finished":
                 break
         if n:
+            if logs := passages.logs(state, scene, n):
+                self._add_logs(logs)
             self._put(phase, y, n)
         if text and n == n_max:
             self.ending = self.stopping.named(text)
@@ -249,6 +326,7 @@ class RateHybridRun(Run):
             v[phase.closed],
         )
         state.margin[:] = scene.law.kind.v_slip - np.abs(v)
+        self.log.speeds[:N_x] = v
         self.good = None
         self.made["jumps"] += 1
         self.made["steps_spared"] += n

@@ -105,7 +105,7 @@ class Level:
         for name in ("switching", "accuracy", "rtol"):
             how[name] = getattr(self, name)
         if self.dt is None:
-            return dataclasses.replace(asked, **how, sample=None, energies=None)
+            return dataclasses.replace(asked, **how, sample=None, energies=None, threshold=None)
         return dataclasses.replace(asked, **how, energies=bool(asked.energies))
 
 

@@ -14,6 +14,7 @@ from pyfric.record.analysis import (
     stress_profile,
     system_size_events,
 )
+from pyfric.record.balance import extent, potency_history
 from pyfric.record.catalogue import (
     MAIN_EVENT_BLOCKS,
     Catalogue,
@@ -22,7 +23,7 @@ from pyfric.record.catalogue import (
     parts,
 )
 from pyfric.record.classes import SLOW, creeps_to_rest
-from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS
+from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS, LastSlip
 from pyfric.record.errors import Differences, differences, statistics
 from pyfric.record.held import GROUPS, RecordError, block_array, event_column, held_in
 from pyfric.record.history import History

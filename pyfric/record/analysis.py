@@ -23,6 +23,7 @@ import pandas as pd
 import scipy
 from numpy.typing import ArrayLike
 
+from pyfric.record.balance import extent, potency_history
 from pyfric.record.data import RecordData
 from pyfric.record.growth import energy_release, griffith_length, nucleations
 from pyfric.record.rupture import front_speed
@@ -37,12 +38,14 @@ __all__ = [
     "collapse_spread",
     "compare_curve",
     "energy_release",
+    "extent",
     "friction_coefficients",
     "front",
     "fronts",
     "griffith_length",
     "mean_force",
     "nucleations",
+    "potency_history",
     "precursor_lengths",
     "precursors",
     "stress_profile",

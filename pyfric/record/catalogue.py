@@ -1,7 +1,8 @@
-"""From the log of contact switches to events and what is known of each.
+"""From the log of slip to events and what is known of each.
 
 Every engine writes the same two logs and this room alone turns them into a catalogue, so that
-engines are compared on one set of definitions:
+engines are compared on one set of definitions. Logs of slip faster than a threshold have the same
+form (`pyfric.record.rates`), and the same definitions hold for them:
 
 event
     Non-corner episodes (see `pyfric.record.episodes`) that follow each other within ``t_gap``: a
@@ -36,7 +37,7 @@ import pandas as pd
 
 from pyfric.core import OPEN, State
 from pyfric.record.data import RecordData
-from pyfric.record.episodes import build_episodes
+from pyfric.record.episodes import LastSlip, build_episodes
 from pyfric.record.growth import nucleation_lengths
 from pyfric.record.held import block_array, checked, event_column, found_arrays, held_in, table
 from pyfric.record.method import T_GAP
@@ -175,7 +176,7 @@ def build_catalogue(
     t_gap: float = T_GAP,
     t_begin: float = 0.0,
     t_end: float | None = None,
-    last: State | None = None,
+    last: State | LastSlip | None = None,
     solver: StaticSolver | None = None,
 ) -> Catalogue:
     """Build the catalogue of a run from its logs.

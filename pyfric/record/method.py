@@ -29,7 +29,8 @@ class Method:
     ``rtol`` is the largest error of an adaptive sub-step, None for other steppers. ``dt`` (s) is
     None for engines without a fixed step; ``sample`` is the number of steps between
     two points of the curve; ``t_gap`` (s) is the longest pause inside an event; ``budget`` says
-    whether the energy budget was kept; ``accuracy`` (over F_N) is that of jumps, None without them.
+    whether the energy budget was kept; ``accuracy`` (over F_N) is that of jumps, None without them;
+    ``threshold`` (m/s) is the slip rate that makes events, None where contact does.
     """
 
     engine: str
@@ -44,6 +45,7 @@ class Method:
     variant: str = ""
     budget: bool = False
     accuracy: float | None = None
+    threshold: float | None = None
 
     __pydantic_config__: ClassVar[Any] = {"extra": "forbid"}  # of files
 

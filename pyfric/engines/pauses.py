@@ -76,7 +76,7 @@ def pause_notes(record: Record) -> tuple[str, ...]:
     """
     t_gap = record.method.t_gap
     half, default, twice = (
-        count_main(record.episodes, factor * t_gap) for factor in (0.5, 1.0, 2.0)
+        count_main(record.episodes, factor * t_gap, record.scene.N_x) for factor in (0.5, 1.0, 2.0)
     )
     if max(abs(half - default), abs(twice - default)) <= 1:
         return ()

@@ -16,10 +16,10 @@ from pyfric.record.analysis import (
 )
 from pyfric.record.balance import extent, potency_history
 from pyfric.record.catalogue import (
-    MAIN_EVENT_BLOCKS,
     Catalogue,
     build_catalogue,
     count_main,
+    main_blocks,
     parts,
 )
 from pyfric.record.classes import SLOW, creeps_to_rest

@@ -20,7 +20,7 @@ KINDS = {
         "jump": "CORRECTED",
         "hybrid": "MOSTLY SPENT BALANCED",
         "integration": "FOLDING STEPS MARGIN LINEAR",
-        "options": "ACCURACY AUTO_SHARE FINEST LONGEST_LOCATED MAX_STEPS MAX_THREADS RTOL",
+        "options": "ACCURACY AUTO_SHARE DIGITS FINEST LONGEST_LOCATED MAX_STEPS MAX_THREADS RTOL",
         "pauses": "AT_REST BLOCKS COLUMNS",
         "stopping": "TRANSITS",
         "pairs": "PERTURBATION SAFETY",

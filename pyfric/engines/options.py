@@ -56,11 +56,16 @@ if TYPE_CHECKING:
     from pyfric.scene import Number, Scene, SceneLike
 
 AUTO_SHARE = 0.5
-"""dt = "auto" is this share of the stability limit, rounded down to two digits.
+"""dt = "auto" is this share of the stability limit, rounded down to `DIGITS` digits as a multiple
+of sqrt(m/k): so it hangs neither on units nor on the last bits of the limit.
 
 In the Fig. 1 scene with switches at step ends, the main precursors up to 0.9 s then keep their
 order. Their forces are those of the paper's step, an eighth of the limit, within 8e-4 F_N. The
 difference is proportional to the step, and far smaller with located switches."""
+DIGITS = 3
+"""Digits of dt = "auto" over sqrt(m/k)."""
+ALMOST = 1e-9
+"""A last digit that lacks less than this is reached: rounding."""
 RTOL = 1e-6
 """Default of rtol. The error of rupture times of a short front is then 2e-11 s, with located
 switching; 1e-3 makes it 7e-9 s for 1.3 times less work."""
@@ -243,7 +248,7 @@ class Options:
         None,
         "run",
         """longest pause inside an event, in s. See `pyfric.engines.pauses`.""",
-        unless="a value derived from the scene, 1 ms in scenes of the paper",
+        unless="a value derived from the scene, 1 ms in both setups of the paper",
         kept=lambda method: method.t_gap,
     )
     threshold: Annotated[float | None, Positive("m/s", optional=True)] = option(
@@ -468,9 +473,9 @@ def step_size(
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
-        dt: step in s, or "auto" for `AUTO_SHARE` of the limit, rounded down to two digits. For the
-            stepper "adaptive", which makes sub-steps inside dt, any dt is allowed, and "auto" uses
-            the limit of RK4.
+        dt: step in s, or "auto" for `AUTO_SHARE` of the limit, rounded down to three digits over
+            sqrt(m/k). For the stepper "adaptive", which makes sub-steps inside dt, any dt is
+            allowed, and "auto" uses the limit of RK4.
         stepper: the stepper.
 
     Raises:
@@ -478,8 +483,10 @@ def step_size(
     """
     limit, _ = stability_limit(scene, stepper)
     if is_auto(dt):
-        digit = 10.0 ** (math.floor(math.log10(AUTO_SHARE * limit)) - 1)
-        return float(f"{math.floor(AUTO_SHARE * limit / digit) * digit:.1e}")
+        unit = math.sqrt(scene.m / scene.slider.k)
+        times = AUTO_SHARE * limit / unit * (1 + ALMOST)
+        places = DIGITS - 1 - math.floor(math.log10(times))
+        return math.floor(times * 10.0**places) / 10.0**places * unit
     dt = check_number("dt", dt, "s", gt=0.0, note=", or 'auto'")
     if not STEPPERS[stepper].adaptive and dt > limit:
         allowed = f"0 < dt <= {limit:.4g} s, the stability limit of {stepper} for this scene"

@@ -42,8 +42,8 @@ PAIRS = 200
 OF_STEP = 0.01
 """Error of a step of the pair over the accuracy, as some hundred steps lead to an event: forces of
 events in the preset `rate_and_state` are then within 1e-4 F_N, and not with 1."""
-MOVED = 1e-9
-"""Displacement of the interface over which velocities of the slider are differences, in m."""
+MOVED = 5e-3
+"""Displacement over which velocities of the slider are differences, over D_c (rounding)."""
 
 
 class Interface(NamedTuple):
@@ -103,18 +103,23 @@ class Phase:
     ) -> None:
         self.law, self.interface, self.closed = law, interface, closed
         self.N_x = len(theta)
-        self.begin = np.concatenate([np.zeros(self.N_x), np.log(theta)])
+        self.unit = np.log(law.D_c / law.kind.V_star)
+        self.begin = np.concatenate([np.zeros(self.N_x), np.log(theta) - self.unit])
+
+    def log_theta(self, y: np.ndarray) -> np.ndarray:
+        """Return ln of the state variables (s) from the unknowns, which are over D_c/V*."""
+        return y[self.N_x :] + self.unit
 
     def speeds(self, s: float, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return velocities (m/s) and normal forces (N) at s (s); blocks without contact stay."""
         load, p = self.interface.loads(y[: self.N_x], s)
-        v = self.law.speed(load, np.where(p > 0, p, np.nan), y[self.N_x :])
+        v = self.law.speed(load, np.where(p > 0, p, np.nan), self.log_theta(y))
         return np.where(self.closed, np.nan_to_num(v), 0.0), p
 
     def rates(self, s: float, y: np.ndarray) -> np.ndarray:
         """Return the rates of displacements (m/s) and of ln theta (1/s)."""
         v, _ = self.speeds(s, y)
-        return np.concatenate([v, self.law.log_rate(v, y[self.N_x :])])
+        return np.concatenate([v, self.law.log_rate(v, self.log_theta(y))])
 
 
 class Passages:
@@ -241,7 +246,8 @@ class RateHybridRun(Run):
             [tolerance * unit / stiff, tolerance / float(np.max(law.b + law.a))], scene.N_x
         )
         end = n_max * state.dt
-        pair = RK45(phase.rates, 0.0, phase.begin, end, rtol=tolerance, atol=atol)
+        how = {"rtol": tolerance, "atol": atol, "first_step": state.dt}  # SciPy's own is in seconds
+        pair = RK45(phase.rates, 0.0, phase.begin, end, **how)
         v, n, y, goes_on = phase.speeds(0.0, phase.begin)[0], 0, phase.begin, True
         of_column = (scene.M_rod + scene.slider.M) / scene.N_x  # kg
         passages = Passages(phase, self.method.threshold, self.log)
@@ -302,7 +308,7 @@ class RateHybridRun(Run):
             F_T = phase.interface.F_T
             force = F_T[0] + F_T[1] * s + F_T[2] @ y[:N_x]
             self.history.add(np.array([[state.t0 + step * state.dt, force]]))
-            u_x, theta = state.y[0, 0] + y[:N_x], np.exp(y[N_x:])
+            u_x, theta = state.y[0, 0] + y[:N_x], np.exp(phase.log_theta(y))
             self.add_motion({"theta": theta, "u_x": u_x, "v_x": v, "f": -load})
 
     def _put(self, phase: Phase, y: np.ndarray, n: int) -> None:
@@ -310,10 +316,11 @@ class RateHybridRun(Run):
         state, scene, N_x = self.state, self.scene, self.scene.N_x
         v, _ = phase.speeds(n * state.dt, y)
         u_x = state.y[0, 0] + y[:N_x]
-        state.theta[:] = np.exp(y[N_x:])
+        state.theta[:] = np.exp(phase.log_theta(y))
         state.step += n
         t, fastest = just_after(state), float(np.abs(v).max())
-        tau = MOVED / max(fastest, scene.driver.fastest, MOVED)
+        fastest = max(fastest, scene.driver.fastest)
+        tau = MOVED * float(np.min(scene.law.D_c)) / fastest if fastest else state.dt
         now = self._at(u_x, t, ~phase.closed, 0.0, v)
         ahead = self._at(u_x, t, ~phase.closed, tau, v)
         state.y[:, :2], state.rod[:3] = now

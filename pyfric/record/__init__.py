@@ -33,6 +33,7 @@ from pyfric.record.pairing import paired
 from pyfric.record.record import Record, load
 from pyfric.record.report import numbered, summary, text
 from pyfric.record.rupture import front_speed
+from pyfric.record.sizes import Sizes, b_value, sizes
 from pyfric.record.zones import (
     RESOLVED,
     blocks_needed,

@@ -27,12 +27,15 @@ from pyfric.record.balance import extent, potency_history
 from pyfric.record.data import RecordData
 from pyfric.record.growth import energy_release, griffith_length, nucleations
 from pyfric.record.rupture import front_speed
+from pyfric.record.sizes import Sizes, b_value, sizes
 from pyfric.scene import Scene, SceneError, check_number, check_whole
 
 __all__ = [
     "Beside",
     "Collapse",
     "FrictionCoefficients",
+    "Sizes",
+    "b_value",
     "budget_error",
     "budget_left",
     "collapse_spread",
@@ -48,6 +51,7 @@ __all__ = [
     "potency_history",
     "precursor_lengths",
     "precursors",
+    "sizes",
     "stress_profile",
     "system_size_events",
 ]
@@ -399,7 +403,7 @@ def friction_coefficients(record: RecordData) -> FrictionCoefficients:
     scene, events, sliding = record.scene, record.events, system_size_events(record)
     mu_s_macro = float(_over_load(scene, events["t_start"], events["F_T_start"]).max())
     if sliding.empty:
-        mu_s_macro = np.fmax(mu_s_macro, _peak(record))
+        mu_s_macro = float(np.fmax(mu_s_macro, _peak(record)))
     mean = np.nan
     if len(sliding) > 1:
         begin, end = sliding["t_start"].iloc[[0, -1]]

@@ -174,6 +174,30 @@ def test_v_slip_is_the_criterion_of_its_own_events(rated):
     assert len(own.events) >= 1
 
 
+# --- a front that creeps -------------------------------------------------------------------------
+
+
+def test_a_creeping_front_has_a_precursor_and_a_static_friction():
+    """A fast rod and viscosity of slip: by contact all of it is one event without end."""
+    scene = pyfric.preset("fig1", L=0.1, H=0.03, F_N=1e3, V=0.05, alpha=30.0, d_c=1e-5)
+    record = pyfric.simulate(scene, 8e-3, fidelity="dynamic", threshold=0.1, **QUIET)
+    creep = record.with_events()
+    (event,) = creep.events.itertuples()
+    assert (event.n_blocks, event.finished) == (scene.N_x, False)
+    friction = pyfric.analysis.friction_coefficients(creep)
+    assert friction.mu_s_macro == record.curve["F_T"].max() / scene.F_N
+    assert 0 < friction.R < 1
+    assert 0.5 < event.length_fast / scene.slider.L < 1
+    table = pyfric.analysis.extent(creep, 1)
+    slow, fast = (
+        table["speed"][rows] for rows in (table["t"] < event.t_fast, table["t"] >= event.t_fast)
+    )
+    assert slow.median() < 0.5 * fast.max()
+    assert 1 <= len(record.events) <= 3
+    assert (record.events["t_start"] > event.t_fast).all()
+    assert record.events["finished"].any()
+
+
 # --- what is refused -----------------------------------------------------------------------------
 
 

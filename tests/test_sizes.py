@@ -7,7 +7,7 @@ from helpers import refused
 
 import pyfric
 from pyfric import analysis
-from pyfric.record.sizes import BIN, most_frequent
+from pyfric.record.recurrence import BIN, most_frequent
 
 QUIET = {"progress": False, "threads": 1}
 

@@ -31,9 +31,9 @@ from pyfric.record.measured import Errors
 from pyfric.record.method import T_GAP, Method, provenance, versions
 from pyfric.record.pairing import paired
 from pyfric.record.record import Record, load
+from pyfric.record.recurrence import Sizes, b_value, sizes
 from pyfric.record.report import numbered, summary, text
 from pyfric.record.rupture import front_speed
-from pyfric.record.sizes import Sizes, b_value, sizes
 from pyfric.record.zones import (
     RESOLVED,
     blocks_needed,

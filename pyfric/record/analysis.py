@@ -26,8 +26,8 @@ from numpy.typing import ArrayLike
 from pyfric.record.balance import extent, potency_history
 from pyfric.record.data import RecordData
 from pyfric.record.growth import energy_release, griffith_length, nucleations
+from pyfric.record.recurrence import Sizes, b_value, sizes
 from pyfric.record.rupture import front_speed
-from pyfric.record.sizes import Sizes, b_value, sizes
 from pyfric.scene import Scene, SceneError, check_number, check_whole
 
 __all__ = [

@@ -59,17 +59,32 @@ def extent(record: RecordData, event: int) -> pd.DataFrame:
     record.row(event)
     episodes, l = record.episodes, record.scene.slider.l
     episodes = episodes[episodes["event"] == event]
-    first = episodes.groupby("n")["t_start"].min().sort_values(kind="stable")
-    t = first.to_numpy()
+    _, n, t, speed = _growth(episodes, l)
     start, stop = (np.sort(episodes[name].dropna()) for name in ("t_start", "t_stop"))
     now = np.searchsorted(start, t, side="right") - np.searchsorted(stop, t, side="right")
-    speed = np.full(t.size, np.nan)
-    if t.size > AVERAGED:
-        with np.errstate(divide="ignore"):
-            speed[:-AVERAGED] = AVERAGED * l / (t[AVERAGED:] - t[:-AVERAGED])
     lengths = l * np.arange(1, t.size + 1)
-    columns = {"n": first.index, "t": t, "length": lengths, "slipping": l * now, "speed": speed}
+    columns = {"n": n, "t": t, "length": lengths, "slipping": l * now, "speed": speed}
     return pd.DataFrame(columns)
+
+
+def _growth(episodes: pd.DataFrame, l: float) -> tuple[np.ndarray, ...]:
+    """Return event, number and time (s) of each block's first slip, and the speed of l(t) there.
+
+    They are in the order of events and, in each, of time. Corner episodes are left out.
+    """
+    event, n, t = (episodes[name].to_numpy() for name in ("event", "n", "t_start"))
+    order = np.lexsort((n, t, event))
+    order = order[event[order] > 0]
+    pairs = np.column_stack([event[order], n[order]])
+    _, first = np.unique(pairs, axis=0, return_index=True)
+    kept = order[np.sort(first)]
+    event, n, t = event[kept], n[kept], t[kept]
+    speed = np.full(t.size, np.nan)
+    same = event[AVERAGED:] == event[:-AVERAGED]
+    passed = (t[AVERAGED:] - t[:-AVERAGED])[same]
+    with np.errstate(divide="ignore"):
+        speed[:-AVERAGED][same] = AVERAGED * l / passed
+    return event, n, t, speed
 
 
 def potency_history(record: RecordData, event: int | None = None) -> pd.DataFrame:
@@ -105,14 +120,16 @@ def potency_history(record: RecordData, event: int | None = None) -> pd.DataFram
 
 def _onset(record: RecordData) -> np.ndarray:
     """Return time (s) and length (m) at the onset of the fast part of events, (n_events, 2)."""
-    found, fast = np.full((len(record.events), 2), np.nan), SLOW * pace_limits(record.scene)[0]
-    for row, event in enumerate(record.events.index):
-        table = extent(record, event)
-        above = np.concatenate([[False], table["speed"] >= fast, [False]]).astype(int)
-        begin, end = (np.flatnonzero(np.diff(above) == step) for step in (1, -1))
-        if begin.size:
-            k = begin[np.argmax(end - begin)]
-            found[row] = table["t"].iloc[k], table["length"].iloc[k]
+    found, l = np.full((len(record.events), 2), np.nan), record.scene.slider.l
+    event, _, t, speed = _growth(record.episodes, l)
+    fast = speed >= SLOW * pace_limits(record.scene)[0]  # nowhere at the last four of an event
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], fast, [False]]).astype(int)))
+    begin, end = edges[::2], edges[1::2]
+    order = np.lexsort((begin, begin - end, event[begin]))  # in each event, longest first
+    _, longest = np.unique(event[begin[order]], return_index=True)
+    k = begin[order[longest]]
+    first = np.searchsorted(event, event[k])
+    found[event[k] - 1] = np.column_stack([t[k], l * (k - first + 1)])
     return found
 
 

@@ -48,7 +48,7 @@ class History:
 
     def take(self, before: Record, *, last: bool) -> None:
         """Take over the curve and motion of a record, with or without its last point."""
-        self.add(before.curve.to_numpy())
+        self.add(before.curve.reindex(columns=list(self.names)).to_numpy())
         kept = zip(*before.motion.values(), strict=True)
         self.motion = [dict(zip(before.motion, arrays, strict=True)) for arrays in kept]
         self.cut(len(before.curve) - (not last))

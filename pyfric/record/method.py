@@ -50,7 +50,7 @@ class Method:
     __pydantic_config__: ClassVar[Any] = {"extra": "forbid"}  # of files
 
     def __str__(self) -> str:
-        """Engine, geometry, stepper, step and where contacts switch, in words."""
+        """Engine, geometry, stepper, step, switches, and slip rate of events, in words."""
         words = [f"{self.engine} engine", f"{self.geometry} geometry"]
         if self.stepper:
             words.append(self.stepper)
@@ -58,6 +58,8 @@ class Method:
             words.append(f"dt = {self.dt * 1e6:g} us")
         if self.switching:
             words.append(SWITCH.get(self.switching, self.switching))
+        if self.threshold is not None:
+            words.append(f"events faster than {self.threshold:g} m/s")
         return ", ".join(words)
 
 

@@ -94,6 +94,7 @@ def _sampled(record: RecordData, threshold: float) -> Fast:
     mode = contacts_at(record, t)
     fast = np.where((np.abs(v) > threshold) & (mode != OPEN), np.sign(v), 0).astype(np.int32)
 
+    every = max(record.method.sample, 1)
     k, block = np.nonzero(fast[1:] != fast[:-1])
     old, new = fast[k, block], fast[k + 1, block]
     before, after = np.abs(v[k, block]), np.abs(v[k + 1, block])
@@ -101,7 +102,7 @@ def _sampled(record: RecordData, threshold: float) -> Fast:
     way = np.where(old * new < 0, before, np.abs(threshold - before))
     share = np.clip(np.divide(way, apart, out=np.zeros(k.size), where=apart > 0), 0.0, 1.0)
     crossings = {
-        "step": k + 1,
+        "step": every * (k + 1),
         "block": block,
         "old": old,
         "new": new,
@@ -120,7 +121,7 @@ def _sampled(record: RecordData, threshold: float) -> Fast:
     spans = list(zip(kind, first, last, strict=True))
     times = [(min if way > 0 else max)(crossings["t"][a:b]) for way, a, b in spans]
     bursts = {
-        "step": turns,
+        "step": every * turns,
         "t": np.array(times),
         "kind": kind,
         "F_T": curve["F_T"].to_numpy()[at],

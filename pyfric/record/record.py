@@ -105,7 +105,8 @@ class Record(RecordData):
         t_gap = self.method.t_gap if t_gap is None else check_number("t_gap", t_gap, "s", ge=0.0)
         notes = tuple(note for note in self.notes if SAMPLED not in note)
         if threshold is None:
-            logs, last, fast = (self.switches, self.quiet), self.final_state, {}
+            logs, last = (self.switches, self.quiet), self.final_state
+            fast = {"crossings": {}, "bursts": {}}
         else:
             threshold = check_number("threshold", threshold, "m/s", gt=0.0)
             found = fast_slip(self, threshold)

@@ -94,6 +94,19 @@ def test_a_continued_run_has_the_same_events(scene):
     np.testing.assert_allclose(a, b, rtol=0.4)
 
 
+def test_blocks_that_are_fast_from_begin_to_end_count(scene, every):
+    """They pass no threshold. The initial state is one of an event."""
+    t = float(every.events["t_start"].iloc[0]) + 8e-6
+    before = pyfric.simulate(scene, t, dt=every.method.dt, fidelity="dynamic", **QUIET)
+    how = {"initial": before.final_state, "threshold": 1e-9, "fidelity": "dynamic"}
+    record = pyfric.simulate(scene, t + 3e-6, dt=every.method.dt, **how, **QUIET)
+    fast = np.abs(before.final_state.y[0, 2]) > 1e-9
+    assert set(record.episodes["i"]) >= set(np.flatnonzero(fast))
+    assert len(np.setdiff1d(np.flatnonzero(fast), record.crossings["block"])) > 0
+    again = record.events(threshold=1e-9)
+    assert again["n_blocks"].tolist() == record.events["n_blocks"].tolist()
+
+
 def test_a_file_keeps_them(every, tmp_path):
     assert pyfric.load(every.save(tmp_path / "one.nc")) == every
 

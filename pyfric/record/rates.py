@@ -67,7 +67,7 @@ def fast_slip(record: RecordData, threshold: Any) -> Fast:
     v, law = check_number("threshold", threshold, "m/s", gt=0.0), record.scene.law
     if v == record.method.threshold:
         crossings = dict(record.crossings)
-        return Fast(crossings, dict(record.bursts), _last(crossings, record.scene.N_x))
+        return Fast(crossings, dict(record.bursts), _last(record, crossings, v))
     if law.flows and v == law.kind.v_slip and record.final_state is not None:
         switches = {name: record.switches[name] for name in SWITCH_COLUMNS}
         state = record.final_state
@@ -80,11 +80,14 @@ def fast_slip(record: RecordData, threshold: Any) -> Fast:
     return _sampled(record, v)
 
 
-def _last(crossings: Log, N_x: int) -> LastSlip:
-    """Return which blocks are fast after the last passage of each; the others were never."""
-    mode, corner = np.zeros((2, N_x), dtype=np.int32)
+def _last(record: RecordData, crossings: Log, threshold: float) -> LastSlip:
+    """Return which blocks are fast at the end, those that never passed the threshold included."""
+    mode, corner = np.zeros((2, record.scene.N_x), dtype=np.int32)
     mode[crossings["block"]], corner[crossings["block"]] = crossings["new"], crossings["corner"]
-    return LastSlip(mode, corner)
+    if (state := record.final_state) is not None:
+        v = state.y[0, 2]
+        mode = np.where((np.abs(v) > threshold) & (state.mode != OPEN), np.sign(v), 0)
+    return LastSlip(mode.astype(np.int32), corner)
 
 
 def _sampled(record: RecordData, threshold: float) -> Fast:

@@ -6,7 +6,7 @@ from helpers import refused
 
 import pyfric
 from pyfric import analysis
-from pyfric.record.balance import SLOW
+from pyfric.record.balance import SLOW, _onset
 from pyfric.record.zones import pace_limits
 
 QUIET = {"progress": False, "threads": 1}
@@ -173,3 +173,22 @@ def test_the_fast_part_begins_where_speeds_stay_high(record):
         assert (event["t_fast"], event["length_fast"]) == (table["t"][k], table["length"][k])
         seen += 1
     assert seen
+
+
+def test_of_two_fast_stretches_the_longer_one_counts(record):
+    """Blocks follow at 2, 0.5 and 2 times the least fast speed, from either end."""
+    l, fast = record.scene.slider.l, SLOW * pace_limits(record.scene)[0]
+    pace = np.concatenate([np.full(5, 2.0), np.full(5, 0.5), np.full(8, 2.0)]) * fast
+    t = np.concatenate([[0.0], np.cumsum(l / pace)])
+    slips = record.episodes.iloc[np.zeros(2 * t.size, dtype=int)].reset_index(drop=True)
+    n = np.tile(np.arange(1, t.size + 1), 2)
+    event, start = np.repeat([1, 2], t.size), np.concatenate([t, 1.0 + t[::-1]])
+    slips = slips.assign(n=n, event=event, t_start=start, t_stop=start + 1e-3)
+    arrays = {name: values[:2] for name, values in record.arrays.items()}
+    made = record.replace(episodes=slips, events=record.events.iloc[:2], arrays=arrays)
+    speed = analysis.extent(made, 1)["speed"]
+    first = int(np.flatnonzero(speed[5:] >= fast)[0]) + 5
+    assert (speed[first:-4] >= fast).all()
+    found = (first + 1) * l
+    np.testing.assert_allclose(_onset(made), [[t[first], found], [1 + t[first], found]], rtol=1e-12)
+    assert analysis.extent(made, 2)["n"].tolist() == list(range(t.size, 0, -1))

@@ -94,6 +94,7 @@ SCENES = {
     "setup2+": (preset("setup2+", **SMALL2, V=2e-3), 0.03, "hybrid"),
     "sequence": (setup1(**SMALL), 0.4, "quasistatic"),
     "sequence 2": (setup2(**SMALL2), 0.2, "quasistatic"),
+    "planned": (setup1(L=0.02, H=0.0125, F_N=400.0, V=2e-2), 6e-3, "auto"),
     "chain": (preset("chain", V=0.02, L=0.05), 4e-3, "dynamic"),
     "rate and state": (preset("rate_and_state", L=0.05, H=0.02), 0.9, "hybrid"),
 }  # fmt: skip
@@ -112,6 +113,10 @@ def in_units(scene, m, s, kg):
         return f'"{value!r} {unit}"'
 
     return pyfric.Scene.from_toml(TEXT.sub(there, scene.to_toml()))
+
+
+def test_steps_of_a_preset_are_those_of_its_name():
+    assert pyfric.step_size("fig1") == pyfric.step_size(preset("fig1"))
 
 
 @pytest.mark.parametrize("name", SCENES)

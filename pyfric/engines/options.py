@@ -39,6 +39,7 @@ from pyfric.scene import (
     Quantity,
     SceneError,
     annotations,
+    as_scene,
     check_geometry,
     check_number,
     condition,
@@ -483,15 +484,20 @@ def step_size(
     """
     limit, _ = stability_limit(scene, stepper)
     if is_auto(dt):
-        unit = math.sqrt(scene.m / scene.slider.k)
-        times = AUTO_SHARE * limit / unit * (1 + ALMOST)
-        places = DIGITS - 1 - math.floor(math.log10(times))
-        return math.floor(times * 10.0**places) / 10.0**places * unit
+        return rounded_step(as_scene(scene), AUTO_SHARE * limit)
     dt = check_number("dt", dt, "s", gt=0.0, note=", or 'auto'")
     if not STEPPERS[stepper].adaptive and dt > limit:
         allowed = f"0 < dt <= {limit:.4g} s, the stability limit of {stepper} for this scene"
         raise SceneError("dt", dt, "s", allowed, "unstable")
     return dt
+
+
+def rounded_step(scene: Scene, dt: float) -> float:
+    """Return a step (s) rounded down to `DIGITS` digits over sqrt(m/k)."""
+    unit = math.sqrt(scene.m / scene.slider.k)
+    times = dt / unit * (1 + ALMOST)
+    places = DIGITS - 1 - math.floor(math.log10(times))
+    return math.floor(times * 10.0**places) / 10.0**places * unit
 
 
 def _check_located(scene: Scene, stepper: str, dt: float) -> None:

@@ -3,14 +3,15 @@
 !> Steps of an explicit stepper, with contacts switched at their ends or located inside them.
 subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, n_columns, counts, numbers, table, located, rtol, t0, dt, &
                    n_steps, n_threads, keep_budget, max_switch, max_quiet, every, max_point, step, sub, y, rod, mode, corner, &
-                   margin, loss, memory, dissipated, heat, parts, work, n_log, switch_i, switch_r, quiet_i, quiet_r, points, &
-                   tried, block, t_block, status)
+                   margin, loss, memory, dissipated, radiated, heat, parts, work, n_log, switch_i, switch_r, quiet_i, quiet_r, &
+                   points, threshold, max_crossing, max_burst, fast, speeds, crossing_i, crossing_r, burst_i, burst_r, tried, &
+                   block, t_block, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: model_t, new_model
   use pyfric_law, only: whole_memory
   use pyfric_rows, only: budget_t, new_budget, save_budget
   use pyfric_contact, only: contact_t, save_contact
-  use pyfric_log, only: log_t, new_log, save_log
+  use pyfric_log, only: log_t, new_log, watch_speeds, save_log, save_speeds
   use pyfric_table_stepper, only: new_table
   use pyfric_status, only: NO_MEMORY
   use pyfric_stepping, only: method_t, run_t, advance_steps
@@ -47,15 +48,25 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, n_columns, cou
   real(c_double), intent(inout) :: loss(nx)                  !! switching loss [J]
   real(c_double), intent(inout) :: memory(n_memory, nx)      !! see pyfric_law
   real(c_double), intent(inout) :: dissipated(nz)            !! bond dissipation [J]
+  real(c_double), intent(inout) :: radiated(nz)              !! of it by absorbing walls [J]
   real(c_double), intent(inout) :: heat(nx)                  !! friction heat [J]
   real(c_double), intent(inout) :: parts(nx, 2)              !! of it by what is above the kinetic strength, and by alpha [J]
   real(c_double), intent(inout) :: work(2)                   !! driver, forces on the top [J]
-  integer(c_int), intent(out) :: n_log(3)                    !! switches, quiet transitions and points of the curve logged
+  integer(c_int), intent(out) :: n_log(5)                    !! logged: switches, quiet transitions, points, crossings, bursts
   integer(c_int), intent(inout) :: switch_i(4, max_switch)   !! block from 0, old, new, corner
   real(c_double), intent(inout) :: switch_r(4, max_switch)   !! step, t [s], u_x [m], p [N]
   integer(c_int), intent(inout) :: quiet_i(nx + 1, max_quiet)  !! kind, contact states
-  real(c_double), intent(inout) :: quiet_r(nx + 3, max_quiet)  !! step, t [s], F_T [N], u_x [m]
-  real(c_double), intent(inout) :: points(15, max_point)     !! after each multiple of `every` steps, see pyfric_energy
+  real(c_double), intent(inout) :: quiet_r(nx + 18, max_quiet) !! step, t [s], a point (see pyfric_energy), u_x [m]
+  real(c_double), intent(inout) :: points(16, max_point)     !! after each multiple of `every` steps, see pyfric_energy
+  real(c_double), intent(in) :: threshold                    !! speed above which a block is fast [m/s]; 0: none is looked for
+  integer(c_int), intent(in) :: max_crossing                 !! room for blocks that pass it
+  integer(c_int), intent(in) :: max_burst                    !! room for starts and ends of fast slip
+  integer(c_int), intent(inout) :: fast(nx, 2)               !! +1, -1 fast to the right, left, 0 not; 1: with a corner start
+  real(c_double), intent(inout) :: speeds(nx + 1)            !! v_x at the end of the last step, largest sum of a burst [m/s]
+  integer(c_int), intent(inout) :: crossing_i(4, max_crossing) !! block from 0, old, new, corner
+  real(c_double), intent(inout) :: crossing_r(4, max_crossing) !! step, t [s], u_x [m], p [N]
+  integer(c_int), intent(inout) :: burst_i(nx + 1, max_burst)  !! kind, contact states
+  real(c_double), intent(inout) :: burst_r(nx + 19, max_burst) !! step, t [s], a point, u_x [m], largest sum of speeds [m/s]
   real(c_double), intent(out) :: tried                       !! steps and sub-steps computed
   integer(c_int), intent(out) :: block                       !! where status is not done: block from 1, 0 for none
   real(c_double), intent(out) :: t_block                     !! and the time [s]
@@ -75,8 +86,9 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, n_columns, cou
   model = new_model(counts, numbers)
   if (.not. model%complete) return
   contact = contact_t(mode, corner, margin, loss, whole_memory(model%law, nx, memory))
-  budget = new_budget(model, dissipated, heat, parts(:, 1), parts(:, 2), work)
+  budget = new_budget(model, dissipated, radiated, heat, parts(:, 1), parts(:, 2), work)
   log = new_log(nx, max_switch, max_quiet, every, max_point)
+  if (threshold > 0) call watch_speeds(log, threshold, max_crossing, max_burst, fast, speeds)
   if (.not. (budget%complete .and. log%complete)) return
   method = method_t(new_table(stages, table), located == 1, rtol, t0, dt, n_steps, n_threads, keep_budget == 1)
   run%step = step(1)
@@ -90,8 +102,9 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, n_columns, cou
   status = run%status
   if (status == NO_MEMORY) return
   call save_contact(contact, mode, corner, margin, loss, memory)
-  call save_budget(budget, dissipated, heat, parts(:, 1), parts(:, 2), work)
+  call save_budget(budget, dissipated, radiated, heat, parts(:, 1), parts(:, 2), work)
   call save_log(log, n_log, switch_i, switch_r, quiet_i, quiet_r, points)
+  call save_speeds(log, fast, speeds, crossing_i, crossing_r, burst_i, burst_r)
 end subroutine advance
 
 !> All forces, accelerations and powers, with fixed contact states.
@@ -136,7 +149,7 @@ subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n
   dissipated = 0
   heat = 0
   work = 0
-  power = new_budget(model, dissipated, heat, heat, heat, work)
+  power = new_budget(model, dissipated, dissipated, heat, heat, heat, work)
   call all_forces(model, t, n_times, y, rod, mode, whole_memory(model%law, nx, memory), &
                   a, a_rod, f, p, f_t, power, status)
   dissipated = power%dissipated
@@ -145,8 +158,8 @@ subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n
 end subroutine evaluate
 
 !> A point of the loading curve.
-subroutine curve_point(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, y, rod, memory, dissipated, heat, loss, parts, &
-                       work, keep_budget, point, status)
+subroutine curve_point(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, y, rod, memory, dissipated, radiated, heat, &
+                       loss, parts, work, keep_budget, point, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: model_t, new_model
   use pyfric_law, only: whole_memory
@@ -167,12 +180,13 @@ subroutine curve_point(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t
   real(c_double), intent(in) :: rod(6)                       !! X, Z [m], phi [rad] and their rates
   real(c_double), intent(in) :: memory(n_memory, nx)         !! see pyfric_law
   real(c_double), intent(in) :: dissipated(nz)               !! bond dissipation [J]
+  real(c_double), intent(in) :: radiated(nz)                 !! of it by absorbing walls [J]
   real(c_double), intent(in) :: heat(nx)                     !! friction heat [J]
   real(c_double), intent(in) :: loss(nx)                     !! switching loss [J]
   real(c_double), intent(in) :: parts(nx, 2)                 !! of the heat, see `advance` [J]
   real(c_double), intent(in) :: work(2)                      !! driver, forces on the top [J]
   integer(c_int), intent(in) :: keep_budget                  !! 1: with the energy budget
-  real(c_double), intent(out) :: point(15)                   !! see pyfric_energy [N, J]
+  real(c_double), intent(out) :: point(16)                   !! see pyfric_energy [N, J]
   integer(c_int), intent(out) :: status                      !! see pyfric_status
   type(model_t) :: model
   type(budget_t) :: budget
@@ -182,7 +196,7 @@ subroutine curve_point(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t
   status = NO_MEMORY
   model = new_model(counts, numbers)
   complete = model%complete
-  if (complete) budget = new_budget(model, dissipated, heat, parts(:, 1), parts(:, 2), work)
+  if (complete) budget = new_budget(model, dissipated, radiated, heat, parts(:, 1), parts(:, 2), work)
   complete = complete .and. budget%complete
   call reserve(model, 4*nz, 1, state, complete)
   if (.not. complete) return

@@ -12,12 +12,12 @@ module pyfric_energy
   public :: curve_point, N_POINT
 
   integer, parameter :: N_ENERGY = 7             !! energies of a state
-  integer, parameter :: N_POINT = N_ENERGY + 8   !! numbers of a point of the loading curve
+  integer, parameter :: N_POINT = N_ENERGY + 9   !! numbers of a point of the loading curve
 
 contains
 
-  !> F_T [N], and with a budget energies, works of driver and load, and dissipations by bonds, friction, switches and the two
-  !> parts of friction heat [J].
+  !> F_T [N], and with a budget energies, works of driver and load, dissipations by bonds, friction, switches, the two parts of
+  !> friction heat, and what absorbing walls took of the first [J].
   pure function curve_point(s, t, y, rod, memory, keep_budget, budget, loss) result(point)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                                  !! time [s]
@@ -34,7 +34,7 @@ contains
     if (.not. keep_budget) return
     point(2:N_ENERGY + 1) = energies(s, t, y, rod, memory)
     point(N_ENERGY + 2:) = [budget%work, sum(budget%dissipated), mirror_sum(s%nx, budget%heat), mirror_sum(s%nx, loss), &
-                            mirror_sum(s%nx, budget%above), mirror_sum(s%nx, budget%viscous)]
+                            mirror_sum(s%nx, budget%above), mirror_sum(s%nx, budget%viscous), sum(budget%radiated)]
   end function curve_point
 
   !> Kinetic (blocks, rod) and elastic (bonds, foundation, mattress or k_top, driver spring, junctions) energies [J].

@@ -1,10 +1,14 @@
 !> The log of a run: switches of single blocks, the interface at each start and end of slip, and points of the loading curve.
+!>
+!> If a threshold is given, it also has the passages of single blocks through this speed, and the interface at each start and
+!> end of fast slip, which are bursts. They have the form of switches and of starts and ends of slip.
 module pyfric_log
   use pyfric_kinds, only: dp, ip
   use pyfric_energy, only: N_POINT
   implicit none (type, external)
   private
-  public :: log_t, new_log, save_log, log_switch, log_quiet, log_point, has_room
+  public :: log_t, new_log, watch_speeds, save_log, save_speeds, has_room
+  public :: log_switch, log_quiet, log_budget, log_speeds, log_burst, log_point
 
   type :: log_t
     integer :: n_switch = 0
@@ -13,10 +17,19 @@ module pyfric_log
     integer(ip), allocatable :: switch_i(:, :)    !! block from 0, old state, new state, corner
     real(dp), allocatable :: switch_r(:, :)       !! step, time [s], u_x [m], p [N]
     integer(ip), allocatable :: quiet_i(:, :)     !! +1 first slip or -1 last stick, then contact states
-    real(dp), allocatable :: quiet_r(:, :)        !! step, time [s], F_T [N], then u_x [m]
+    real(dp), allocatable :: quiet_r(:, :)        !! step, time [s], a point as of the loading curve, then u_x [m]
     integer :: every = 0                          !! steps between two points of the loading curve; 0: none
     integer :: n_point = 0
     real(dp), allocatable :: points(:, :)         !! after each multiple of `every` steps, see pyfric_energy
+    real(dp) :: threshold = 0.0_dp                !! speed above which a block is fast [m/s]; 0: none is looked for
+    integer :: n_crossing = 0
+    integer :: n_burst = 0
+    integer(ip), allocatable :: fast(:, :)        !! +1, -1 fast to the right, left, 0 not; 1: it began with almost no contact force
+    real(dp), allocatable :: speeds(:)            !! v_x at the end of the last step; largest sum of them in this burst [m/s]
+    integer(ip), allocatable :: crossing_i(:, :)  !! as switch_i
+    real(dp), allocatable :: crossing_r(:, :)     !! as switch_r
+    integer(ip), allocatable :: burst_i(:, :)     !! as quiet_i
+    real(dp), allocatable :: burst_r(:, :)        !! as quiet_r, and the largest sum [m/s]
   end type log_t
 
 contains
@@ -31,28 +44,67 @@ contains
     integer :: failed
 
     allocate (log%switch_i(4, switches), log%switch_r(4, switches), &
-              log%quiet_i(nx + 1, quiet), log%quiet_r(nx + 3, quiet), log%points(N_POINT, points), stat=failed)
+              log%quiet_i(nx + 1, quiet), log%quiet_r(nx + 2 + N_POINT, quiet), log%points(N_POINT, points), stat=failed)
     log%every = every
     log%complete = failed == 0
   end function new_log
 
+  !> Looks for blocks faster than a threshold from now on.
+  pure subroutine watch_speeds(log, threshold, crossings, bursts, fast, speeds)
+    type(log_t), intent(inout) :: log
+    real(dp), intent(in) :: threshold    !! [m/s]
+    integer, intent(in) :: crossings     !! room for passages of blocks
+    integer, intent(in) :: bursts        !! and for starts and ends of fast slip
+    integer(ip), intent(in) :: fast(:, :)  !! these: see log_t
+    real(dp), intent(in) :: speeds(:)
+    integer :: nx, failed
+
+    nx = size(fast, 1)
+    log%threshold = threshold
+    allocate (log%crossing_i(4, crossings), log%crossing_r(4, crossings), log%burst_i(nx + 1, bursts), &
+              log%burst_r(nx + 3 + N_POINT, bursts), log%fast(nx, 2), log%speeds(nx + 1), stat=failed)
+    log%complete = log%complete .and. failed == 0
+    if (failed /= 0) return
+    log%fast(:, :) = fast
+    log%speeds(:) = speeds
+  end subroutine watch_speeds
+
   !> The entries as the plain arrays that Python keeps.
   pure subroutine save_log(log, n_log, switch_i, switch_r, quiet_i, quiet_r, points)
     type(log_t), intent(in) :: log
-    integer(ip), intent(out) :: n_log(3)           !! switches, quiet transitions and points
+    integer(ip), intent(out) :: n_log(5)           !! switches, quiet transitions, points, crossings and bursts
     integer(ip), intent(inout) :: switch_i(:, :)   !! these: see log_t
     real(dp), intent(inout) :: switch_r(:, :)
     integer(ip), intent(inout) :: quiet_i(:, :)
     real(dp), intent(inout) :: quiet_r(:, :)
     real(dp), intent(inout) :: points(:, :)
 
-    n_log = [log%n_switch, log%n_quiet, log%n_point]
+    n_log = [log%n_switch, log%n_quiet, log%n_point, log%n_crossing, log%n_burst]
     switch_i(:, :n_log(1)) = log%switch_i(:, :n_log(1))
     switch_r(:, :n_log(1)) = log%switch_r(:, :n_log(1))
     quiet_i(:, :n_log(2)) = log%quiet_i(:, :n_log(2))
     quiet_r(:, :n_log(2)) = log%quiet_r(:, :n_log(2))
     points(:, :n_log(3)) = log%points(:, :n_log(3))
   end subroutine save_log
+
+  !> The same for fast slip.
+  pure subroutine save_speeds(log, fast, speeds, crossing_i, crossing_r, burst_i, burst_r)
+    type(log_t), intent(in) :: log
+    integer(ip), intent(inout) :: fast(:, :)       !! these: see log_t
+    real(dp), intent(inout) :: speeds(:)
+    integer(ip), intent(inout) :: crossing_i(:, :)
+    real(dp), intent(inout) :: crossing_r(:, :)
+    integer(ip), intent(inout) :: burst_i(:, :)
+    real(dp), intent(inout) :: burst_r(:, :)
+
+    if (.not. log%threshold > 0.0_dp) return
+    fast = log%fast
+    speeds = log%speeds
+    crossing_i(:, :log%n_crossing) = log%crossing_i(:, :log%n_crossing)
+    crossing_r(:, :log%n_crossing) = log%crossing_r(:, :log%n_crossing)
+    burst_i(:, :log%n_burst) = log%burst_i(:, :log%n_burst)
+    burst_r(:, :log%n_burst) = log%burst_r(:, :log%n_burst)
+  end subroutine save_speeds
 
   !> True if the log has room for so many more entries.
   pure function has_room(log, switches, quiet) result(yes)
@@ -63,6 +115,9 @@ contains
 
     yes = log%n_switch + switches <= size(log%switch_r, 2) .and. log%n_quiet + quiet <= size(log%quiet_r, 2) &
           .and. (log%every == 0 .or. log%n_point < size(log%points, 2))
+    if (yes .and. log%threshold > 0.0_dp) then
+      yes = log%n_crossing + size(log%fast, 1) <= size(log%crossing_r, 2) .and. log%n_burst < size(log%burst_r, 2)
+    end if
   end function has_room
 
   !> Logs a switch of block i.
@@ -105,6 +160,86 @@ contains
     log%quiet_i(1, log%n_quiet) = merge(1_ip, -1_ip, active)
     log%quiet_i(2:, log%n_quiet) = mode
     log%quiet_r(1:3, log%n_quiet) = [step, t, f_t]
-    log%quiet_r(4:, log%n_quiet) = u_x
+    log%quiet_r(4:2 + N_POINT, log%n_quiet) = 0.0_dp
+    log%quiet_r(3 + N_POINT:, log%n_quiet) = u_x
   end subroutine log_quiet
+
+  !> Adds the energies of a point to the starts and ends of slip after the first n, which were logged without them.
+  pure subroutine log_budget(log, n, point)
+    type(log_t), intent(inout) :: log
+    integer, intent(in) :: n
+    real(dp), intent(in) :: point(N_POINT)
+    integer :: k
+
+    do k = n + 1, log%n_quiet
+      log%quiet_r(4:2 + N_POINT, k) = point(2:)
+    end do
+  end subroutine log_budget
+
+  !> Logs the blocks that passed the threshold in a step. Their times are interpolated in it. Open blocks count as not fast.
+  pure subroutine log_speeds(log, mode, step, t, dt, v, u_x, p, p_corner, turned)
+    type(log_t), intent(inout) :: log
+    integer(ip), intent(in) :: mode(:)   !! contact states
+    real(dp), intent(in) :: step         !! steps made
+    real(dp), intent(in) :: t            !! time [s]
+    real(dp), intent(in) :: dt           !! step [s]
+    real(dp), intent(in) :: v(:)         !! velocities of the bottom row [m/s]
+    real(dp), intent(in) :: u_x(:)       !! its displacements [m]
+    real(dp), intent(in) :: p(:)         !! foundation forces [N]
+    real(dp), intent(in) :: p_corner     !! foundation force below which slip is corner slip [N]
+    logical, intent(out) :: turned       !! fast slip began or ended
+    integer(ip) :: old, new
+    integer :: i, nx
+    real(dp) :: back
+    logical :: was
+
+    nx = size(mode)
+    was = bursting(log)
+    do i = 1, nx
+      old = log%fast(i, 1)
+      new = 0_ip
+      if (abs(v(i)) > log%threshold .and. abs(mode(i)) <= 1) new = int(sign(1.0_dp, v(i)), ip)
+      if (new == old) cycle
+      back = 0.0_dp
+      if (old == 0 .and. abs(v(i)) > abs(log%speeds(i))) then
+        back = (abs(v(i)) - log%threshold)/(abs(v(i)) - abs(log%speeds(i)))
+      else if (new == 0 .and. abs(v(i)) < log%threshold) then
+        back = (log%threshold - abs(v(i)))/(abs(log%speeds(i)) - abs(v(i)))
+      end if
+      if (old == 0) log%fast(i, 2) = merge(1_ip, 0_ip, p(i) < p_corner)
+      log%fast(i, 1) = new
+      log%n_crossing = log%n_crossing + 1
+      log%crossing_i(:, log%n_crossing) = [int(i - 1, ip), old, new, log%fast(i, 2)]
+      log%crossing_r(:, log%n_crossing) = [step, t - min(max(back, 0.0_dp), 1.0_dp)*dt, u_x(i), p(i)]
+    end do
+    log%speeds(:nx) = v
+    if (was .or. bursting(log)) log%speeds(nx + 1) = max(log%speeds(nx + 1), abs(sum(v)))
+    turned = bursting(log) .neqv. was
+  end subroutine log_speeds
+
+  !> True while a block is fast, without corner slip.
+  pure function bursting(log) result(yes)
+    type(log_t), intent(in) :: log
+    logical :: yes
+
+    yes = any(log%fast(:, 1) /= 0 .and. log%fast(:, 2) == 0)
+  end function bursting
+
+  !> Logs that fast slip begins or ends.
+  pure subroutine log_burst(log, mode, step, t, point, u_x)
+    type(log_t), intent(inout) :: log
+    integer(ip), intent(in) :: mode(:)         !! contact states
+    real(dp), intent(in) :: step               !! steps made
+    real(dp), intent(in) :: t                  !! time [s]
+    real(dp), intent(in) :: point(N_POINT)     !! see pyfric_energy
+    real(dp), intent(in) :: u_x(:)             !! displacements of the bottom row [m]
+    integer :: nx
+
+    nx = size(mode)
+    log%n_burst = log%n_burst + 1
+    log%burst_i(1, log%n_burst) = merge(1_ip, -1_ip, bursting(log))
+    log%burst_i(2:, log%n_burst) = mode
+    log%burst_r(:, log%n_burst) = [step, t, point, u_x, log%speeds(nx + 1)]
+    if (.not. bursting(log)) log%speeds(nx + 1) = 0.0_dp
+  end subroutine log_burst
 end module pyfric_log

@@ -27,7 +27,8 @@ module pyfric_rows
   !> Works and dissipations since the start [J].
   type :: budget_t
     logical :: complete = .true.    !! there was enough memory
-    real(dp), allocatable :: dissipated(:)  !! in the bonds that start in each row
+    real(dp), allocatable :: dissipated(:)  !! in the bonds that start in each row, and by absorbing walls
+    real(dp), allocatable :: radiated(:)    !! of it by absorbing walls, in each row
     real(dp), allocatable :: heat(:)        !! by friction under each bottom block
     real(dp), allocatable :: above(:)       !! of it by what is above the kinetic strength; on junctions that of dragging
     real(dp), allocatable :: viscous(:)     !! of it by alpha; on junctions the work of their stiffness
@@ -53,15 +54,17 @@ contains
   end function new_row
 
   !> The works and dissipations as the plain arrays that Python keeps.
-  pure subroutine save_budget(budget, dissipated, heat, above, viscous, work)
+  pure subroutine save_budget(budget, dissipated, radiated, heat, above, viscous, work)
     type(budget_t), intent(in) :: budget
     real(dp), intent(out) :: dissipated(:)   !! these: see budget_t
+    real(dp), intent(out) :: radiated(:)
     real(dp), intent(out) :: heat(:)
     real(dp), intent(out) :: above(:)
     real(dp), intent(out) :: viscous(:)
     real(dp), intent(out) :: work(2)
 
     dissipated = budget%dissipated
+    radiated = budget%radiated
     heat = budget%heat
     above = budget%above
     viscous = budget%viscous
@@ -69,9 +72,10 @@ contains
   end subroutine save_budget
 
   !> The works and dissipations that Python passes.
-  pure function new_budget(s, dissipated, heat, above, viscous, work) result(budget)
+  pure function new_budget(s, dissipated, radiated, heat, above, viscous, work) result(budget)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: dissipated(:)   !! these: see budget_t
+    real(dp), intent(in) :: radiated(:)
     real(dp), intent(in) :: heat(:)
     real(dp), intent(in) :: above(:)
     real(dp), intent(in) :: viscous(:)
@@ -79,7 +83,7 @@ contains
     type(budget_t) :: budget
     integer :: failed
 
-    budget = budget_t(.true., dissipated, heat, above, viscous, work)
+    budget = budget_t(.true., dissipated, radiated, heat, above, viscous, work)
     if (s%j_h_top == s%j_h) return
     allocate (budget%driven(s%j_h:s%j_h_top), stat=failed)
     budget%complete = failed == 0
@@ -264,9 +268,14 @@ contains
     real(dp), intent(in) :: v_rod           !! Z' of the rod [m/s]
     type(row_t), intent(in) :: w
     type(budget_t), intent(inout) :: budget
+    real(dp) :: taken
 
     budget%dissipated(j) = budget%dissipated(j) + c*bond_power(s, j, q, up)
-    if (s%prescribed) budget%dissipated(j) = budget%dissipated(j) + c*absorbed(s, j, q)
+    if (s%prescribed) then
+      taken = absorbed(s, j, q)
+      budget%dissipated(j) = budget%dissipated(j) + c*taken
+      budget%radiated(j) = budget%radiated(j) + c*taken
+    end if
     if (j == 1) budget%heat = budget%heat - c*(w%f*q(s%at(:s%nx), VX))
     if (j == 1 .and. .not. s%law%simple) call parts_of_heat(s, c, mode, memory, q, w, budget)
     if (j >= s%j_h .and. j <= s%j_h_top) then

@@ -1,15 +1,16 @@
 !> Many steps, with contact states switched between or inside them, on one or more threads.
 module pyfric_stepping
   use pyfric_kinds, only: dp, ip
-  use pyfric_layout, only: LB, LANES
+  use pyfric_layout, only: UX, UZ, VX, LB, LANES
   use pyfric_model, only: model_t
   use pyfric_rows, only: budget_t, row_t, new_row, take_shared
   use pyfric_workspace, only: reserve, aligned, widen, narrow, RINGS, CARRY, BONDS, FX, FZ, COLUMNS, MAX_STAGES
   use pyfric_rk4, only: rk4_step, bottom_front, bottom_rows
   use pyfric_table_stepper, only: table_t, table_step
   use pyfric_contact, only: contact_t, switch_contacts
-  use pyfric_energy, only: curve_point
-  use pyfric_log, only: log_t, log_point, has_room
+  use pyfric_boundaries, only: foundation
+  use pyfric_energy, only: curve_point, N_POINT
+  use pyfric_log, only: log_t, log_point, log_budget, log_speeds, log_burst, has_room
   use pyfric_location, only: step_control_t, new_control, test_substep, complete_substep, max_switches, MAX_QUIET
   use pyfric_status, only: DONE, LOG_FULL, NO_MEMORY
 !$ use omp_lib, only: omp_get_thread_num, omp_get_num_threads
@@ -269,8 +270,10 @@ contains
     type(budget_t), intent(inout) :: budget
     type(log_t), intent(inout) :: log
     real(dp) :: next
+    integer :: n_quiet
 
     call take_shared(budget)
+    n_quiet = log%n_quiet
     run%tried = run%tried + merge(1.0_dp, run%tested_share, run%control%accepted)
     next = run%step + 1.0_dp
     if (run%no_substeps) then
@@ -290,7 +293,11 @@ contains
     if (run%control%finished) run%step = next
     run%t = method%t0 + run%step*method%dt
     if (.not. run%no_substeps) run%t = run%t + run%control%start
+    if (method%keep_budget .and. log%n_quiet > n_quiet) then
+      call log_budget(log, n_quiet, curve_point(s, run%t, new, rod, contact%memory, .true., budget, contact%loss))
+    end if
     if (.not. run%control%finished) return
+    if (log%threshold > 0.0_dp) call watch(s, method, run, new, rod, contact, budget, log)
     if (log%every > 0) then
       if (modulo(run%step, real(log%every, dp)) <= 0.0_dp) then
         call log_point(log, curve_point(s, run%t, new, rod, contact%memory, method%keep_budget, budget, contact%loss))
@@ -298,6 +305,27 @@ contains
     end if
     run%goes_on = run%step < run%end_step .and. log_has_room(s, method, log)
   end subroutine complete_step
+
+  !> Logs the blocks that passed the threshold of fast slip in a step, and the interface where fast slip begins or ends.
+  subroutine watch(s, method, run, y, rod, contact, budget, log)
+    type(model_t), intent(in) :: s
+    type(method_t), intent(in) :: method
+    type(run_t), intent(in) :: run
+    real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)         !! state at the end of the step
+    real(dp), intent(in) :: rod(6)                             !! rod at the end
+    type(contact_t), intent(in) :: contact
+    type(budget_t), intent(in) :: budget
+    type(log_t), intent(inout) :: log
+    real(dp) :: p(s%nx), point(N_POINT)
+    logical :: turned
+
+    call foundation(s, y(LB, UZ, 1), p)
+    call log_speeds(log, contact%mode, run%step, run%t, method%dt, y(s%at(:s%nx), VX, 1), y(s%at(:s%nx), UX, 1), p, s%p_corner, &
+                    turned)
+    if (.not. turned) return
+    point = curve_point(s, run%t, y, rod, contact%memory, method%keep_budget, budget, contact%loss)
+    call log_burst(log, contact%mode, run%step, run%t, point, y(s%at(:s%nx), UX, 1))
+  end subroutine watch
 
   !> True while one more step cannot overflow the log.
   pure function log_has_room(s, method, log) result(yes)

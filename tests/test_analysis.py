@@ -315,6 +315,24 @@ def test_friction_needs_sliding():
         analysis.friction_coefficients(made_up(events=EVENTS[:4]))
 
 
+def test_sliding_that_goes_on_has_the_peak_of_the_force():
+    """The last event, from 4 s on, has all blocks and no end; F_T of the curve falls from 5 s."""
+    events = (*EVENTS[:4], (11, 11, False, 150.0, np.nan))
+    going = made_up(events=events)
+    with pytest.raises(SceneError, match="still rises"):
+        analysis.friction_coefficients(going)
+    curve = going.curve
+    fallen = curve["F_T"].where(curve["t"] <= 5.0, 240.0)
+    fallen[curve["t"] < 2.0] += 500.0  # before it began
+    found = analysis.friction_coefficients(going.replace(curve=curve.assign(F_T=fallen)))
+    assert found.mu_s_macro == pytest.approx(0.3, rel=1e-12)  # of an event before
+    higher = curve["F_T"].where(curve["t"] <= 5.0, 240.0).where(curve["t"] < 4.0, lambda f: 2 * f)
+    found = analysis.friction_coefficients(going.replace(curve=curve.assign(F_T=higher)))
+    assert found.mu_s_macro == pytest.approx(0.5, rel=1e-12)
+    assert np.isnan(found.mu_k_macro)
+    assert found.R == pytest.approx(0.0, abs=1e-12)
+
+
 def test_points_on_steps_have_no_spread_and_noise_has_its_own():
     x = np.repeat([1.0, 2.0, 3.0, 4.0], 10)
     curve = analysis.collapse_spread(x, np.exp(x), bins=4)

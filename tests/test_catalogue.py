@@ -319,6 +319,16 @@ def test_main_events_have_four_blocks(n_slipped, is_main):
     assert run.catalogue().events["is_main"].item() is is_main
 
 
+@pytest.mark.parametrize(("n_slipped", "main"), [(2, False), (3, True)])
+def test_of_fewer_blocks_all_make_a_main_event(n_slipped, main):
+    """One mass as three blocks."""
+    scene = pyfric.preset("chain", L=5e-3)
+    run = Run(scene.N_x)
+    for i in range(n_slipped):
+        run.slip(i, 1 * MS, 2 * MS)
+    assert run.catalogue(scene).events["is_main"].item() is main
+
+
 # --- nucleation and sides ------------------------------------------------------------------------
 
 

@@ -200,18 +200,19 @@ def test_advice_changes_and_leaves_results_alone(constant, monkeypatch):
 
 
 EVENTS = {
-    "fig1": (0.9, 53, 50, 14),
-    "setup2": (0.5, 48, 48, 13),
-    "run3": (0.5, 38, 22, 5),
-    "chain": (0.5, 100, 100, 47),
+    "fig1": (0.9, (53, 53, 51), (53, 53, 53), 14),
+    "setup2": (0.5, (50, 48, 48), (49, 48, 48), 13),
+    "run3": (0.5, (38, 38, 33), (38, 38, 38), 5),
+    "chain": (0.5, (100, 100, 100), (100, 100, 100), 47),
 }
-"""Preset -> end of the run in s, events, events with twice `DRIVER_SHARE`, main events."""
+"""Preset -> end of the run in s, events with half, once and twice `DRIVER_SHARE` and `RING_DOWN`,
+main events."""
 
 
 @functools.cache
-def static(name, t_gap):
+def static(name):
     how = {"fidelity": "quasistatic", "geometry": "linear", "progress": False}
-    return pyfric.simulate(preset(name), EVENTS[name][0], t_gap=t_gap, **how)
+    return pyfric.simulate(preset(name), EVENTS[name][0], **how)
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.0, 2.0])
@@ -219,10 +220,10 @@ def static(name, t_gap):
 @pytest.mark.parametrize("name", EVENTS)
 def test_main_events_are_the_same_with_other_longest_pauses(name, constant, factor, monkeypatch):
     monkeypatch.setattr(pauses, constant, factor * getattr(pauses, constant))
-    events = static(name, pauses.longest_pause(preset(name))).events
-    _, shipped, doubled, main = EVENTS[name]
-    known = doubled if (constant, factor) == ("DRIVER_SHARE", 2.0) else shipped
-    assert (len(events), int(events["is_main"].sum())) == (known, main)
+    events = static(name).events(t_gap=pauses.longest_pause(preset(name)))
+    _, *known, main = EVENTS[name]
+    count = known[constant == "RING_DOWN"][[0.5, 1.0, 2.0].index(factor)]
+    assert (len(events), int(events["is_main"].sum())) == (count, main)
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.0, 2.0])
@@ -230,17 +231,18 @@ def test_main_events_are_the_same_with_other_longest_pauses(name, constant, fact
 @pytest.mark.parametrize("V", [2e-3, 2e-2])
 def test_waves_decide_the_longest_pause_of_a_fast_rod(V, constant, factor, monkeypatch):
     monkeypatch.setattr(pauses, constant, factor * getattr(pauses, constant))
-    assert pauses.longest_pause(rod(V=V)) == 1e-4
+    assert pauses.longest_pause(rod(V=V)) == pauses.pause_of_waves(rod(V=V))
 
 
 def test_a_fast_rod_has_other_events_with_other_pauses():
     found = {}
     for V, t_end in ((2e-3, 0.06), (2e-2, 0.02)):
-        for t_gap in (5e-5, 1e-4, 2e-4):
-            how = {"fidelity": "hybrid", "geometry": "linear", "progress": False, "t_gap": t_gap}
-            events = pyfric.simulate(rod(V=V), t_end, **how).events
-            found[V, t_gap] = len(events), int(events["is_main"].sum())
-    assert list(found.values()) == [(27, 6), (24, 6), (19, 6), (36, 25), (31, 22), (18, 11)]
+        how = {"fidelity": "hybrid", "geometry": "linear", "progress": False}
+        record = pyfric.simulate(rod(V=V), t_end, **how)
+        for factor in (0.5, 1, 2):
+            events = record.events(t_gap=factor * record.method.t_gap)
+            found[V, factor] = len(events), int(events["is_main"].sum())
+    assert list(found.values()) == [(25, 6), (20, 6), (18, 6), (34, 25), (28, 19), (7, 5)]
 
 
 def test_the_docs_list_them_all():

@@ -36,9 +36,11 @@ def test_the_table_is_read():
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row[0])
 def test_procedure_and_oracle_exist(row):
-    source, procedure = re.fullmatch(r"`(\w+\.f90):(\w+)`", row[1]).groups()
-    text = (ROOT / "fortran" / source).read_text(encoding="utf-8")
-    assert re.search(rf"^ *end (subroutine|function) {procedure}$", text, re.MULTILINE)
+    source, procedure = re.fullmatch(r"`(\w+\.f90|\w+/\w+\.py):(\w+)`", row[1]).groups()
+    python = source.endswith(".py")
+    text = (ROOT / ("pyfric" if python else "fortran") / source).read_text(encoding="utf-8")
+    begin = rf"^def {procedure}\(" if python else rf"^ *end (subroutine|function) {procedure}$"
+    assert re.search(begin, text, re.MULTILINE)
     file, test = re.fullmatch(r"(?:T: )?`(test_\w+\.py)::(test_\w+)`", row[2]).groups()
     text = (ROOT / "tests" / file).read_text(encoding="utf-8")
     assert re.search(rf"^def {test}\(", text, re.MULTILINE)

@@ -338,7 +338,7 @@ def test_progress_is_reported():
     seen = []
     simulate(small(), 2e-3, progress=seen.append)
     assert seen[-1].t >= 2e-3
-    assert seen[-1].t_end == pytest.approx(2e-3)
+    assert 0 <= seen[-1].t_end - 2e-3 < pyfric.step_size(small())  # the last step passes t_end
     assert seen[-1].events >= 1
     assert seen[-1].rate > 0
 

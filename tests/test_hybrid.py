@@ -107,7 +107,11 @@ SCENES = {
 
 @functools.cache
 def linear(name):
-    return both(*SCENES[name], "linear")
+    return both(*SCENES[name], "linear", **STEPS.get(name, {}))
+
+
+STEPS = {"rod, top driver": {"dt": 1.6e-6}}
+"""Steps with which a block reverses."""
 
 
 ASKING = {"free, light edge", "free, plate"}
@@ -183,7 +187,7 @@ def test_large_strains_are_full_dynamics():
     assert len(a.events) >= 5
     check_same_events(a, b, FORCE_FINITE)
     b = jump(scene, 0.037, geometry="finite", accuracy=1e-3, sample=0.05 / 400)
-    assert b.counts["jumps"] > 5
+    assert b.counts["jumps"] >= 5
     check_same_events(a, b, 1e-3)
 
 
@@ -245,9 +249,9 @@ def test_modes_that_do_not_fit_into_memory_are_found_again(monkeypatch):
 
 def test_an_event_that_nucleates_during_ring_down_is_caught():
     """Fig. 1, after the event at 0.5474 s: the next one comes while the slider still rings."""
-    scene = preset("fig1")
-    first = jump(scene, 0.546, geometry="linear")
-    options = {"initial": first.final_state, "geometry": "linear", "t_gap": 1e-5}
+    scene, how = preset("fig1"), {"dt": 7.8e-7}
+    first = jump(scene, 0.546, geometry="linear", **how)
+    options = {"initial": first.final_state, "geometry": "linear", "t_gap": 1e-5, **how}
     a, b = (engine(scene, 0.549, **options) for engine in (step, jump))
     pause = a.events["t_start"].to_numpy()[1:] - a.events["t_stop"].to_numpy()[:-1]
     assert (pause < 2e-4).any()

@@ -442,6 +442,7 @@ def test_breaks_are_located_because_step_ends_change_events():
     """At half the stability limit, events are those of a fourth of the step only if located."""
     scene = pyfric.preset("slow", L=0.03, H=0.015, t_R_std=0.0, V=0.01, n_s=20, F_N=411.0)
     how = {"fidelity": "dynamic", "geometry": "linear", "sample": 1e-4, "progress": False}
+    how["t_gap"] = 3e-4  # pauses are 0.23 ms and 1.35 ms
     dt = pyfric.step_size(scene)
     made = {
         (switching, share): pyfric.simulate(

@@ -219,7 +219,7 @@ def test_steps_follow_from_the_order_of_rk4():
     auto, error = step_size(scene), step_error(scene, "loading_curve", step_size(scene))
     longest = LONGEST * stability_limit(scene)[0]
     assert 0.9 * longest < first_step(scene, "loading_curve", 0.05) <= longest
-    for tolerance in (1e-5, 1e-9):  # rounded down to two digits
+    for tolerance in (1e-5, 1e-9):  # rounded down
         steps = (error / (SHARE * tolerance)) ** 0.25
         assert 0.9 * auto / steps < first_step(scene, "loading_curve", tolerance) <= auto / steps
     speeds = [first_step(scene, "front_speed", tolerance) for tolerance in (1e-3, 1e-3 / 16)]

@@ -803,7 +803,7 @@ def test_csv_holds_every_digit(tmp_path):
     read = {path.stem: pd.read_csv(path, engine="python") for path in paths}
     pd.testing.assert_frame_equal(read["curve"], original.curve, check_exact=True)
     pd.testing.assert_frame_equal(
-        read["events"].set_index("event"), original.events, check_exact=True
+        read["events"].set_index("event"), pd.DataFrame(original.events), check_exact=True
     )
     pd.testing.assert_frame_equal(
         read["episodes"], original.episodes, check_exact=True, check_dtype=False

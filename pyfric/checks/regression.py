@@ -158,9 +158,11 @@ def load(name: str, folder: str | os.PathLike[str] = INSTALLED) -> Reference:
 
 
 def _run(known: Reference, t_end: float, **how: Any) -> Record:
-    """Return a run of a set, in its geometry, with its samples."""
-    geometry, sample = known.about["geometry"], known.about["sample"] * known.about["dt"]
-    return simulate(known.scene, t_end, geometry=geometry, sample=sample, progress=False, **how)
+    """Return a run of a set, in its geometry, with its steps, samples and longest pause."""
+    about = known.about
+    how = {"dt": about["dt"], "t_gap": about["t_gap"], "geometry": about["geometry"], **how}
+    sample = about["sample"] * about["dt"]
+    return simulate(known.scene, t_end, sample=sample, progress=False, **how)
 
 
 def hybrid(
@@ -176,12 +178,13 @@ def dynamic(known: Reference, event: int) -> Record:
     about = known.events.loc[event]
     before = hybrid(known, about["t_start"] - BEFORE).final_state
     how = {"fidelity": "dynamic", "switching": "located", "energies": False, "threads": 1}
-    return _run(known, about["t_stop"] + AFTER, initial=before, dt=known.about["dt"], **how)
+    return _run(known, about["t_stop"] + AFTER, initial=before, **how)
 
 
 def quasistatic(known: Reference) -> Record:
     """Return the quasi-static run of a set, whose system-size event may come later."""
-    return simulate(known.scene, 1.2 * known.about["t_end"], fidelity="quasistatic", progress=False)
+    how = {"fidelity": "quasistatic", "t_gap": known.about["t_gap"], "progress": False}
+    return simulate(known.scene, 1.2 * known.about["t_end"], **how)
 
 
 # --- the three comparisons -----------------------------------------------------------------------

@@ -24,7 +24,7 @@ from pyfric.core.calls import (
     evaluate,
     slow_slip,
 )
-from pyfric.core.log import Log, Switching, room_of_step
+from pyfric.core.log import POINT, Log, Switching, room_of_step
 from pyfric.core.memory import available
 from pyfric.core.packing import (
     CORNER_SHARE,

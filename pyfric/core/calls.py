@@ -112,6 +112,7 @@ def advance(
         state.loss,
         state.numbers.T,
         state.dissipated,
+        state.radiated,
         state.heat,
         state.parts.T,
         state.work,
@@ -120,13 +121,20 @@ def advance(
         log.quiet_i,
         log.quiet_r,
         log.points,
+        log.threshold,
+        log.fast.T,
+        log.speeds,
+        log.crossing_i,
+        log.crossing_r,
+        log.burst_i,
+        log.burst_r,
     )
     _check_memory(status, state.y.shape)
     state.step, log.tried, log.block = int(step[0]), tried, block - 1
     state.drive = model.drive(state.t)
     if STEPPERS[stepper].adaptive:
         state.sub = float(sub[0])
-    log.n_switch, log.n_quiet, log.n_point = n_log.tolist()
+    log.n_switch, log.n_quiet, log.n_point, log.n_crossing, log.n_burst = n_log.tolist()
     return Status(status)
 
 
@@ -312,16 +320,17 @@ def bond_forces(scene: Scene, geometry: Geometry) -> Callable[[np.ndarray], np.n
 
 
 def curve_point(model: Model, state: State, t: float, budget: bool = True) -> np.ndarray:
-    """Return a point of the loading curve at time t (s), shape (15,).
+    """Return a point of the loading curve at time t (s), shape (16,).
 
-    It has F_T (N), seven energies, the works of driver and load, and what bonds, friction, switches
-    and the two parts of friction heat have dissipated (J). Without `budget` all but F_T are 0.
+    It has F_T (N), seven energies, the works of driver and load, what bonds, friction, switches and
+    the two parts of friction heat have dissipated, and the part of bonds that went into absorbing
+    walls (J). Without `budget` all but F_T are 0.
 
     Raises:
         ValueError: arrays do not fit the model.
     """
     state.check(model.N_x, n_memory=model.n_memory)
-    spent = state.dissipated, state.heat, state.loss, state.parts.T, state.work
+    spent = state.dissipated, state.radiated, state.heat, state.loss, state.parts.T, state.work
     motion = state.y.T, state.rod, state.numbers.T
     values, status = _core.curve_point(*model, t, *motion, *spent, int(budget))
     _check_memory(status, state.y.shape)

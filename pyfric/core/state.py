@@ -56,7 +56,8 @@ class State:
             structured array with the names of the law; `state.s_0` is `memory["s_0"]`.
         loss: kinetic energy removed when a switch stopped a block, shape (N_x,), in J. On
             junctions: heat of breaks and of pinning.
-        dissipated: heat of the bonds that start in each row, shape (N_z,), in J.
+        dissipated: heat of the bonds that start in each row and what absorbing walls take there,
+            shape (N_z,), in J.
         heat: friction heat under each block, shape (N_x,), in J.
         work: work of the driver, and of other external forces (load, shear, push), shape (2,), in
             J.
@@ -70,6 +71,7 @@ class State:
             junctions: heat of dragging, and work of changes of their stiffness. None means 0.
         spring: K (N/m) and direction of the driver, the lowest and the highest row that it pushes,
             shape (4,). None stands for zeros, which mean that the driver is not known.
+        radiated: part of `dissipated` that absorbing walls take, shape (N_z,), in J. None means 0.
         sub: longest sub-step that the error of the adaptive stepper allows, in s; 0 means dt.
 
     Laws given by tables have two state variables. t_0 (s) is the time at which the block stuck, or
@@ -99,12 +101,15 @@ class State:
     sub: float = 0.0
     parts: np.ndarray | None = None
     spring: np.ndarray | None = None
+    radiated: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if self.parts is None:
             self.parts = np.zeros((2, len(self.mode)))
         if self.spring is None:
             self.spring = np.zeros(4)
+        if self.radiated is None:
+            self.radiated = np.zeros(len(self.y))
 
     def __getattr__(self, name: str) -> np.ndarray:
         """Return a state variable of the law, as a view of `memory`."""
@@ -159,7 +164,7 @@ class State:
             KeyError: a value is missing.
         """
         own = {field.name for field in dataclasses.fields(cls)} - {"memory"}
-        own -= {"spring"} - values.keys()
+        own -= {"spring", "radiated"} - values.keys()
         law = {name: np.asarray(values[name]) for name in values if name not in own}
         types = [(name, float, value.shape[1:]) for name, value in law.items()]
         memory = np.empty(len(values["mode"]), types)
@@ -243,6 +248,7 @@ class State:
             ("loss", blocks, REAL),
             ("parts", (2, N_x), REAL),
             ("dissipated", (N_z,), REAL),
+            ("radiated", (N_z,), REAL),
             ("heat", blocks, REAL),
             ("work", (2,), REAL),
             ("spring", (4,), REAL),

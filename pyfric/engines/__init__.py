@@ -35,6 +35,7 @@ from pyfric.engines.options import (
     default_switching,
     kept,
     owned,
+    rounded_step,
     step_size,
 )
 from pyfric.engines.pauses import coarser, longest_pause, pause_notes, relaxation_time

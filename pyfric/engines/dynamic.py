@@ -40,6 +40,7 @@ from pyfric.engines.integration import (
 from pyfric.engines.options import owned
 from pyfric.record import (
     History,
+    LastSlip,
     Method,
     Record,
     build_catalogue,
@@ -92,12 +93,14 @@ def kept_notes(before: Record | None) -> tuple[str, ...]:
 
 
 class _Good(NamedTuple):
-    """A state that passed the checks of `Guard`, its model, counts, and a mark in the history."""
+    """A state that passed the checks of `Guard`, its model and counts, a mark in the history, and
+    what the log knows of speeds."""
 
     state: State
     model: core.Model
     made: dict[str, int]
     recorded: tuple[Any, ...]
+    fast: tuple[np.ndarray, np.ndarray]
 
 
 class Run:
@@ -128,9 +131,11 @@ class Run:
         self.most_steps = min(max(steps, 1), STEPS)
         self.guard = Guard(scene, self.model, method.geometry, solver.loaded)
         # The core samples the curve; motion and conditions need a call for each point.
-        alone = stopping is None and not scene.law.in_motion(state.memory)
+        self.moving = bool(method.threshold or scene.law.in_motion(state.memory))
+        alone = stopping is None and not self.moving
         self.every = method.sample if alone and method.sample <= MAX_CALL else 0
-        self.log = core.Log(scene.N_x, every=self.every)
+        self.before = before
+        self.log = self.new_log()
         self.t_begin = state.t
         self.history = History(self._columns())
         self.timings: dict[str, float] = {}
@@ -138,12 +143,11 @@ class Run:
         self.made = {"steps": 0, "block_evaluations": 0}  # counts of this run
         self.seconds, self.rate = 0.0, 0.0
         self.good: _Good | None = None  # a run that fails returns to it
-        self.before = before
         if before is None:
             self.sample()
         else:
             self.t_begin = before.curve["t"].iloc[0]
-            self._add_logs(before.switches, before.quiet)
+            self._add_logs({name: getattr(before, name) for name in self.logged})
             self.history.take(before, last=state.step % method.sample == 0 or self._at_corner())
 
     @classmethod
@@ -189,7 +193,30 @@ class Run:
         if self.method.budget:
             names += [*core.energies(self.model, self.state, self.state.t)]
             names += ["work_driver", "work_load", "dissipated_bonds", *self.scene.law.budget()]
+            names += ["radiated"] * self.scene.walls.absorb
         return names
+
+    @property
+    def logged(self) -> tuple[str, ...]:
+        """Names of the logs: those of contact, and of slip faster than a threshold."""
+        return ("switches", "quiet", *["crossings", "bursts"][: 2 * bool(self.method.threshold)])
+
+    def new_log(self, quiet: int | None = None) -> core.Log:
+        """Return empty logs of the core, with room for some starts and ends of slip."""
+        room = {} if quiet is None else {"quiet": quiet}
+        threshold, N_x = self.method.threshold or 0.0, self.scene.N_x
+        log = core.Log(N_x, every=self.every, threshold=threshold, **room)
+        if threshold:
+            v, closed = self.state.y[0, 2], self.state.mode != core.OPEN
+            log.speeds[:N_x] = v
+            log.fast[0] = np.where(closed & (np.abs(v) > threshold), np.sign(v), 0)
+            if self.before is not None and len(self.before.crossings):
+                known = self.before.crossings
+                log.fast[1, known["block"]] = known["corner"]  # the last one of a block counts
+                begun = self.before.bursts["t"][self.before.bursts["kind"] > 0].max(initial=0.0)
+                sums = self.before.motion["v_x"][self.before.curve["t"] >= begun].sum(axis=1)
+                log.speeds[N_x] = np.abs(sums).max(initial=0.0) * log.fast[0].any()
+        return log
 
     def sample(self) -> None:
         """Add the present state to the loading curve."""
@@ -197,10 +224,10 @@ class Run:
         self._follow(just_after(state))
         point = core.curve_point(self.model, state, state.t, self.method.budget)
         self._add_points(state.t, point[:, None])
-        if motion := scene.law.in_motion(state.memory):
+        if self.moving:
             f = core.evaluate(self.model, state, state.t).f
-            motion |= {"u_x": state.y[0, 0].copy(), "v_x": state.y[0, 2], "f": f}
-            self.add_motion(motion)
+            motion = {"u_x": state.y[0, 0].copy(), "v_x": state.y[0, 2], "f": f}
+            self.add_motion(scene.law.in_motion(state.memory) | motion)
 
     def add_motion(self, motion: Mapping[str, np.ndarray]) -> None:
         """Add quantities of the interface in motion at the last point of the curve, (N_x,) each."""
@@ -208,15 +235,19 @@ class Run:
         self.history.motion.append({k: v.astype(types[k].dtype) for k, v in motion.items()})
 
     def _add_points(self, t: float | np.ndarray, points: np.ndarray) -> None:
-        """Add n points of the loading curve of the core, shape (15, n), at times t (s)."""
-        F_T, *energies = points[:8]
-        *before, heat, loss, above, viscous = points[8:]
-        columns = [F_T]
-        if self.method.budget:
-            del energies[6 + self.model.on_junctions :]
-            interface = self.scene.law.budget(heat, loss, (above, viscous))
-            columns += [*energies, *before, *interface.values()]
-        self.history.add(np.column_stack([np.broadcast_to(t, len(F_T)), *columns]))
+        """Add n points of the loading curve of the core, shape (16, n), at times t (s)."""
+        columns = np.broadcast_to(t, points.shape[1]), points[0], *self._budget_columns(points)
+        self.history.add(np.column_stack(columns))
+
+    def _budget_columns(self, points: np.ndarray) -> list[np.ndarray]:
+        """Return the columns of the energy budget from points of the core, shape (16, n)."""
+        if not self.method.budget:
+            return []
+        energies = points[1 : 7 + self.model.on_junctions]
+        *before, heat, loss, above, viscous, radiated = points[8:]
+        interface = self.scene.law.budget(heat, loss, (above, viscous))
+        columns = [*energies, *before, *interface.values()]
+        return [*columns, radiated] if self.scene.walls.absorb else columns
 
     def advance(
         self,
@@ -341,8 +372,8 @@ class Run:
         """
         if self.good is None:
             self._follow(just_after(self.state))  # a jump may have passed a breakpoint
-            mark = self.history.mark()
-            self.good = _Good(self.state.copy(), self.model, self.made.copy(), mark)
+            mark, fast = self.history.mark(), (self.log.fast.copy(), self.log.speeds.copy())
+            self.good = _Good(self.state.copy(), self.model, self.made.copy(), mark, fast)
         self._make(n_steps)
         self._look(self.state.step - self.good.state.step >= STEPS)
 
@@ -367,8 +398,13 @@ class Run:
             self._add_points(times, self.log.points[:, : self.log.n_point])
         if state.step % self.method.sample and self._at_corner():
             self.sample()
-        if self.log.n_switch or self.log.n_quiet:
-            self._add_logs(self.log.switches(), self.log.quiet())
+        log = self.log
+        if log.n_switch or log.n_quiet or log.n_crossing:
+            logs = {name: getattr(log, name)() for name in self.logged}
+            for name in self.logged[1::2]:
+                spent = self._budget_columns(log.points_of(name))
+                logs[name] |= dict(zip(self.history.names[2:], spent, strict=True))
+            self._add_logs(logs)
 
     def _look(self, due: bool) -> None:
         """Raise RunError if the state fails a check; energy and lattice are checked if due."""
@@ -379,10 +415,9 @@ class Run:
         if due:
             self.good = None
 
-    def _add_logs(
-        self, switches: Mapping[str, np.ndarray], quiet: Mapping[str, np.ndarray]
-    ) -> None:
-        self.history.log(switches, quiet)
+    def _add_logs(self, logs: Mapping[str, Mapping[str, np.ndarray]]) -> None:
+        self.history.log(**logs)
+        switches, quiet = (logs[name] for name in self.logged[-2:])
         if self.stopping is not None:
             self.stopping.take(switches, quiet)
         for t, kind in zip(quiet["t"], quiet["kind"], strict=True):
@@ -421,6 +456,7 @@ class Run:
         """Restore the last good state and logs, and repeat the steps up to number `step`."""
         self.history.back(self.good.recorded)
         self.made.update(self.good.made)
+        self.log.fast[:], self.log.speeds[:] = self.good.fast
         self.state, every = self.good.state.copy(), self.method.sample
         while self.state.step < step:
             end = step if self.every else min(step, (self.state.step // every + 1) * every)
@@ -428,9 +464,10 @@ class Run:
             if self.state.step % every == 0 and not self.every:
                 self.sample()
 
-    def catalogue(self) -> tuple[Catalogue, dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """Return the catalogue of events so far, and the two logs."""
-        switches, quiet = self.history.logs(self.scene.N_x)
+    def catalogue(self) -> tuple[Catalogue, dict[str, dict[str, np.ndarray]]]:
+        """Return the catalogue of events so far, and the logs."""
+        logs = self.history.logs(self.scene.N_x, *self.logged[2:])
+        switches, quiet = (logs[name] for name in self.logged[-2:])
         catalogue = build_catalogue(
             switches,
             quiet,
@@ -438,23 +475,23 @@ class Run:
             t_gap=self.method.t_gap,
             t_begin=self.t_begin,
             t_end=self.state.t,
-            last=self.state,
+            last=LastSlip(*self.log.fast) if self.method.threshold else self.state,
             solver=self.solver if self.scene.has_rests else None,
         )
-        return catalogue, switches, quiet
+        return catalogue, logs
 
     def record(self, status: str, *, late: bool = True) -> Record:
         """Return the record of the run so far; `late` adds columns of events that take long."""
         state, scene, method = self.state, self.scene, self.method
         start = time.perf_counter()
-        catalogue, switches, quiet = self.catalogue()
+        catalogue, logs = self.catalogue()
         history, n = self.history, self.history.n
         if history.last[0] != state.t:
             self.sample()
         state.drive = scene.drive(state.t)
         curve, notes = history.curve(), self.notes() + zone_notes(scene, self.name, catalogue)
         notes += chain_notes(scene, self.name, catalogue)
-        notes += contact_notes(scene, self.name, switches, state.mode)
+        notes += contact_notes(scene, self.name, logs["switches"], state.mode)
         motion = history.arrays()
         history.cut(n)
         timings = self.timings | {"catalogue": time.perf_counter() - start}
@@ -470,8 +507,7 @@ class Run:
             curve=curve,
             tau_initial=self.known.loaded.tau,
             p_initial=self.known.loaded.p,
-            quiet=quiet,
-            switches=switches,
+            **logs,
             motion=motion,
             versions=versions(),
             timings=timings,

@@ -238,7 +238,7 @@ class HybridRun(Run):
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         _, quiet = core.room_of_step(self.scene.N_x, self.method.switching)
-        self.log = core.Log(self.scene.N_x, quiet=quiet, every=self.every)
+        self.log = self.new_log(quiet)
         self.accuracy = self.method.accuracy * self.scene.F_N / AMPLIFIED  # of one jump, N
         counted = "jumps", "steps_spared", "attempts", "landings", "slides", "modal_bases"
         self.made |= dict.fromkeys(counted, 0)
@@ -435,6 +435,18 @@ class HybridRun(Run):
         moved = landing.jump.u_h(s) - np.mean(self.state.u_drv0)
         stretch = outside.drive_at(s) - scene.d * moved
         self.history.add(np.column_stack([t, scene.driver.K * stretch]))
+        self._sample_motion(s, landing)
+
+    def _sample_motion(self, s: np.ndarray, landing: Landing) -> None:
+        """Add the motion at times s (s) in a jump, linear between its ends; f is not known."""
+        if not self.moving:
+            return
+        begin, lasts = self.state.y[0, 0].copy(), landing.n * self.state.dt
+        moves, end = self.state.mode != STUCK, self.known.displacements(landing.q)[0][0, 0]
+        v = np.where(moves, end - begin, 0.0) / lasts if len(s) else begin
+        for after in s:
+            unknown = np.full(len(begin), np.nan)
+            self.add_motion({"u_x": begin + v * after, "v_x": v, "f": unknown})
 
     def _land(self, landing: Landing, space: Space) -> None:
         """Set the state to the end of a jump."""
@@ -452,6 +464,7 @@ class HybridRun(Run):
         state.y[:, 2:], state.rod[3:] = known.displacements(v)
         state.y[0, 0, held], state.y[0, 2, held] = u_x[held], 0.0
         state.step += n
+        self.log.speeds[:-1] = state.y[0, 2]
         self.good = None
         self.made["jumps"] += 1
         self.made["steps_spared"] += n

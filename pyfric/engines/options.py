@@ -39,6 +39,7 @@ from pyfric.scene import (
     Quantity,
     SceneError,
     annotations,
+    as_scene,
     check_geometry,
     check_number,
     condition,
@@ -56,11 +57,16 @@ if TYPE_CHECKING:
     from pyfric.scene import Number, Scene, SceneLike
 
 AUTO_SHARE = 0.5
-"""dt = "auto" is this share of the stability limit, rounded down to two digits.
+"""dt = "auto" is this share of the stability limit, rounded down to `DIGITS` digits as a multiple
+of sqrt(m/k): so it hangs neither on units nor on the last bits of the limit.
 
 In the Fig. 1 scene with switches at step ends, the main precursors up to 0.9 s then keep their
 order. Their forces are those of the paper's step, an eighth of the limit, within 8e-4 F_N. The
 difference is proportional to the step, and far smaller with located switches."""
+DIGITS = 3
+"""Digits of dt = "auto" over sqrt(m/k)."""
+ALMOST = 1e-9
+"""A last digit that lacks less than this is reached: rounding."""
 RTOL = 1e-6
 """Default of rtol. The error of rupture times of a short front is then 2e-11 s, with located
 switching; 1e-3 makes it 7e-9 s for 1.3 times less work."""
@@ -103,6 +109,7 @@ class Keywords(TypedDict, total=False):
     energies: bool | None
     sample: Number | None
     t_gap: Number | None
+    threshold: Number | None
     stop_when: str | Sequence[str] | None
     threads: int | None
     checkpoint: str | os.PathLike[str] | None
@@ -242,8 +249,17 @@ class Options:
         None,
         "run",
         """longest pause inside an event, in s. See `pyfric.engines.pauses`.""",
-        unless="a value derived from the scene, 1 ms in scenes of the paper",
+        unless="a value derived from the scene, 1 ms in both setups of the paper",
         kept=lambda method: method.t_gap,
+    )
+    threshold: Annotated[float | None, Positive("m/s", optional=True)] = option(
+        None,
+        "steps",
+        """slip rate above which a block makes events, in m/s, such as "1 mm/s". It is looked at in
+        every step, and the motion of the interface is kept at the points of the curve.
+        See `pyfric.record.rates`.""",
+        unless="that blocks which slip make events, or are faster than v_slip of their law",
+        kept=lambda method: method.threshold,
     )
     stop_when: Annotated[str | tuple[str, ...] | None, Ends()] = option(
         None,
@@ -353,7 +369,7 @@ class Options:
 
     def calls_on(self, scene: Scene) -> int:
         """Return the number of calls of the core that points of the loading curve need."""
-        return POINTS if self.stop_when or scene.law.junctions else 0
+        return POINTS if self.stop_when or self.threshold or scene.law.junctions else 0
 
     def settled(self, scene: Scene, engine: Engine, t_begin: float, t_end: float) -> Method:
         """Return the method of an engine with time steps for a run between two times, in s.
@@ -383,6 +399,7 @@ class Options:
             variant=core.VARIANT,
             budget=engine.energies if self.energies is None else self.energies,
             accuracy=(self.accuracy or ACCURACY) if engine.jumps else None,
+            threshold=self.threshold,
         )
 
 
@@ -457,9 +474,9 @@ def step_size(
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
-        dt: step in s, or "auto" for `AUTO_SHARE` of the limit, rounded down to two digits. For the
-            stepper "adaptive", which makes sub-steps inside dt, any dt is allowed, and "auto" uses
-            the limit of RK4.
+        dt: step in s, or "auto" for `AUTO_SHARE` of the limit, rounded down to three digits over
+            sqrt(m/k). For the stepper "adaptive", which makes sub-steps inside dt, any dt is
+            allowed, and "auto" uses the limit of RK4.
         stepper: the stepper.
 
     Raises:
@@ -467,13 +484,20 @@ def step_size(
     """
     limit, _ = stability_limit(scene, stepper)
     if is_auto(dt):
-        digit = 10.0 ** (math.floor(math.log10(AUTO_SHARE * limit)) - 1)
-        return float(f"{math.floor(AUTO_SHARE * limit / digit) * digit:.1e}")
+        return rounded_step(as_scene(scene), AUTO_SHARE * limit)
     dt = check_number("dt", dt, "s", gt=0.0, note=", or 'auto'")
     if not STEPPERS[stepper].adaptive and dt > limit:
         allowed = f"0 < dt <= {limit:.4g} s, the stability limit of {stepper} for this scene"
         raise SceneError("dt", dt, "s", allowed, "unstable")
     return dt
+
+
+def rounded_step(scene: Scene, dt: float) -> float:
+    """Return a step (s) rounded down to `DIGITS` digits over sqrt(m/k)."""
+    unit = math.sqrt(scene.m / scene.slider.k)
+    times = dt / unit * (1 + ALMOST)
+    places = DIGITS - 1 - math.floor(math.log10(times))
+    return math.floor(times * 10.0**places) / 10.0**places * unit
 
 
 def _check_located(scene: Scene, stepper: str, dt: float) -> None:

@@ -11,9 +11,9 @@ ring-down   `RING_DOWN` relaxation times of the slow motion after an event
 transit     time of a shear wave to cross the interface three times; a shorter pause can be a
             front that waits for a wave from the other end
 
-t_gap is the shorter one of the first two times, but at least the third. It is rounded to 1 or 3
-times a power of ten, and is 1 ms in all scenes of the paper. If the driver never moves, it starts
-no other event, and t_gap is the third time.
+t_gap is the shorter one of the first two times, but at least the third. It is 1 ms in the paper's
+scenes of both setups at their F_N and V. If the driver never moves, it starts no other event, and
+t_gap is the third time.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Scene
 
-DRIVER_SHARE, RING_DOWN = 1.2e-3, 4.0
+DRIVER_SHARE, RING_DOWN = 0.9e-3, 4.0
 """Fitted to the paper's scenes; `docs/explanation/numbers.md` says what they change."""
 SLOWEST = 10
 """Undamped modes in which the slowest decay is sought; the slowest waves have it."""
@@ -55,18 +55,12 @@ def longest_pause(scene: Scene) -> float:
     """
     driver, transits = scene.driver, pause_of_waves(scene)
     if driver.K * driver.fastest == 0:
-        return _rounded(transits)
+        return transits
     loading = DRIVER_SHARE * scene.F_N / (driver.K * driver.fastest)
     if loading <= transits or scene.N_z == 1:
-        return _rounded(max(loading, transits))
+        return max(loading, transits)
     ringing = RING_DOWN * relaxation_time(scene)
-    return _rounded(max(min(loading, ringing), transits))
-
-
-def _rounded(t: float) -> float:
-    """Return the value nearest in ratio among 1 and 3 times the powers of ten."""
-    halves = round(2 * math.log10(t))
-    return float(f"{'13'[halves % 2]}e{halves // 2}")
+    return max(min(loading, ringing), transits)
 
 
 def pause_notes(record: Record) -> tuple[str, ...]:
@@ -76,7 +70,7 @@ def pause_notes(record: Record) -> tuple[str, ...]:
     """
     t_gap = record.method.t_gap
     half, default, twice = (
-        count_main(record.episodes, factor * t_gap) for factor in (0.5, 1.0, 2.0)
+        count_main(record.episodes, factor * t_gap, record.scene.N_x) for factor in (0.5, 1.0, 2.0)
     )
     if max(abs(half - default), abs(twice - default)) <= 1:
         return ()

@@ -107,7 +107,7 @@ class QuasistaticRun:
         self.mode = np.where(self.contact.closed, STUCK, OPEN).astype(np.int32)  # as logged
         self.corner, self.p_corner = np.zeros(scene.N_x, bool), CORNER_SHARE * scene.F_N / scene.N_x
         self.slips, self.changes, self.starts, self.events, self.releases = False, 0, 0, 0, 0
-        _, self.nothing = self.history.logs(scene.N_x)  # columns of an empty log
+        self.nothing = self.history.logs(scene.N_x)["quiet"]  # columns of an empty log
         self.switches: list[tuple[Any, ...]] = []  # rows of both logs that the history lacks
         self.quiet: list[tuple[Any, ...]] = []
         self.stretch = Stretch(scene.legs(0.0)[0], self.drive_0)  # the present part
@@ -160,7 +160,7 @@ class QuasistaticRun:
             return
         switches = _columns(self.switches, SWITCH_COLUMNS)
         quiet = _columns(self.quiet, QUIET_COLUMNS) if self.quiet else self.nothing
-        self.history.log(switches, quiet)
+        self.history.log(switches=switches, quiet=quiet)
         if self.stopping is not None:
             self.stopping.take(switches, quiet)
         self.switches, self.quiet = [], []
@@ -323,11 +323,10 @@ class QuasistaticRun:
         start = time.perf_counter()
         scene = self.scene
         self.pass_on()
-        switches, quiet = self.history.logs(scene.N_x)
+        logs = self.history.logs(scene.N_x)
         catalogue = build_catalogue(
-            switches,
-            quiet,
-            scene,
+            **logs,
+            scene=scene,
             t_gap=self.t_gap,
             t_end=max(self.history.last[0], self.t_quiet),
             solver=self.problem,
@@ -341,7 +340,7 @@ class QuasistaticRun:
         warned = strain_notes(scene, engine, F_T, t_end)
         if engine == "quasistatic":  # V does not matter to a prediction
             warned += loading_notes(scene, engine) + zone_notes(scene, engine, catalogue)
-            warned += contact_notes(scene, engine, switches)
+            warned += contact_notes(scene, engine, logs["switches"])
         return Record.from_catalogue(
             catalogue,
             scene=scene,
@@ -349,8 +348,7 @@ class QuasistaticRun:
             curve=curve,
             tau_initial=-scene.d * f,
             p_initial=p,
-            quiet=quiet,
-            switches=switches,
+            **logs,
             versions=versions(),
             timings=self.timings | {"catalogue": time.perf_counter() - start},
             counts=self.counts,

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pyfric.core import OPEN
-from pyfric.record import MAIN_EVENT_BLOCKS, build_catalogue, creeps_to_rest, parts
+from pyfric.record import build_catalogue, creeps_to_rest, main_blocks, parts
 from pyfric.scene import condition
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def precursors(seen: Stopping, n: float) -> float:
 
 @holds
 def main_events(seen: Stopping, n: float) -> float:
-    """The n-th main event has ended: at least four blocks slipped."""
+    """The n-th main event has ended: at least four blocks slipped, or all of fewer."""
     return seen.ended("is_main", n)
 
 
@@ -273,7 +273,7 @@ class Stopping:
         Each later one may count, but the present one only if it can have ended as a main event.
         """
         known, wanted = self._settled.get(which, (0, 0))
-        present = not self.slips and int(self.region.sum()) >= MAIN_EVENT_BLOCKS
+        present = not self.slips and int(self.region.sum()) >= main_blocks(self.scene.N_x)
         return wanted + max(self.begun - known - 1, 0) + present
 
     def quiet(self, t: float) -> float:

@@ -11,6 +11,7 @@ from pyfric.figures.interface import fig3a, fig3b, fig4a, fig4b
 from pyfric.figures.lengths import fig2a, fig2b
 from pyfric.figures.loading import fig1b, figure_caption, slip_segments
 from pyfric.figures.phases import phase_map
+from pyfric.figures.sizes import size_figure
 from pyfric.figures.sketch import sketch
 from pyfric.figures.spacetime import space_time
 from pyfric.figures.strip import event_movie, event_strip, has_ffmpeg
@@ -38,6 +39,7 @@ __all__ = [
     "phase_map",
     "record_page",
     "save_figure",
+    "size_figure",
     "sketch",
     "slip_segments",
     "space_time",

@@ -27,15 +27,15 @@ from pyfric.figures.style import (
     single,
     time_unit,
 )
-from pyfric.record import MAIN_EVENT_BLOCKS, Record, analysis, numbered
+from pyfric.record import Record, analysis, main_blocks, numbered
 
 CURVE_BINS = 2000
 """Columns of the loading curve's envelope: about two per pixel at column width."""
 
 KINDS = {
     "whole": ("whole interface", VERMILION, 1.5, 3),
-    "partial": (f"partial, {MAIN_EVENT_BLOCKS} blocks or more", BLUE, 1.5, 2),
-    "micro": ("micro-slip, fewer blocks", GREY, 0.6, 1),
+    "partial": ("partial", BLUE, 1.5, 2),
+    "micro": ("micro-slip", GREY, 0.6, 1),
 }
 """Kind of event -> legend text, colour, line width (pt), drawing order."""
 
@@ -139,7 +139,7 @@ def figure_caption(record: Record) -> str:
         *([numbered(open_at_end, "unfinished main event")] if open_at_end else []),
         *([f"{numbered(interior, 'main event')} away from the trailing edge"] if interior else []),
         f"{numbered(len(events) - int(main.sum()), 'micro-slip')} of fewer than "
-        f"{MAIN_EVENT_BLOCKS} blocks",
+        f"{main_blocks(record.scene.N_x)} blocks",
     ]
     what = (
         "Loading curve F_T/F_N (a) and slipping regions of all events over x/L, from the "

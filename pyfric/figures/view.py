@@ -27,7 +27,7 @@ from pyfric.figures.loading import (
 )
 from pyfric.figures.sketch import sketch
 from pyfric.figures.style import DataFigure
-from pyfric.record import GROUPS, MAIN_EVENT_BLOCKS, Record, held_in, summary
+from pyfric.record import GROUPS, Record, held_in, main_blocks, summary
 from pyfric.scene import Scene
 from pyfric.sweeps import Sweep
 
@@ -70,7 +70,7 @@ def record_page(record: Record) -> str:
         "scene_lines": repr(record.scene).splitlines(),
         "rows": rows,
         "kinds": {kind: (label, colour) for kind, (label, colour, *_) in KINDS.items()},
-        "micro_blocks": MAIN_EVENT_BLOCKS,
+        "micro_blocks": main_blocks(record.scene.N_x),
         "left_out": len(record.events) - len(kept),
         "columns": [held_in("events")[name] for name in record.events],
         "holds": [what for group in GROUPS for what in held_in(group).values()],

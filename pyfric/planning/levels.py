@@ -35,6 +35,7 @@ from pyfric.engines import (
     Options,
     default_switching,
     largest_strain,
+    rounded_step,
     step_size,
 )
 from pyfric.scene import default_geometry
@@ -105,7 +106,7 @@ class Level:
         for name in ("switching", "accuracy", "rtol"):
             how[name] = getattr(self, name)
         if self.dt is None:
-            return dataclasses.replace(asked, **how, sample=None, energies=None)
+            return dataclasses.replace(asked, **how, sample=None, energies=None, threshold=None)
         return dataclasses.replace(asked, **how, energies=bool(asked.energies))
 
 
@@ -259,8 +260,7 @@ def longest_step(scene: Scene, options: Options) -> float:
     dt = min(dt, LONGEST * stability_limit(scene)[0])
     if scene.resolving_step >= dt / 2**HALVED:
         dt = min(dt, scene.resolving_step)
-    digit = 10.0 ** (math.floor(math.log10(dt)) - 1)
-    return float(f"{math.floor(dt / digit) * digit:.1e}")
+    return rounded_step(scene, dt)
 
 
 def step_error(scene: Scene, want: Want, dt: float) -> float:

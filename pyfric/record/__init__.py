@@ -14,15 +14,16 @@ from pyfric.record.analysis import (
     stress_profile,
     system_size_events,
 )
+from pyfric.record.balance import extent, potency_history
 from pyfric.record.catalogue import (
-    MAIN_EVENT_BLOCKS,
     Catalogue,
     build_catalogue,
     count_main,
+    main_blocks,
     parts,
 )
 from pyfric.record.classes import SLOW, creeps_to_rest
-from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS
+from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS, LastSlip
 from pyfric.record.errors import Differences, differences, statistics
 from pyfric.record.held import GROUPS, RecordError, block_array, event_column, held_in
 from pyfric.record.history import History
@@ -30,6 +31,7 @@ from pyfric.record.measured import Errors
 from pyfric.record.method import T_GAP, Method, provenance, versions
 from pyfric.record.pairing import paired
 from pyfric.record.record import Record, load
+from pyfric.record.recurrence import Sizes, b_value, sizes
 from pyfric.record.report import numbered, summary, text
 from pyfric.record.rupture import front_speed
 from pyfric.record.zones import (

@@ -23,8 +23,10 @@ import pandas as pd
 import scipy
 from numpy.typing import ArrayLike
 
+from pyfric.record.balance import extent, potency_history
 from pyfric.record.data import RecordData
 from pyfric.record.growth import energy_release, griffith_length, nucleations
+from pyfric.record.recurrence import Sizes, b_value, sizes
 from pyfric.record.rupture import front_speed
 from pyfric.scene import Scene, SceneError, check_number, check_whole
 
@@ -32,19 +34,24 @@ __all__ = [
     "Beside",
     "Collapse",
     "FrictionCoefficients",
+    "Sizes",
+    "b_value",
     "budget_error",
     "budget_left",
     "collapse_spread",
     "compare_curve",
     "energy_release",
+    "extent",
     "friction_coefficients",
     "front",
     "fronts",
     "griffith_length",
     "mean_force",
     "nucleations",
+    "potency_history",
     "precursor_lengths",
     "precursors",
+    "sizes",
     "stress_profile",
     "system_size_events",
 ]
@@ -120,7 +127,8 @@ class FrictionCoefficients(NamedTuple):
     """Friction of the slider as a whole.
 
     Attributes:
-        mu_s_macro: the largest static (F_T + T)/F_N at which an event started, with the loads then.
+        mu_s_macro: the largest static (F_T + T)/F_N at which an event started, with the loads then,
+            or its peak in sliding that goes on.
         mu_k_macro: mean F_T + T over mean F_N over whole stick-slip cycles; NaN with fewer than two
             system-size events, or if the driver moves back between them.
         R: (mu_s_macro - mu_k)/(mu_s - mu_k): 0 if mu_k alone limits the force, 1 if mu_s does;
@@ -382,23 +390,20 @@ def _check_measured(t: np.ndarray, F_T: np.ndarray) -> None:
 def friction_coefficients(record: RecordData) -> FrictionCoefficients:
     """Return the friction coefficients of the slider as a whole.
 
-    The friction force is that of the driver and the shear force T together.
+    The friction force is that of the driver and the shear force T together. In a first system-size
+    event that is not finished, the largest one is the peak of the curve, which has to be passed.
 
     Args:
-        record: a run that reaches a system-size event.
+        record: a run in which all blocks slip in one event.
 
     Raises:
-        SceneError: the run ended before a system-size event, so that its largest force says
+        SceneError: the run ended before, or before the peak, so that its largest force says
             nothing.
     """
-    sliding = system_size_events(record)
+    scene, events, sliding = record.scene, record.events, system_size_events(record)
+    mu_s_macro = float(_over_load(scene, events["t_start"], events["F_T_start"]).max())
     if sliding.empty:
-        t_end = float(record.curve["t"].iloc[-1]) if len(record.curve) else 0.0
-        allowed = "a run with a system-size event"
-        raise SceneError("record", t_end, "s", allowed, "the run ended before one: raise t_end")
-    scene, events = record.scene, record.events
-    F_N, T = ([scene.piece(what, t).at(t) for t in events["t_start"]] for what in ("F_N", "T"))
-    mu_s_macro = float(((events["F_T_start"] + T) / F_N).max())
+        mu_s_macro = float(np.fmax(mu_s_macro, _peak(record)))
     mean = np.nan
     if len(sliding) > 1:
         begin, end = sliding["t_start"].iloc[[0, -1]]
@@ -407,6 +412,32 @@ def friction_coefficients(record: RecordData) -> FrictionCoefficients:
             F_N, T = (_mean_load(scene, what, begin, end) for what in ("F_N", "T"))
             mean = (mean_force(record, begin, end) + T) / F_N
     return FrictionCoefficients(mu_s_macro, mean, float(scene.law.mean.scaled(mu_s_macro)))
+
+
+def _over_load(scene: Scene, t: pd.Series, F_T: pd.Series) -> pd.Series:
+    """Return (F_T + T)/F_N at times (s), with the loads then."""
+    F_N, T = ([scene.piece(what, at).at(at) for at in t] for what in ("F_N", "T"))
+    return (F_T + T) / F_N
+
+
+def _peak(record: RecordData) -> float:
+    """Return the largest (F_T + T)/F_N of the curve in the event that makes all blocks slip.
+
+    Raises:
+        SceneError: there is no such event, or the force rises up to the end.
+    """
+    events, curve = record.events, record.curve
+    whole = events["t_start"][events["L_p_over_L"] == 1]
+    t_end = float(curve["t"].iloc[-1]) if len(curve) else 0.0
+    if whole.empty:
+        reason, allowed = "the run ended before one: raise t_end", "a run with a system-size event"
+        raise SceneError("record", t_end, "s", allowed, reason)
+    curve = curve[curve["t"] >= whole.iloc[0]]
+    forces = _over_load(record.scene, curve["t"], curve["F_T"])
+    if forces.empty or forces.idxmax() == forces.index[-1]:
+        reason = "all blocks slip, and the force still rises: raise t_end"
+        raise SceneError("record", t_end, "s", "a run beyond the peak of the force", reason)
+    return float(forces.max())
 
 
 def _mean_load(scene: Scene, what: str, begin: float, end: float) -> float:

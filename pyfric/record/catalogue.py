@@ -1,7 +1,8 @@
-"""From the log of contact switches to events and what is known of each.
+"""From the log of slip to events and what is known of each.
 
 Every engine writes the same two logs and this room alone turns them into a catalogue, so that
-engines are compared on one set of definitions:
+engines are compared on one set of definitions. Logs of slip faster than a threshold have the same
+form (`pyfric.record.rates`), and the same definitions hold for them:
 
 event
     Non-corner episodes (see `pyfric.record.episodes`) that follow each other within ``t_gap``: a
@@ -36,7 +37,7 @@ import pandas as pd
 
 from pyfric.core import OPEN, State
 from pyfric.record.data import RecordData
-from pyfric.record.episodes import build_episodes
+from pyfric.record.episodes import LastSlip, build_episodes
 from pyfric.record.growth import nucleation_lengths
 from pyfric.record.held import block_array, checked, event_column, found_arrays, held_in, table
 from pyfric.record.method import T_GAP
@@ -55,7 +56,7 @@ ROUNDED = 1e-9
 """Share of t_gap below which a difference is rounding of times."""
 
 MAIN_EVENT_BLOCKS = 4
-"""Fewest distinct blocks that slip in a main event: a policy."""
+"""Fewest distinct blocks that slip in a main event of an interface that has so many: a policy."""
 
 
 @dataclass(kw_only=True)
@@ -175,7 +176,7 @@ def build_catalogue(
     t_gap: float = T_GAP,
     t_begin: float = 0.0,
     t_end: float | None = None,
-    last: State | None = None,
+    last: State | LastSlip | None = None,
     solver: StaticSolver | None = None,
 ) -> Catalogue:
     """Build the catalogue of a run from its logs.
@@ -239,11 +240,16 @@ def _event_numbers(episodes: pd.DataFrame, t_gap: float) -> np.ndarray:
     return event
 
 
-def count_main(episodes: pd.DataFrame, t_gap: float) -> int:
-    """Return how many main events the episodes of a run make with a longest pause, in s."""
+def main_blocks(N_x: int) -> int:
+    """Return the fewest distinct blocks that slip in a main event: four, or all of fewer."""
+    return min(MAIN_EVENT_BLOCKS, N_x)
+
+
+def count_main(episodes: pd.DataFrame, t_gap: float, N_x: int) -> int:
+    """Return how many main events the episodes of N_x blocks make with a longest pause, in s."""
     event = _event_numbers(episodes, t_gap)
     blocks = _distinct_blocks(event[event > 0] - 1, episodes["n"].to_numpy()[event > 0])
-    return int((blocks >= MAIN_EVENT_BLOCKS).sum())
+    return int((blocks >= main_blocks(N_x)).sum())
 
 
 def _distinct_blocks(row: np.ndarray, n: np.ndarray) -> np.ndarray:
@@ -358,9 +364,9 @@ def is_precursor(of: Catalogue) -> np.ndarray:
     return (of.reached > 0) & (of.reached < of.scene.N_x)
 
 
-@event_column("1", f"at least {MAIN_EVENT_BLOCKS} blocks slipped", bool)
+@event_column("1", f"at least {MAIN_EVENT_BLOCKS} blocks slipped, or all of fewer", bool)
 def is_main(of: Catalogue) -> np.ndarray:
-    return of["n_blocks"] >= MAIN_EVENT_BLOCKS
+    return of["n_blocks"] >= main_blocks(of.scene.N_x)
 
 
 @event_column("1", "first slip at x <= h + l from the trailing edge", bool)

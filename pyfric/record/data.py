@@ -7,7 +7,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -18,8 +18,25 @@ from pyfric.record.measured import Errors
 from pyfric.record.method import Method
 from pyfric.scene import Scene, SceneError
 
+if TYPE_CHECKING:
+    from pyfric.scene import Number
+
 COPY_ON_WRITE = int(pd.__version__.partition(".")[0]) >= 3
 """Whether a shallow copy of a table is copied where it is written to, as from pandas 3 on."""
+
+
+class Events(pd.DataFrame):
+    """The table of events of a record, a data frame. Called, it is that by another criterion."""
+
+    @property
+    def _constructor(self) -> type[pd.DataFrame]:
+        return pd.DataFrame  # a part of the table is any data frame
+
+    def __call__(
+        self, threshold: Number | None = None, t_gap: Number | None = None
+    ) -> pd.DataFrame:
+        """Return the events of the record by another criterion; see `Record.with_events`."""
+        return self._record.with_events(threshold, t_gap).events
 
 
 class _Guarded:
@@ -38,7 +55,11 @@ class _Guarded:
             return self.default
         kept = record.__dict__[self.name]
         shallow = COPY_ON_WRITE and isinstance(kept, pd.DataFrame)
-        return kept.copy(deep=False) if shallow else copy.deepcopy(kept)
+        own = kept.copy(deep=False) if shallow else copy.deepcopy(kept)
+        if self.field == "events":
+            own = Events(own)
+            object.__setattr__(own, "_record", record)
+        return own
 
     def __set__(self, record: RecordData, value: Any) -> None:
         own = table(self.field, value) if self.field in TABLES else copy.deepcopy(value)
@@ -60,6 +81,8 @@ class RecordData:
     quiet: Mapping[str, np.ndarray]
     switches: Mapping[str, np.ndarray]
     motion: Mapping[str, np.ndarray] = field(default_factory=dict)
+    crossings: Mapping[str, np.ndarray] = field(default_factory=dict)
+    bursts: Mapping[str, np.ndarray] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
     timings: Mapping[str, float] = field(default_factory=dict)
     counts: Mapping[str, int] = field(default_factory=dict)
@@ -95,6 +118,11 @@ class RecordData:
     def done(self) -> bool:
         """Whether the run is complete, or ended where its engine ends."""
         return self.status == "complete" or self.status.startswith("ended ")
+
+    @property
+    def transitions(self) -> Mapping[str, np.ndarray]:
+        """Starts and ends of slip by the criterion of the record's events, `quiet` or `bursts`."""
+        return self.quiet if self.method.threshold is None else self.bursts
 
     def row(self, event: int) -> int:
         """Return the row of an event in arrays over events, counted from 0.

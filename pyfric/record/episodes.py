@@ -1,7 +1,8 @@
 """The logs of contact switches, and the slip episodes in them.
 
-An episode is one block's uninterrupted slip. A direct reversal (+1 to -1) continues it. Episodes
-that start with almost no contact force are *corner episodes*, flagged by the engine.
+An episode is one block's uninterrupted slip, by contact or by rate (`pyfric.record.rates`). A
+direct reversal (+1 to -1) continues it. Episodes that start with almost no contact force are
+*corner episodes*, flagged by the engine.
 
 Arrays over blocks run from left to right (index i). Block *numbers* n run from 1 at the trailing
 edge, the driven side. Times are in s, lengths in m, forces in N.
@@ -10,7 +11,7 @@ edge, the driven side. Times are in s, lengths in m, forces in N.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -20,12 +21,20 @@ from pyfric.record.held import RecordError, held_in
 if TYPE_CHECKING:
     from pyfric.core import State
 
-SWITCH_COLUMNS = {name: held.dtype for name, held in held_in("switches").items()}
+SWITCH_COLUMNS = {name: held.dtype for name, held in held_in("switches").items() if held.required}
 """Columns of the switch log: one row per change of a block's contact mode, in order of time."""
 
-QUIET_COLUMNS = {name: held.dtype for name, held in held_in("quiet").items()}
+QUIET_COLUMNS = {name: held.dtype for name, held in held_in("quiet").items() if held.required}
 """Columns of the quiet log: one row whenever the number of slipping non-corner blocks leaves 0
 (kind +1) or returns to 0 (kind -1). ``u_x`` and ``mode`` have a second axis of N_x blocks."""
+
+
+class LastSlip(NamedTuple):
+    """Direction of slip of each block at the end of a log, 0 for none, and whether it is corner
+    slip, shape (N_x,)."""
+
+    mode: np.ndarray
+    corner: np.ndarray
 
 
 def build_episodes(
@@ -33,7 +42,7 @@ def build_episodes(
     n_of_i: np.ndarray,
     *,
     t_begin: float,
-    last: State | None,
+    last: State | LastSlip | None,
 ) -> pd.DataFrame:
     """Slip episodes, one row each, ordered by start (ties: by step, then by block number).
 
@@ -41,8 +50,8 @@ def build_episodes(
         log: the switch log, with columns of the types of `SWITCH_COLUMNS`.
         n_of_i: (N_x,) block number from the trailing edge of each column.
         t_begin: time at which the log begins, s.
-        last: state at the end of the log. A block that slips in it and is not in the log has
-            slipped from t_begin on. Without it, such blocks have no episode.
+        last: state or slip at the end of the log. A block that slips in it and is not in the log
+            has slipped from t_begin on. Without it, such blocks have no episode.
 
     Returns:
         The columns of the group "episodes" (`pyfric.record.held`) except event. If an episode is
@@ -106,7 +115,7 @@ def _slips(mode: np.ndarray) -> np.ndarray:
 
 
 def _with_earlier_starts(
-    log: Mapping[str, np.ndarray], t_begin: float, last: State | None
+    log: Mapping[str, np.ndarray], t_begin: float, last: State | LastSlip | None
 ) -> dict[str, np.ndarray]:
     """Add a start at ``t_begin`` for each block that slips until its first switch or the end."""
     blocks, first = np.unique(log["block"], return_index=True)

@@ -113,7 +113,7 @@ def _nucleation(
 ) -> dict[str, float]:
     """Return one row of `nucleations`."""
     scene, none = record.scene, np.zeros(record.scene.N_x)
-    u_x, mode = (record.quiet[name][row] for name in ("u_x", "mode"))
+    u_x, mode = (record.transitions[name][row] for name in ("u_x", "mode"))
     creep = Creep(problem, u_x, none, mode != OPEN, none)
     none = dict.fromkeys(("t", "F_T", "first_block", "last_block"), np.nan)
     none |= {"n_blocks": 0, "length": np.nan}
@@ -200,7 +200,7 @@ def _before(record: RecordData, event: int) -> Contact:
     if row < 0:
         allowed = "an event before which all blocks are stuck"
         raise SceneError("event", event, "", allowed, "the record holds no state before it")
-    u_x, mode = (record.quiet[name][row] for name in ("u_x", "mode"))
+    u_x, mode = (record.transitions[name][row] for name in ("u_x", "mode"))
     times = record.rupture_times[of_event]
     known = times[np.isfinite(times)]
     t = known.max() if known.size else record.events["t_start"].loc[event]

@@ -10,6 +10,7 @@ over blocks from left to right, whichever side is driven.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -25,7 +26,8 @@ class RecordError(ValueError):
     """A file is not a record that this version can read, or a record does not fit together."""
 
 
-TABLES, LOGS = ("curve", "events", "episodes"), ("motion", "quiet", "switches")
+TABLES = ("curve", "events", "episodes")
+LOGS = ("motion", "quiet", "switches", "crossings", "bursts")
 """Groups that are fields of a record: data frames, and mappings of arrays."""
 EDGES = ("tau_initial", "p_initial")
 """Fields of a record that are in the group of the interface."""
@@ -88,6 +90,8 @@ GROUPS = {
     "motion": "motion_",
     "quiet": "quiet_",
     "switches": "switch_",
+    "crossings": "crossing_",
+    "bursts": "burst_",
     "final_state": "final_",
 }
 """Group of a tree -> what the names of its variables begin with in a file."""
@@ -196,11 +200,12 @@ curve     t       elastic_driver?     f8 J   elastic energy of the driver's spri
 curve     t       elastic_junctions?  f8 J   elastic energy of the junctions of the interface
 curve     t       work_driver?        f8 J   work of the driver's motion
 curve     t       work_load?          f8 J   work of the forces on the top and of pushes
-curve     t       dissipated_bonds?   f8 J   heat of the dashpots of the bonds
+curve     t       dissipated_bonds?   f8 J   heat of the dashpots of the bonds, and radiated
 curve     t       friction_heat?      f8 J   heat of friction
 curve     t       switching_loss?     f8 J   kinetic energy removed where a switch stops a block
 curve     t       weakening_heat?     f8 J   heat of friction above mu_k p
 curve     t       viscous_heat?       f8 J   heat of the viscosity of slip
+curve     t       radiated?           f8 J   of the heat of bonds, what absorbing walls took
 curve     t       stiffness_work?     f8 J   work of the stiffness of junctions, which follows p
 curve     t       drive?              f8 m   displacement of the driver
 curve     t       L_p_over_L?         f8 1   length slipped or open from the trailing edge, over L
@@ -248,6 +253,7 @@ quiet     quiet   t                   f8 s   time
 quiet     quiet   kind                i4 1   +1 slip begins, -1 slip ends, corner slip left out
 quiet     quiet   F_T                 f8 N   tangential force of the driver
 quiet     quiet,x u_x                 f8 m   tangential displacement of the bottom row
+quiet     quiet   sum_v?              f8 m/s largest |sum of v_x| since slip began
 quiet     quiet,x mode                i4 1   contact: 0 stuck, +1/-1 slips right/left, 2 open
 switches  switch  step                i8 1   time step
 switches  switch  block               i8 1   column of the block, 0 at the left
@@ -263,3 +269,14 @@ for _row in TABLE.strip().splitlines():
     _group, _dims, _name, _dtype, _unit, _meaning = _row.split(maxsplit=5)
     _where = _group, _name.rstrip("?"), tuple(_dims.split(",")), np.dtype(_dtype)
     _enter(Held(*_where, _unit.replace("_", " "), _meaning, required=_name[-1] != "?"))
+SAME = ("switches", "crossings"), ("quiet", "bursts")
+"""Groups of contact switches and starts and ends of slip, and those of the same form of slip faster
+than a threshold."""
+for _group, _same in SAME:
+    for _held_one in tuple(_held[_group].values()):
+        _dims = tuple(GROUPS[_same][:-1] if dim != "x" else dim for dim in _held_one.dims)
+        _enter(_held_one._replace(group=_same, dims=_dims, required=False))
+ENERGIES = tuple(name for name, held in _held["curve"].items() if held.unit == "J")
+"""Columns of the energy budget."""
+for _group, _name in itertools.product(("quiet", "bursts"), ENERGIES):  # what they were then
+    _enter(_held["curve"][_name]._replace(group=_group, dims=(GROUPS[_group][:-1],)))

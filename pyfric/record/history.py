@@ -1,4 +1,4 @@
-"""What a run has recorded so far: the loading curve, motion at its points, and the two logs."""
+"""What a run has recorded so far: the loading curve, motion at its points, and its logs."""
 
 from __future__ import annotations
 
@@ -23,33 +23,32 @@ class History:
         names: columns of the loading curve, first t and F_T.
 
     Attributes:
-        motion: arrays over blocks for each point of the curve, if the law records motion.
-        switches, quiet: parts of the two logs.
+        motion: arrays over blocks for each point of the curve, if the run records motion.
+        parts: parts of the logs, by name.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
         self.names, self._points = names, array("d")
         self.motion: list[dict[str, np.ndarray]] = []
-        self.switches: list[Mapping[str, np.ndarray]] = []
-        self.quiet: list[Mapping[str, np.ndarray]] = []
+        self.parts: dict[str, list[Mapping[str, np.ndarray]]] = {}
 
-    def log(self, switches: Mapping[str, np.ndarray], quiet: Mapping[str, np.ndarray]) -> None:
-        """Add entries to the two logs."""
-        self.switches.append(switches)
-        self.quiet.append(quiet)
+    def log(self, **entries: Mapping[str, np.ndarray]) -> None:
+        """Add entries to logs, by the name of the log."""
+        for name, more in entries.items():
+            self.parts.setdefault(name, []).append(more)
 
     def mark(self) -> tuple[Any, ...]:
         """Return what `back` needs to forget all that is recorded from now on."""
-        return self.n, self.switches[:], self.quiet[:]
+        return self.n, {name: parts[:] for name, parts in self.parts.items()}
 
     def back(self, mark: tuple[Any, ...]) -> None:
         """Forget what was recorded since a mark was made."""
-        n, self.switches, self.quiet = mark
+        n, self.parts = mark
         self.cut(n)
 
     def take(self, before: Record, *, last: bool) -> None:
         """Take over the curve and motion of a record, with or without its last point."""
-        self.add(before.curve.to_numpy())
+        self.add(before.curve.reindex(columns=list(self.names)).to_numpy())
         kept = zip(*before.motion.values(), strict=True)
         self.motion = [dict(zip(before.motion, arrays, strict=True)) for arrays in kept]
         self.cut(len(before.curve) - (not last))
@@ -88,15 +87,20 @@ class History:
         names = self.motion[0] if self.motion else ()
         return {name: np.array([at[name] for at in self.motion]) for name in names}
 
-    def logs(self, N_x: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """Return the two logs, of N_x blocks, each in one part."""
-        if not self.switches:
-            empty = Log(N_x, 0, 0)
-            return empty.switches(), empty.quiet()
-        switches, quiet = _joined(self.switches), _joined(self.quiet)
-        self.switches, self.quiet = [switches], [quiet]
-        return switches, quiet
+    def logs(self, N_x: int, *more: str) -> dict[str, dict[str, np.ndarray]]:
+        """Return the logs "switches", "quiet" and more, of N_x blocks, each in one part."""
+        empty = Log(N_x, 0, 0)
+        for name in ("switches", "quiet", *more):
+            parts = self.parts.get(name) or [getattr(empty, name)()]
+            self.parts[name] = [_joined(parts)]
+        return {name: dict(self.parts[name][0]) for name in ("switches", "quiet", *more)}
 
 
 def _joined(parts: list[Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    """Return parts of a log as one; what some parts lack is NaN there."""
+    names = dict.fromkeys(name for part in parts for name in part)
+    return {name: np.concatenate([_column(part, name) for part in parts]) for name in names}
+
+
+def _column(part: Mapping[str, np.ndarray], name: str) -> np.ndarray:
+    return part[name] if name in part else np.full(len(part["t"]), np.nan)

@@ -29,7 +29,8 @@ class Method:
     ``rtol`` is the largest error of an adaptive sub-step, None for other steppers. ``dt`` (s) is
     None for engines without a fixed step; ``sample`` is the number of steps between
     two points of the curve; ``t_gap`` (s) is the longest pause inside an event; ``budget`` says
-    whether the energy budget was kept; ``accuracy`` (over F_N) is that of jumps, None without them.
+    whether the energy budget was kept; ``accuracy`` (over F_N) is that of jumps, None without them;
+    ``threshold`` (m/s) is the slip rate that makes events, None where contact does.
     """
 
     engine: str
@@ -44,11 +45,12 @@ class Method:
     variant: str = ""
     budget: bool = False
     accuracy: float | None = None
+    threshold: float | None = None
 
     __pydantic_config__: ClassVar[Any] = {"extra": "forbid"}  # of files
 
     def __str__(self) -> str:
-        """Engine, geometry, stepper, step and where contacts switch, in words."""
+        """Engine, geometry, stepper, step, switches, and slip rate of events, in words."""
         words = [f"{self.engine} engine", f"{self.geometry} geometry"]
         if self.stepper:
             words.append(self.stepper)
@@ -56,6 +58,8 @@ class Method:
             words.append(f"dt = {self.dt * 1e6:g} us")
         if self.switching:
             words.append(SWITCH.get(self.switching, self.switching))
+        if self.threshold is not None:
+            words.append(f"events faster than {self.threshold:g} m/s")
         return ", ".join(words)
 
 

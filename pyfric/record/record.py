@@ -12,18 +12,22 @@ from typing import TYPE_CHECKING, Any, Self
 
 from pyfric.display import drawing, html, page
 from pyfric.record import layout
+from pyfric.record.catalogue import build_catalogue
 from pyfric.record.classes import rupture_class
 from pyfric.record.data import RecordData
 from pyfric.record.held import RecordError, found_arrays, held_in
 from pyfric.record.netcdf import file_image, read_image
+from pyfric.record.rates import SAMPLED, fast_slip
 from pyfric.record.report import summary, text
-from pyfric.scene import write, write_all
+from pyfric.scene import check_number, write, write_all
 from pyfric.signals import held_back
+from pyfric.statics import StaticSolver
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from pyfric.record.catalogue import Catalogue
+    from pyfric.scene import Number
 
 UNSEALED = "the file was changed after pyfric wrote it: what it holds need not be what a run made"
 
@@ -48,8 +52,9 @@ class Record(RecordData):
         tau_initial, p_initial: interface forces at t = 0, shape (N_x,), N.
         quiet, switches: the logs as dicts of arrays (`QUIET_COLUMNS`, `SWITCH_COLUMNS`), from which
             the catalogue is made, again when the run is continued.
-        motion: on junctions, arrays of shape (points of the curve, N_x): the share of junctions
-            that is pinned, u_x (m), v_x (m/s) and f (N). Otherwise empty.
+        motion: arrays of shape (points of the curve, N_x): u_x (m), v_x (m/s) and f (N), and under
+            laws without rest their state. Empty in other runs without a threshold.
+        crossings, bursts: the same as switches and quiet, of slip faster than a threshold.
         versions, timings: version of each library, and time of each part of the run in s, by name.
         counts: counts of work by name, such as steps and block_evaluations.
         notes: what a reader has to know: assumptions that failed, models that were rejected.
@@ -83,6 +88,51 @@ class Record(RecordData):
             column.name: values for column in missing if (values := column.find(self)) is not None
         }
         return self.replace(events=events.assign(**found)) if found else self
+
+    def with_events(self, threshold: Number | None = None, t_gap: Number | None = None) -> Self:
+        """Return the record with the events of another criterion; see `pyfric.record.rates`.
+
+        Everything that is made from events then follows it: analysis, figures, summary and files.
+
+        Args:
+            threshold: slip rate above which a block slips, m/s, such as "1 mm/s"; None is slip by
+                contact.
+            t_gap: longest pause inside an event, s; None is that of the record.
+
+        Raises:
+            SceneError: an argument is refused, or the record does not hold the slip rates.
+        """
+        t_gap = self.method.t_gap if t_gap is None else check_number("t_gap", t_gap, "s", ge=0.0)
+        notes = tuple(note for note in self.notes if SAMPLED not in note)
+        if threshold is None:
+            logs, last = (self.switches, self.quiet), self.final_state
+            fast = {"crossings": {}, "bursts": {}}
+        else:
+            threshold = check_number("threshold", threshold, "m/s", gt=0.0)
+            found = fast_slip(self, threshold)
+            logs, last, notes = found[:2], found.last, (*notes, *found.notes)
+            fast = dict(zip(("crossings", "bursts"), logs, strict=True))
+        t = self.curve["t"]
+        catalogue = build_catalogue(
+            *logs,
+            self.scene,
+            t_gap=t_gap,
+            t_begin=float(t.iloc[0]),
+            t_end=float(t.iloc[-1]),
+            last=last,
+            solver=self._solver(),
+        )
+        made = {name: getattr(catalogue, name) for name in ("events", "episodes", "arrays")}
+        method = dataclasses.replace(self.method, threshold=threshold, t_gap=t_gap)
+        return self.replace(**made, **fast, method=method, notes=notes).with_late_columns()
+
+    def _solver(self) -> StaticSolver | None:
+        """Return what finds static states of the record; None where there are none."""
+        if not self.scene.has_rests:
+            return None
+        state = self.final_state
+        home = None if state is None else state.u_drv0
+        return StaticSolver(self.scene, self.method.geometry, u_drv0=home)
 
     def replace(self, **changes: Any) -> Self:
         """Return the record with other values of its attributes, arrays over blocks included."""

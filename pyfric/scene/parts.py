@@ -296,7 +296,7 @@ class Walls:
     half of p and tau. "held": the top row does not move.
 
     Energies, work and heat are those of the blocks of the scene, without images. Energy that
-    absorbing walls take counts as dissipated in bonds.
+    absorbing walls take counts as dissipated in bonds, and is a column of its own, radiated.
 
     Args:
         left, right: "free", "mirrored" or "absorbing".
@@ -313,6 +313,11 @@ class Walls:
     top: Literal["free", "held", "mirrored", "absorbing"] = "free"
 
     _section: ClassVar[str] = "walls"
+
+    @property
+    def absorb(self) -> bool:
+        """Whether a side or the top takes energy of waves."""
+        return "absorbing" in (self.left, self.right, self.top)
 
 
 @part

@@ -1,0 +1,254 @@
+"""What slip of an event comes to: extent, onset of its fast part, potency and energies.
+
+**Extent.** l(t) is l times the number of blocks that have slipped in the event by t. Its speed is
+an average over five blocks, 4 l/(t_{k+4} - t_k) with t_k the time at which the k-th block first
+slips, in whatever direction. The *fast part* is the longest stretch of blocks at which this speed
+is at least `SLOW` times the limit of fronts, c in a chain and c_R in two dimensions. l at its onset
+is the length to which slip grows slowly: the precursor of a front that creeps.
+
+**Potency.** l times the sum over blocks of their displacement between the first and the last slip
+of the event, in m^2 (per width). By contact all slip without corner slip is that of events, so that
+potencies add up to all slip. By rate slip below the threshold is missing.
+
+**Energies.** Differences of the budget between first slip and last stick, which a run of full
+dynamics with energies keeps at these times. In one event
+
+    work = kinetic + elastic + friction_heat + switching_loss + damped + radiated ,
+
+of which `elastic` is what the event leaves as stress, less what it found, and `kinetic` what it
+leaves in motion. Of the friction heat, `weakening_heat` is above mu_k p and `viscous_heat` is by
+viscosity of slip. `damped` is by dashpots of bonds, `radiated` through absorbing walls. On
+junctions the work includes that of their stiffness.
+
+Source: extent and speed as in the paper's Fig. 4; potency: K. Aki and P. G. Richards, Quantitative
+Seismology (2002), chapter 3.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pandas as pd
+
+import pyfric.record.catalogue  # noqa: F401  its columns come first
+from pyfric.record.classes import SLOW
+from pyfric.record.data import RecordData
+from pyfric.record.held import ENERGIES, event_column
+from pyfric.record.rupture import AVERAGED
+from pyfric.record.zones import pace_limits
+from pyfric.scene import SceneError
+
+NOT_MEASURED = "NaN: not measured, without energies = True"
+
+
+def extent(record: RecordData, event: int) -> pd.DataFrame:
+    """Return the extent of slip in an event over time; see the module.
+
+    Args:
+        event: its number, from 1.
+
+    Returns:
+        One row for each block that slips, in the order of first slips. Columns: n, its number; t
+        (s), its first slip, or the begin of the record; length (m), l(t) with it; slipping (m), l
+        times the number of blocks that slip just then; speed (m/s) of l(t), NaN at the last four.
+
+    Raises:
+        SceneError: no such event.
+    """
+    record.row(event)
+    episodes, l = record.episodes, record.scene.slider.l
+    episodes = episodes[episodes["event"] == event]
+    _, n, t, speed = _growth(episodes, l)
+    start, stop = (np.sort(episodes[name].dropna()) for name in ("t_start", "t_stop"))
+    now = np.searchsorted(start, t, side="right") - np.searchsorted(stop, t, side="right")
+    lengths = l * np.arange(1, t.size + 1)
+    columns = {"n": n, "t": t, "length": lengths, "slipping": l * now, "speed": speed}
+    return pd.DataFrame(columns)
+
+
+def _growth(episodes: pd.DataFrame, l: float) -> tuple[np.ndarray, ...]:
+    """Return event, number and time (s) of each block's first slip, and the speed of l(t) there.
+
+    They are in the order of events and, in each, of time. Corner episodes are left out.
+    """
+    event, n, t = (episodes[name].to_numpy() for name in ("event", "n", "t_start"))
+    order = np.lexsort((n, t, event))
+    order = order[event[order] > 0]
+    pairs = np.column_stack([event[order], n[order]])
+    _, first = np.unique(pairs, axis=0, return_index=True)
+    kept = order[np.sort(first)]
+    event, n, t = event[kept], n[kept], t[kept]
+    speed = np.full(t.size, np.nan)
+    same = event[AVERAGED:] == event[:-AVERAGED]
+    passed = (t[AVERAGED:] - t[:-AVERAGED])[same]
+    with np.errstate(divide="ignore"):
+        speed[:-AVERAGED][same] = AVERAGED * l / passed
+    return event, n, t, speed
+
+
+def potency_history(record: RecordData, event: int | None = None) -> pd.DataFrame:
+    """Return potency and potency rate at the points of the curve; see the module.
+
+    Args:
+        event: its number, from 1; None is the whole record.
+
+    Returns:
+        Columns: t (s); potency (m^2) since the first row; rate (m^2/s).
+
+    Raises:
+        SceneError: no such event, or the record holds no motion.
+    """
+    if "v_x" not in record.motion:
+        allowed = "a run with the option threshold, or under a law without rest"
+        raise SceneError("record", record.method.engine, "", allowed, "it holds no motion")
+    t, l = record.curve["t"].to_numpy(), record.scene.slider.l
+    rows = slice(None)
+    if event is not None:
+        record.row(event)
+        begin, end = record.events.loc[event, ["t_start", "t_stop"]]
+        first = max(np.searchsorted(t, begin, side="right") - 1, 0)
+        last = len(t) if np.isnan(end) else np.searchsorted(t, end, side="left") + 1
+        rows = slice(first, last)
+    u_x, v = record.motion["u_x"][rows], record.motion["v_x"][rows].astype(float)
+    moved = l * (u_x - u_x[:1]).sum(axis=1)
+    return pd.DataFrame({"t": t[rows], "potency": moved, "rate": l * v.sum(axis=1)})
+
+
+# --- columns of the table of events --------------------------------------------------------------
+
+
+def _onset(record: RecordData) -> np.ndarray:
+    """Return time (s) and length (m) at the onset of the fast part of events, (n_events, 2)."""
+    found, l = np.full((len(record.events), 2), np.nan), record.scene.slider.l
+    event, _, t, speed = _growth(record.episodes, l)
+    fast = speed >= SLOW * pace_limits(record.scene)[0]  # nowhere at the last four of an event
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], fast, [False]]).astype(int)))
+    begin, end = edges[::2], edges[1::2]
+    order = np.lexsort((begin, begin - end, event[begin]))  # in each event, longest first
+    _, longest = np.unique(event[begin[order]], return_index=True)
+    k = begin[order[longest]]
+    first = np.searchsorted(event, event[k])
+    found[event[k] - 1] = np.column_stack([t[k], l * (k - first + 1)])
+    return found
+
+
+def _ends(record: RecordData, name: str) -> np.ndarray:
+    """Return values at first slip and last stick of each event, (2, n_events, ...); NaN for none.
+
+    In an event that is not finished, the second is that at the end of the record.
+    """
+    events, log = record.events, record.transitions
+    values = np.asarray(log[name], dtype=float)
+    none = np.full((1, *values.shape[1:]), np.nan)
+    ends = np.stack(
+        [np.concatenate([values, none])[events[at]] for at in ("quiet_start", "quiet_stop")]
+    )
+    going = np.flatnonzero(np.isnan(events["t_stop"]))
+    state = record.final_state
+    if name == "u_x" and state is not None:
+        ends[1, going] = state.y[0, 0]
+    elif name in record.curve:
+        ends[1, going] = record.curve[name].iloc[-1]
+    return ends
+
+
+def _moved(record: RecordData, *names: str) -> np.ndarray:
+    """Return the sum of what columns of the budget changed in each event, J."""
+    held = [name for name in names if name in record.transitions and name in record.curve]
+    if not held:
+        return np.full(len(record.events), np.nan)
+    return sum(np.diff(_ends(record, name), axis=0)[0] for name in held)
+
+
+def _part(record: RecordData, name: str) -> np.ndarray:
+    """Return a part of the heat; it is 0 where the law of the scene has none."""
+    known = "friction_heat" in record.curve and record.scene.law.rests
+    if known and name not in record.curve:
+        return 0.0 * _moved(record, "friction_heat")
+    return _moved(record, name)
+
+
+@event_column("s", "onset of the longest fast stretch of l(t), NaN for none", required=False)
+def t_fast(record: RecordData) -> np.ndarray:
+    return _onset(record)[:, 0]
+
+
+@event_column("m", "extent of slip at the onset of the fast part, NaN for none", required=False)
+def length_fast(record: RecordData) -> np.ndarray:
+    return _onset(record)[:, 1]
+
+
+@event_column("m2", "l times the sum of displacements of the blocks", required=False)
+def potency(record: RecordData) -> np.ndarray:
+    return record.scene.slider.l * np.diff(_ends(record, "u_x"), axis=0)[0].sum(axis=1)
+
+
+@event_column("m2/s", "largest l |sum of v_x|, NaN: not measured, no slip rates", required=False)
+def potency_rate(record: RecordData) -> np.ndarray:
+    events, log, found = record.events, record.transitions, []
+    if "v_x" in record.motion:
+        v = record.motion["v_x"].astype(float).sum(axis=1)
+        found.append(_largest(events, record.curve["t"].to_numpy(), np.abs(v)))
+    if "sum_v" in log:  # it stands at the end of fast slip
+        ends = np.flatnonzero(log["kind"] < 0)
+        begins = np.append(log["t"], np.nan)[ends - 1]
+        found.append(_largest(events, begins, log["sum_v"][ends]))
+    none = np.full(len(events), np.nan)
+    return record.scene.slider.l * functools.reduce(np.fmax, found, none)
+
+
+def _largest(events: pd.DataFrame, t: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return the largest value at increasing times (s) in each event, NaN where there is none."""
+    begin = np.searchsorted(t, events["t_start"])
+    end = np.searchsorted(t, events["t_stop"].fillna(np.inf), side="right")
+    spans = zip(begin, end, strict=True)
+    return np.array([values[a:b].max() if a < b else np.nan for a, b in spans])
+
+
+@event_column("J", f"work of driver and loads. {NOT_MEASURED}", required=False)
+def work(record: RecordData) -> np.ndarray:
+    return _moved(record, "work_driver", "work_load", "stiffness_work")
+
+
+@event_column("J", f"what elastic energy gained, left as stress. {NOT_MEASURED}", required=False)
+def elastic(record: RecordData) -> np.ndarray:
+    return _moved(record, *(name for name in ENERGIES if name.startswith("elastic_")))
+
+
+@event_column("J", f"what kinetic energy gained, left in motion. {NOT_MEASURED}", required=False)
+def kinetic(record: RecordData) -> np.ndarray:
+    return _moved(record, *(name for name in ENERGIES if name.startswith("kinetic_")))
+
+
+@event_column("J", f"heat of friction. {NOT_MEASURED}", required=False)
+def friction_heat(record: RecordData) -> np.ndarray:
+    return _moved(record, "friction_heat")
+
+
+@event_column("J", f"of it above mu_k p. {NOT_MEASURED}, or not defined", required=False)
+def weakening_heat(record: RecordData) -> np.ndarray:
+    return _part(record, "weakening_heat")
+
+
+@event_column("J", f"of it by viscosity of slip. {NOT_MEASURED}, or not defined", required=False)
+def viscous_heat(record: RecordData) -> np.ndarray:
+    return _part(record, "viscous_heat")
+
+
+@event_column("J", f"kinetic energy removed by switches. {NOT_MEASURED}", required=False)
+def switching_loss(record: RecordData) -> np.ndarray:
+    return _moved(record, "switching_loss")
+
+
+@event_column("J", f"heat of dashpots of bonds. {NOT_MEASURED}", required=False)
+def damped(record: RecordData) -> np.ndarray:
+    walls = radiated(record) if record.scene.walls.absorb else 0.0
+    return _moved(record, "dissipated_bonds") - walls
+
+
+@event_column("J", f"energy through absorbing walls. {NOT_MEASURED}", required=False)
+def radiated(record: RecordData) -> np.ndarray:
+    if not record.scene.walls.absorb:
+        return 0.0 * _moved(record, "dissipated_bonds")
+    return _moved(record, "radiated")

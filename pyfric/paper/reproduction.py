@@ -240,4 +240,3 @@ def _runs(folder: Path, names: list[str]) -> list[dict[str, Any]]:
         lambda of: ", ".join(of.unique())
     )
     return found.reset_index().to_dict("records")
-

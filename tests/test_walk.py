@@ -1,5 +1,8 @@
-"""A newcomer's walk: the blocks of README, front page, how-to pages and one tutorial, run in order in an empty
-folder, as they are written. The site runs all tutorials, to show what they print and draw."""
+"""A newcomer's walk: the blocks of README, front page, how-to pages and one tutorial, run in order.
+
+They run in an empty folder, as they are written. The site runs all tutorials, to show what they
+print and draw.
+"""
 
 import subprocess
 from pathlib import Path

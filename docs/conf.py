@@ -128,6 +128,18 @@ def sticks(data):
     return table(head, rows)
 
 
+def sticks_chain(data):
+    """Return what other programs make of a chain, at a step of 1 ms or the finest tolerance."""
+    rows = []
+    for (name, settings), part in data.groupby(["program", "settings"], sort=False):
+        at = part[part["step"] == 1e-3]
+        row = (at if len(at) else part).iloc[-1]
+        cells = [f"{name} {row['version']}", settings, row["coefficients"]]
+        rows.append([*cells, f"{row['error']:.2g}", f"{row['seconds']:.2g}"])
+    head = ["program", "settings", "coefficients", "largest error of the force over p", "seconds"]
+    return table(head, rows)
+
+
 def promises(data):
     """Return what records say where a promise is hard to keep, beside what was found."""
     data = data[["scene", "quantity", "said", "found"]].astype(str)
@@ -248,6 +260,7 @@ myst_substitutions = {
     "promises": promises(stored("plans/promises.csv")),
     "regimes": regimes(),
     "sticks": sticks(stored("sticks/sticks_programs.csv")),
+    "sticks_chain": sticks_chain(stored("sticks/sticks_chain.csv")),
 }
 
 

@@ -119,12 +119,14 @@ def sticks(data):
     for (name, settings), part in data.groupby(["program", "settings"], sort=False):
         at = part[part["step"] == 1e-3]
         row = (at if len(at) else part).iloc[-1]
-        numbers = (f"{row[key]:.2g}" for key in ("creep_half", "creep_near", "error"))
+        creep = ", ".join(f"{row[key]:.2g}" for key in ("creep_half", "creep_near"))
         forces = f"{row['F_max']:.3f}, {row['F_min']:.3f}"
-        cells = [f"{name} {row['version']}", settings, row["coefficients"], *numbers, forces]
+        known = "one" if row["coefficients"] == "one" else "both"
+        cells = [f"{name} {row['version']}", settings, known, creep]
+        cells += [f"{row['error']:.2g}", forces]
         rows.append([*cells, f"{row['seconds']:.2g}"])
-    head = ["program", "settings", "coefficients", "creep at 0.5 (m)", "creep at 0.999 (m)"]
-    head += ["largest error of the force over p", "largest force, then least (N)", "seconds"]
+    head = ["program", "settings", "mu", "creep at 0.5, at 0.999 (m)"]
+    head += ["error of the force over p", "largest force, least (N)", "seconds"]
     return table(head, rows)
 
 

@@ -384,7 +384,7 @@ def figure(table: pd.DataFrame, chain_table: pd.DataFrame) -> DataFigure:
     left, below = fig.add_subplot(grid[0, 0]), fig.add_subplot(grid[1, 0])
     right = fig.add_subplot(grid[:, 1])
     names = list(dict.fromkeys(table["program"]))
-    colours = dict(zip(names, [f"C{n % 10}" for n in range(len(names))], strict=True))
+    colours = {name: f"C{n}" if n < 10 else "black" for n, name in enumerate(names)}
     for axes, rows_of in ((left, table), (below, chain_table)):
         for name, rows in rows_of.groupby("program", sort=False):
             mark = "o-" if rows["coefficients"].iloc[0] != "one" else "s--"

@@ -28,12 +28,12 @@ if hasattr(signal, "SIGHUP"):
 
 LAPACK = (
     *("banded", "chart", "claims", "coarse", "complementarity", "condensation"),
-    *("constants", "contact", "creep", "creeping", "crossing", "dashpots", "disorder"),
+    *("constants", "contact", "creep", "crossing", "dashpots", "disorder"),
     *("equilibrium", "fields", "figures", "finer", "fronts", "guard", "hybrid", "jump", "lattice"),
     *("fits", "laws", "measured_errors", "methods", "nucleation", "off_box", "operators", "pairs"),
     *("pauses", "prescribed", "protocol", "quasistatic", "rate_state", "reference", "regimes"),
-    *("relaxation", "resolution", "simulation", "spacetime", "stability", "stopping", "theory"),
-    *("weakening", "zones"),
+    *("relaxation", "resolution", "simulation", "slipping", "spacetime", "stability", "stopping"),
+    *("theory", "weakening", "zones"),
 )
 """Files of tests that solve or factorise with LAPACK, and so depend on the kernel of BLAS."""
 PORTABLE = ("complementarity", "condensation", "constants", "crossing", "relaxation")

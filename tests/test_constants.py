@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 import pyfric
-from pyfric.engines import cost, creeping, pauses
+from pyfric.engines import cost, hybrid, pauses
 from pyfric.planning import levels
 from pyfric.record import differences
 from pyfric.scene import preset, setup1
@@ -150,13 +150,13 @@ def test_plans_keep_their_promise_whatever_work_costs(priced):
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
-@pytest.mark.parametrize("limit", ["creeping.INERTIA", "cost.SLIDE"])
+@pytest.mark.parametrize("limit", ["hybrid.FAST", "cost.SLIDE"])
 def test_stable_slip_does_not_depend_on_them(limit, factor, monkeypatch, priced):
     module, _, name = limit.partition(".")
     if module == "cost":
         priced(name, factor)
     else:
-        monkeypatch.setattr(creeping, name, factor * creeping.INERTIA)
+        monkeypatch.setattr(hybrid, name, factor * hybrid.FAST)
     how = {"fidelity": "hybrid", "geometry": "linear", "progress": False}
     a, b = full(0.048, d_c=5e-6), pyfric.simulate(rod(d_c=5e-6), 0.048, **how)
     assert len(a.events) == len(b.events) > 1
@@ -250,6 +250,6 @@ def test_the_docs_list_them_all():
     prices = (f"cost.{name}" for name in PRICES)
     advice = (constant.partition(".")[2] for constant in ADVISE)
     fitted = (constant for _, constant in FITTED)
-    more = ("creeping.INERTIA", "pauses.DRIVER_SHARE", "pauses.RING_DOWN")
+    more = ("pauses.DRIVER_SHARE", "pauses.RING_DOWN")
     for constant in (*fitted, *chosen, *prices, *advice, *more):
         assert f"`{constant}`" in text

@@ -1,5 +1,6 @@
 """Jumps: what they depend on, what they leave, and what they take."""
 
+import functools
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +11,7 @@ import pyfric
 from pyfric.engines import space
 from pyfric.engines.jump import Jump, Landing, Outside, path_from, rest
 from pyfric.engines.modes import modes_of
+from pyfric.engines.ringing import Ringing
 from pyfric.scene import preset, setup1, setup2
 from pyfric.statics import StaticSolver, stability_limit
 
@@ -73,6 +75,7 @@ def test_errors_of_rates_fall_as_a_wait_assumes():
 
     def late(a):
         ringing = SimpleNamespace(gaps=gaps * a, off=off, growth=growth)
+        ringing.late = functools.partial(Ringing.late, ringing)
         return Jump._late(SimpleNamespace(ringing=ringing), s, which)
 
     (before, decay), (after, _) = late(a), late(a * np.exp(growth * later))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from test_creep import D_C, SLOPE, links, settled, stiffness
-from test_creeping import rod, run
+from test_slipping import rod, run
 
 import pyfric
 from pyfric.record import analysis

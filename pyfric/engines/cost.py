@@ -42,8 +42,8 @@ needs one for each point of the loading curve. To record motion takes as long ag
 LANDING = {"linear": (1.52e-3, 1e-8), "finite": (2.46e-3, 2.4e-8)}
 """Time of one predicted landing of a jump, in s: a constant, and a part for each number of a banded
 factor, which static solutions read. It includes the calls of the core around the jump."""
-SLIDE = (1.2e-2, 2e-8)
-"""The same of one attempt to jump over stable slip, in s."""
+SLIDE = (1.4e-2, 6e-8)
+"""Additional time of one attempt to jump over slip, in s."""
 EVENT_STEPS = 800.0
 """Work of the hybrid engine for each main event, in steps: 500 to 2000 in 40 scenes, whatever their
 size and step."""

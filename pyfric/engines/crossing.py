@@ -1,6 +1,6 @@
 """First zero of gap functions during a jump.
 
-While contact states do not change, `modes` and `creeping` give each gap function the form
+While contact states do not change, `modes` gives each gap function the form
 c + rate s + bend s^2/2 + Re(modal exp(rates s)).
 """
 

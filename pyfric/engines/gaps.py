@@ -25,6 +25,9 @@ class GapFunctions:
 
     Args:
         space: the slider at these contact states.
+
+    Attributes:
+        knots: gap functions at q = 0, which only slipping blocks have, shape (n_c,), in N.
     """
 
     def __init__(self, space: Space) -> None:
@@ -32,21 +35,24 @@ class GapFunctions:
         self.space, self.law, held, up = space, scene.law, space.held, space.open
         k_f, mu_s = (np.broadcast_to(a, scene.N_x) for a in (scene.k_f, self.law.hold(1.0)))
         self._mu_s, self._k_f, self._lifting = mu_s[held], k_f[held], k_f[up]
+        self.knots: np.ndarray | float = 0.0
 
-    def of(self, u_z: np.ndarray, f: np.ndarray) -> np.ndarray:
+    def of(self, q: np.ndarray, f: np.ndarray, v: np.ndarray | float = 0.0) -> np.ndarray:
         """Return gap functions, or changes of them, because they are linear; (n_c, ...), in N.
 
         Args:
-            u_z: displacements of the bottom blocks, shape (N_x, ...), in m.
+            q: coordinates, shape (n_q, ...), in m.
             f: friction force on the blocks that stick, shape (n_stuck, ...), in N.
+            v: rates of the coordinates, which only slipping blocks need, shape (n_q, ...), in m/s.
         """
+        u_z = q[ends(len(self.space.stuck)).u_z]
         strength = (self._mu_s * (-self._k_f * u_z[self.space.held].T)).T
         lifted = (self._lifting * u_z[self.space.open].T).T
         return np.concatenate([strength + f, strength - f, lifted])
 
-    def at(self, q: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    def at(self, q: np.ndarray, forces: np.ndarray, v: np.ndarray | float = 0.0) -> np.ndarray:
         """Return the gap functions at q, (n_q,), with forces on the stuck blocks, (n_stuck,)."""
-        return self.of(q[ends(len(self.space.stuck)).u_z], -forces)
+        return self.of(q, -forces, v)
 
     @functools.cached_property
     def steady(self) -> tuple[np.ndarray, np.ndarray]:

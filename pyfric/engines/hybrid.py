@@ -1,8 +1,9 @@
-"""Hybrid engine: full dynamics while blocks slip, closed forms while all blocks stick.
+"""Hybrid engine: full dynamics in events, closed forms while all blocks stick or slip slowly.
 
 Events are integrated as in full dynamics, by the same core and with the same time steps. When
-nothing slips any more, the run jumps to the last step before a contact state can change (`jump`).
-It continues there with the remaining oscillation. Jumps end at the breakpoints of a protocol.
+nothing slips any more, or slip is slow, the run jumps to the last step before a contact state can
+change (`jump`). It continues there with the remaining oscillation. Jumps end at the breakpoints of
+a protocol.
 
 If no jump is possible, the engine makes steps. A slider that never comes to rest is integrated in
 full, and a note in the record says so.
@@ -21,13 +22,13 @@ import numpy as np
 from pyfric import core
 from pyfric.core import OPEN, STUCK
 from pyfric.engines.cost import set_up, work, work_of_step
-from pyfric.engines.creeping import Creeping
 from pyfric.engines.dynamic import Run
 from pyfric.engines.engine import Engine
 from pyfric.engines.integration import integrate, just_after
-from pyfric.engines.jump import Jump, Landing, Outside, Stale, Wait, at, path_from, rest
-from pyfric.engines.modes import Modes, modes_of
+from pyfric.engines.jump import LONGEST, Jump, Landing, Outside, Stale, Wait, at, path_from, rest
+from pyfric.engines.modes import Modes, modes_at, modes_of
 from pyfric.engines.options import Options, owned
+from pyfric.engines.slipping import SlipGaps, SlipSpace, slides
 from pyfric.engines.slow_slip import RateHybridRun
 from pyfric.engines.space import N_MODES, Space
 from pyfric.statics import (
@@ -35,6 +36,7 @@ from pyfric.statics import (
     Memory,
     RememberedStates,
     Static,
+    Weakening,
     check_rests,
     check_sticks,
     ends,
@@ -52,9 +54,13 @@ BALANCED = 1e-10
 """Largest error of a contact force in static states of events, over F_N."""
 MOSTLY = 0.5
 """Integrated share of the time above which the record carries a note."""
-KEPT, PATHS = 8, 1e8
+KEPT, KEPT_SLIPS, PATHS = 8, 3, 1e8
 """Sets of contact states whose modes are kept, fewer where they do not fit into the available
-memory; and memory of the paths on which static states are found, in bytes."""
+memory; sets of slipping blocks whose shapes are kept; and memory of the paths on which static
+states are found, in bytes."""
+FAST = 10.0
+"""Slip speed over that of the driver above which no jump over slip is tried: a static path has such
+speeds just before slip becomes unstable only."""
 SPENT = 1 / 4
 """Largest work of all attempts to jump, over that of full dynamics up to the same time. An attempt
 waits for it, so that no run takes much longer than full dynamics."""
@@ -97,6 +103,24 @@ class RestStates:
         self._rests: Memory[tuple[float, np.ndarray]] = Memory(paths)
         self._starts: Memory[Start] = Memory(paths)
         self._unstable: set[bytes] = set()
+        self._slips: Memory[SlipSpace] = Memory(KEPT_SLIPS)
+
+    def slipping(self, closed: np.ndarray, weakening: Weakening, q: np.ndarray) -> Modes:
+        """Return the modes with slipping blocks at the tangent of a state q (m), shape (n_q,).
+
+        Args:
+            closed: blocks in contact, shape (N_x,), bool.
+            weakening: friction of the blocks that slip.
+            q: coordinates, shape (n_q,), in m.
+
+        Raises:
+            EquilibriumError: the static state is unstable.
+        """
+        slips = np.flatnonzero(weakening.way)
+        key = closed.tobytes() + slips.tobytes()
+        space = self._slips.made(key, lambda: SlipSpace(self.modes(closed).space, slips))
+        slipping = space.at(weakening, q)
+        return modes_at(SlipGaps(slipping), slipping.tangent_at(q), self.dt, self.stepper)
 
     def modes(self, stuck: np.ndarray) -> Modes:
         """Return the modes of the slider at these contact states."""
@@ -225,32 +249,40 @@ class HybridRun(Run):
         self.least_slide = math.ceil(self._as_steps({"slides": 1}))
         self.worth = self.state.step
         self.begun = self.worth - self.counts["steps"] - self.counts["steps_spared"]
-        force = self.method.accuracy * self.scene.F_N
-        self.creeping = Creeping(self.scene, self.known, force)
-        self.creeps = Creeping.possible(self.scene, self.method.geometry)
+        self.slides = slides(self.scene.law)
 
-    def _slips(self) -> np.ndarray:
-        return np.abs(self.state.mode) == 1
+    def _way(self) -> np.ndarray:
+        """Return the direction of blocks that slip, 0 elsewhere, shape (N_x,)."""
+        mode = self.state.mode
+        return np.where(np.abs(mode) == 1, mode, 0)
 
-    def _speed(self) -> float:
-        """Return the driver's speed (m/s) for a jump over stable slip, 0 if none is possible."""
-        return self.creeping.speed(just_after(self.state)) if self.creeps else 0.0
+    def _waits(self) -> int:
+        """Return for how many steps no jump over slip is tried.
+
+        Slip has to be slow, and to go on unchanged for as many steps as an attempt costs.
+        """
+        state, slips = self.state, self._way() != 0
+        if not slips.any():
+            return 0
+        if not self.slides:  # the core returns when the last block stops, apart from corner slip
+            return self.least if state.corner[slips].all() else LONGEST
+        V = self.scene.piece("V", just_after(state)).at(state.t)
+        if np.abs(state.y[0, 2, slips]).max() > FAST * abs(V):
+            return self.least_slide
+        lasts = (state.t - state.t_0[slips].max()) / state.dt
+        return max(self.least_slide - math.floor(lasts), 0)
 
     def call_length(self) -> int:
         """Return how many steps may be made before the next attempt to jump."""
-        slips = self._slips()
-        if slips.any() and not self._speed():
-            # the core returns when the last block stops, apart from corner slip
-            return self.least if self.state.corner[slips].all() else 2**30
-        return max(1, self.worth - self.state.step)
+        return self._waits() or max(1, self.worth - self.state.step)
 
     def before_call(self, last: int) -> None:
-        """Jump if nothing slips, or over stable slip, if an attempt is worth its work."""
-        state, slips = self.state, bool(self._slips().any())
-        if slips and not self._speed():
+        """Jump, if an attempt is worth its work."""
+        state = self.state
+        if self._waits():
             self.worth = self._paid_off()  # an event ends what the last attempt waits for
         elif state.step >= self.worth:
-            wait = self.slide(last) if slips else self.jump(last)
+            wait = self.jump(last)
             self.worth = max(state.step + wait, self._paid_off())
 
     def _paid_off(self) -> int:
@@ -290,25 +322,27 @@ class HybridRun(Run):
 
         Return the number of steps until the next attempt.
         """
-        state, known = self.state, self.known
-        stuck, n_max = state.mode != OPEN, self.piece_ends(last) - state.step
+        state = self.state
+        closed, way, n_max = state.mode != OPEN, self._way(), self.piece_ends(last) - state.step
         if n_max <= 0:
             return 1
-        if not stuck.any():
-            return self.least
+        least = self.least_slide if way.any() else self.least
+        if not closed.any():
+            return least
         self.made["attempts"] += 1
-        outside = Outside(known, state.t, just_after(state))
-        where, q = (state.y[0, 0], stuck, outside.drive, outside.load), self._coordinates()[0]
-        start = self.rests.at(*where, self.accuracy, q)
-        if start is None:
-            return self.least
-        modes = self.rests.modes(stuck)
+        outside = Outside(self.known, state.t, just_after(state))
+        found = (
+            self._slipping(closed, way, outside) if way.any() else self._resting(closed, outside)
+        )
+        if found is None:
+            return least
+        modes, start = found
         landing = self._landing(modes, outside, start, n_max)
-        if isinstance(landing, Stale):
-            modes = self.rests.renew(stuck, start[0])
+        if isinstance(landing, Stale) and not way.any():
+            modes = self.rests.renew(closed, start[0])
             landing = self._landing(modes, outside, start, n_max)
         if not isinstance(landing, Landing):
-            return landing.steps
+            return max(landing.steps, least)
         self._sample_jump(landing, outside)
         full = landing.n == n_max
         n = self._ends_after(landing.n)
@@ -319,7 +353,31 @@ class HybridRun(Run):
             self._land(landing, modes.space)
         while state.step < end:
             self.call(end - state.step)
-        return 1 if full else self.least
+        return 1 if full else least
+
+    def _resting(
+        self, stuck: np.ndarray, outside: Outside
+    ) -> tuple[Modes, tuple[np.ndarray, np.ndarray]] | None:
+        """Return the modes and the static state, if nothing slips, or None if none is found."""
+        where = self.state.y[0, 0], stuck, outside.drive, outside.load
+        start = self.rests.at(*where, self.accuracy, self._coordinates()[0])
+        return None if start is None else (self.rests.modes(stuck), start)
+
+    def _slipping(
+        self, closed: np.ndarray, way: np.ndarray, outside: Outside
+    ) -> tuple[Modes, tuple[np.ndarray, np.ndarray]] | None:
+        """Return the modes and the static state, if blocks slip, or None if none is stable."""
+        state, q = self.state, self._coordinates()[0]
+        self.made["slides"] += 1
+        weakening = Weakening(self.scene.law, way, state.s_0, state.y[0, 0])
+        try:
+            modes = self.rests.slipping(closed, weakening, q)
+        except EquilibriumError:
+            return None
+        if modes.grows:
+            return None
+        found = rest(modes, q, outside.drive, outside.load, self.accuracy)
+        return None if found is None else (modes, found[:2])
 
     def _ends_after(self, n: int) -> int:
         """Return after how many of a jump's n steps a condition ends the run, or 0 if none does.
@@ -339,31 +397,6 @@ class HybridRun(Run):
         every = self.method.sample
         return (self.state.step // every + 1 + last) * every - self.state.step
 
-    def slide(self, last: int) -> int:
-        """Jump over stable slip to the last step before a contact state can change.
-
-        Return the number of steps until the next attempt.
-        """
-        state, n_max = self.state, self.piece_ends(last) - self.state.step
-        self.made["attempts"] += 1
-        if n_max <= 0:
-            return self.least_slide
-        self.made["slides"] += 1
-        stuck = state.mode != OPEN
-        landing = self.creeping.land(
-            state, self._speed(), lambda: self.rests.modes(stuck), state.step + n_max
-        )
-        if isinstance(landing, Wait):
-            return max(landing.steps, self.least_slide)
-        if landing.n < min(n_max, self.least_slide):
-            return self.least_slide
-        t, s = self._samples(landing.n)
-        self.history.add(np.column_stack([t, landing.F_T(s)]))
-        point = landing.point
-        self._put(landing.q, landing.v, point.u_x, landing.n)
-        state.margin[:] = np.where(state.mode == OPEN, 0.0, self.scene.law.margin(point.p, point.f))
-        return self.least_slide
-
     def _coordinates(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the present coordinates (m) and their rates (m/s), shape (n_q,)."""
         state, known = self.state, self.known
@@ -378,7 +411,8 @@ class HybridRun(Run):
         n_max: int,
     ) -> Landing | Wait | Stale:
         """Return the end of a jump from the present state, or a reason to wait."""
-        state, drift = self.state, self.rests.start(modes.space.stuck).drift
+        state, slips = self.state, len(modes.space.slips)
+        drift = None if slips else self.rests.start(modes.space.stuck).drift
         path = path_from(modes, outside, *start, drift)
         q, v = self._coordinates()
         behind, slower = path.q[0] + path.lag[0], path.q[1] + path.lag[1]
@@ -405,7 +439,8 @@ class HybridRun(Run):
     def _land(self, landing: Landing, space: Space) -> None:
         """Set the state to the end of a jump."""
         state, n = self.state, len(space.held)
-        self.rests.keep(state.y[0, 0], space.stuck, landing)
+        if not len(space.slips):
+            self.rests.keep(state.y[0, 0], space.stuck, landing)
         self._put(landing.q, landing.v, state.y[0, 0].copy(), landing.n)
         state.margin[:] = 0.0
         state.margin[space.held] = np.minimum(landing.gaps[:n], landing.gaps[n : 2 * n])

@@ -32,6 +32,7 @@ control of the defect.
 from __future__ import annotations
 
 import math
+import operator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -190,7 +191,7 @@ def rest(
         iteration does not converge fast.
     """
     space, K, before = modes.space, modes.tangent.K, math.inf
-    contraction = contraction if space.solver.geometry == "finite" else 0.0
+    contraction = 0.0 if space.linear else contraction
     for _ in range(ROUNDS):
         force = space.forces(q, drive, load)
         left = force.copy()
@@ -230,7 +231,7 @@ def path_from(
     space, gap_functions = modes.space, modes.gap_functions
     stiffer, held, zero = space.stiffer(q), space.held, np.zeros_like(q)
     b_1, b_2 = outside.rates()
-    steady, plain = outside.steady, not any(outside.gain)
+    steady, plain = outside.steady and not len(space.slips), not any(outside.gain)
     if stiffer is None and steady and plain:
         V, of_drift, of_lag = outside.V, *gap_functions.steady
         gaps = gap_functions.at(q, forces[held]) + V * of_lag, V * of_drift, np.zeros_like(of_lag)
@@ -238,18 +239,18 @@ def path_from(
         return Path(np.array([q, V * space.drift, zero]), lag, np.array(gaps), stiffer)
     guess = outside.V * (space.drift if drift is None else drift) if plain else space.answer(b_1)
     q_1, left_1, _ = space.refined(guess, b_1, stiffer)
-    l_1 = zero if steady else outside.a * space.lag
-    b_2 = b_2 - space.solver.bends(q, q_1)
+    b_2 = b_2 - space.bends(q, q_1)
     guess = outside.a * space.drift if stiffer is None else space.answer(b_2)
     q_2, left_2, _ = space.refined(guess, b_2, None if steady else stiffer)
-    C = space.solver.damping(q)
+    C = space.damping(q)
+    l_1 = zero if steady else space.answer(-(C @ q_2))
     drag = -(C @ (q_1 + l_1))
     pull = drag - space.M * q_2
     guess = outside.V * space.lag if steady and plain else space.answer(pull)
     l_0, left_0, _ = space.refined(guess, pull, stiffer)
-    bottom = zip((q, q_1, q_2), (forces[held], left_1, left_2), strict=True)
-    gaps = np.array([gap_functions.at(x, f) for x, f in bottom])
-    gaps[0] += gap_functions.at(l_0, left_0 + (drag - pull)[held])
+    bottom = zip((q, q_1, q_2), (forces[held], left_1, left_2), (q_1 + l_1, q_2, zero), strict=True)
+    gaps = np.array([gap_functions.at(*parts) for parts in bottom])
+    gaps[0] += gap_functions.at(l_0, left_0 + (drag - pull)[held]) + gap_functions.knots
     if not steady:
         left = -(C @ q_2) - space.restoring(l_1, stiffer)
         gaps[1] += gap_functions.at(l_1, left[held])
@@ -294,27 +295,27 @@ class Jump:
 
     def land(self, n_max: int) -> Landing | Wait | Stale:
         """Return the end of the jump after at most `n_max` steps, or how long to wait."""
-        finite, first, n = self.space.solver.geometry == "finite", self.path, n_max
+        linear, first, n = self.space.linear, self.path, n_max
         for round_ in range(ROUNDS):
             self.predicted += 1
             n = self._longest(n_max)
             if isinstance(n, Wait):
                 return n
             s = n * self.dt
-            left = self._left(s)
+            left = self._left(s) + self._driven(s)
             if left > self.accuracy:
                 return self._wait(left / self.accuracy, self.motion.decay, n)
             alive = self.ringing.alive(s, CORRECTED * self.accuracy)
-            self.ringing.correct(alive)
+            self.ringing.correct(self._inexact(s, alive))
             if not round_:
                 end = self.space.stiffer(at(self.path.q, s))
                 follows = self.ringing.alive(s, len(self.motion.a) * self.accuracy)
-                if finite and follows.size:
+                if follows.size and not (linear or len(self.space.slips)):
                     self.ringing.follow(self.path.stiffer, end, s, follows)
             q, v, gaps, shift, contraction = self._landed(s, alive, end)
             wrong = gaps - at(self.path.gaps, s) - (self.modes.gaps @ self.ringing.at(s)[0]).real
             error, bent = 0.0, self.path.bent(shift, wrong, s)
-            if finite:
+            if not linear:
                 size = float(np.abs(wrong).max())
                 error = size * contraction**2 + self._rung(shift / s)
                 self.path = bent
@@ -324,10 +325,12 @@ class Jump:
             if error <= CORRECTED * self.accuracy and (least > 0).all():
                 defect, decay = 0.0, 0.0
                 if alive.size:
-                    defect, decay = self._defect(s, alive) if finite else self._late(s, alive)
+                    defect, decay = self._late(s, alive) if linear else self._defect(s, alive)
+                    if len(self.space.slips):
+                        defect += self._late(s, alive)[0]
                 if defect > self.accuracy:
                     wait = self._wait(defect / self.accuracy, decay, n)
-                    return Stale(wait.steps) if finite else wait
+                    return wait if linear else Stale(wait.steps)
                 return Landing(n, q, v, then, left + error + defect, self)
             self.path = bent
         self.path = first  # the corrections do not converge over so long a path
@@ -369,14 +372,27 @@ class Jump:
         """
         return Wait(max(steps_to_fall(times, decay * self.dt, longest), self.least))
 
+    def _driven(self, s: float) -> float:
+        """Return the change of gap functions at s (s) by what the truncated part drives, in N."""
+        a = self.motion.driven * np.exp(self.ringing.growth.real * s)
+        return float((np.abs(self.modes.gaps) @ a).max(initial=0.0))
+
+    def _inexact(self, s: float, alive: np.ndarray) -> np.ndarray:
+        """Return the indices of modes that are to be corrected, of those that are alive at s (s).
+
+        Modes with slipping blocks serve one jump only. Few of their rates count so much.
+        """
+        if not len(self.space.slips):
+            return alive
+        wrong = self.ringing.late(s, alive).max(axis=0, initial=0.0)
+        return alive[wrong * len(alive) > CORRECTED * self.accuracy]
+
     def _late(self, s: float, alive: np.ndarray) -> tuple[float, float]:
         """Return the change of the gap functions at s (s) by errors of rates, in N.
 
         Also return its decay rate if the jump begins later, in 1/s.
         """
-        ringing, growth = self.ringing, self.ringing.growth[alive]
-        a = np.abs(np.exp(growth * s))
-        wrong = np.abs(ringing.gaps[:, alive]) * (a * ringing.off[alive] * s)
+        growth, wrong = self.ringing.growth[alive], self.ringing.late(s, alive)
         parts = wrong[wrong.sum(axis=1).argmax()]
         change = float(parts.sum())
         return change, float(-growth.real @ parts) / change if change else 0.0
@@ -402,7 +418,7 @@ class Jump:
             w, w_v, w_a = modes.motion_of(*self.ringing.at(then))
             rest = space.forces(q, drive, load)
             gain = space.forces(q + w, drive, load) - rest
-            left = gain - space.solver.damping(q) @ w_v - space.M * w_a
+            left = gain - space.damping(q) @ w_v - space.M * w_a
             change = self._excited(left, s - then) @ resonance
             if change.max() > self.accuracy:
                 even = 0.5 * (gain + space.forces(q - w, drive, load) - rest)
@@ -441,16 +457,17 @@ class Jump:
         q = at(path.q, s) + at(path.lag, s) + w
         v = path.q[1] + path.lag[1] + s * path.q[2] + w_v
         outside = self.outside.drive_at(s), self.outside.load_at(s)
-        forces = space.forces(q, *outside) - space.solver.damping(q) @ v
+        forces = space.forces(q, *outside) - space.damping(q) @ v
         left = forces - space.M * (path.q[2] + w_a)
         left[space.held] = 0.0
         shift, after, contraction = np.zeros_like(q), 0.0, 0.0
         if np.abs(left).sum() > CORRECTED * self.accuracy:  # contact forces change by no more
             first = space.answer(left)
             shift, after, change = space.refined(first, left, stiffer)
-            contraction = math.sqrt(change @ (space.K @ change) / (first @ left))
+            energies = (x @ space.elastic(x, space.K @ x) for x in (change, first))
+            contraction = math.sqrt(operator.truediv(*energies))
             q, v = q + shift, v + 2 / s * shift
-        gaps = self.gap_functions.at(q, forces[space.held] + after)
+        gaps = self.gap_functions.at(q, forces[space.held] + after, v) + self.gap_functions.knots
         return q, v, gaps, shift, contraction
 
     def drift_at(self, s: float) -> np.ndarray | None:

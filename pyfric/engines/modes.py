@@ -21,6 +21,7 @@ Source: B. N. Parlett, The Symmetric Eigenvalue Problem (1998), Rayleigh-Ritz me
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -28,7 +29,6 @@ import numpy as np
 
 from pyfric.core import STEPPERS
 from pyfric.engines.gaps import GapFunctions
-from pyfric.statics import ends
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -67,12 +67,14 @@ class Motion(NamedTuple):
         energy: energy of the truncated part, in J.
         gaps: present change of the gap functions by the truncated part, shape (n_c,), in N.
         decay: present decay rate of the amplitude of the truncated part, in 1/s.
+        driven: largest amplitudes by which the truncated part drives the modes, shape (n,).
     """
 
     a: np.ndarray
     energy: float
     gaps: np.ndarray
     decay: float
+    driven: np.ndarray
 
 
 class Corrected(NamedTuple):
@@ -103,12 +105,15 @@ class Modes:
         growth: rates of the amplitudes, shape (n,), in 1/s: `rates`, changed by the steps.
         x: eigenvectors in the space, shape (r, n), complex.
         norm: phi.C phi + 2 lambda phi.M phi of single eigenvectors, shape (n,), in N s/m.
-        pulled: single eigenvectors over `norm`, shape (r, n).
+        pulled: single left eigenvectors over `norm`, shape (r, n).
+        grows: largest growth rate among the modes, 0 without any, in 1/s.
         damping: B'C B, shape (r, r), in 1/s.
         compliance: inverse of B'K B, shape (r, r), in s^2.
         gaps: gap functions of modes of amplitude 1, shape (n_c, n), complex, in N.
         u_h: mean u_x of the driven blocks in these modes, shape (n,), complex, in m.
         fade: expected decay rate of the truncated part, in 1/s.
+        off: largest errors of the rates with slipping blocks, shape (n,), in 1/s; 0 without any,
+            where all modes that count are corrected.
     """
 
     gap_functions: GapFunctions
@@ -120,11 +125,13 @@ class Modes:
     x: np.ndarray
     norm: np.ndarray
     pulled: np.ndarray
+    grows: float
     damping: np.ndarray
     compliance: np.ndarray
     gaps: np.ndarray
     u_h: np.ndarray
     fade: float
+    off: np.ndarray
     _corrections: dict[int, Corrected] = dataclasses.field(default_factory=dict)
     _works: dict[int, np.ndarray] = dataclasses.field(default_factory=dict)
 
@@ -140,7 +147,7 @@ class Modes:
 
     def at(self, q: np.ndarray) -> Modes:
         """Return the modes in the same space at the tangent of a state q (m), shape (n_q,)."""
-        return _at_tangent(self.gap_functions, self.space.tangent_at(q), self.dt, self.stepper)
+        return modes_at(self.gap_functions, self.space.tangent_at(q), self.dt, self.stepper)
 
     def stepped(self, rates: np.ndarray) -> np.ndarray:
         """Return the rates of amplitudes for rates, both in 1/s."""
@@ -156,25 +163,34 @@ class Modes:
         error of a rate, delta lambda = phi.Q phi/(phi.C phi + 2 lambda phi.M phi). A further
         correction would divide it by the square of the factor by which this one reduces the
         residual; and the functional is of first order in delta lambda/lambda. The sum of both is
-        the share of the error that is left, at most 1, and `off` what is left.
+        the share of the error that is left, at most 1, and `off` what is left. With slip, K is
+        unsymmetric and the left shape, which is not corrected, takes the place of phi: the factor
+        itself counts.
         """
         if k not in self._corrections:
             group = slice(k - k % TOGETHER, k - k % TOGETHER + TOGETHER)
-            found = self._correct(self.x[:, group], self.rates[group], self.norm[group])
+            psi = self.pulled[:, group] * self.norm[group]
+            found = self._correct(self.x[:, group], psi, self.rates[group], self.norm[group])
             self._corrections.update(enumerate(found, group.start))
         return self._corrections[k]
 
-    def _correct(self, x: np.ndarray, rates: np.ndarray, norm: np.ndarray) -> Iterator[Corrected]:
-        """Correct the modes with these eigenvectors, rates and norms."""
+    def _correct(
+        self, x: np.ndarray, psi: np.ndarray, rates: np.ndarray, norm: np.ndarray
+    ) -> Iterator[Corrected]:
+        """Correct the modes with these eigenvectors, left ones, rates and norms."""
         phi = applied(self.space.B.dot, x)
         left = self._residual(phi, rates)
         shift = -applied(self.space.answer, left)
         change = self._residual(shift, rates)
         twice = np.where(rates.imag > 0, 2.0, 1.0)  # the real part of one mode of a pair
-        wrong = np.sum(shift * (2 * left + change), axis=0) / (norm * twice**2)
         before, after = (np.linalg.norm(f[self.space.free], axis=0) for f in (left, left + change))
         ratio = np.divide(after, before, out=np.ones_like(after), where=before > 0)
-        kept = np.minimum(ratio**2 + np.abs(wrong / rates), 1.0)
+        if len(self.space.slips):
+            wrong = np.sum((self.space.B @ psi) * change, axis=0) / (norm * twice)
+        else:
+            wrong = np.sum(shift * (2 * left + change), axis=0) / (norm * twice**2)
+            ratio = ratio**2
+        kept = np.minimum(ratio + np.abs(wrong / rates), 1.0)
         rates = rates - (1 - kept) * wrong
         rates.real = np.minimum(rates.real, 0.0)
         shapes = np.ascontiguousarray((phi + shift).T)
@@ -230,17 +246,20 @@ class Modes:
 
         For the truncated part, M w, M v and K w are orthogonal to B, but viscosity couples it to
         the modes. It adds phi.C w/(phi.C phi + 2 lambda phi.M phi) to the amplitude of a mode phi.
+        Responses to slip are no modes. Beside them K w drives the modes, at no frequency below
+        `cut`.
         """
         space, (K, C, _) = self.space, self.tangent
         y_0, y_1, drawn = np.array([space.M * w, space.M * v, C @ w]) @ space.B
         w, v = np.array([w, v]) - np.array([y_0, y_1]) @ space.B.T
         force, drag, momentum = K @ w, C @ v, space.M * v
         twice_kinetic = float(v @ momentum)
-        energy = 0.5 * (twice_kinetic + float(w @ force))
+        energy = 0.5 * (twice_kinetic + float(w @ space.elastic(w, force)))
         decay = float(v @ drag) / (2 * twice_kinetic) if twice_kinetic > 0 else 0.0
-        gaps = self.gap_functions.at(w, -(force + drag)[space.held])
+        gaps = self.gap_functions.at(w, -(force + drag)[space.held], v)
         a = self.amplitudes(np.array([y_0, y_1])) + (drawn - self.damping @ y_0) @ self.pulled
-        return Motion(a, max(energy, 0.0), gaps, max(decay, space.decay))
+        driven = np.abs((force @ space.B) @ self.pulled) / (space.cut or math.inf)
+        return Motion(a, max(energy, 0.0), gaps, max(decay, space.decay), driven)
 
     def motion_of(self, a: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """Return w (m), w' (m/s) and w'' (m/s^2), shape (3, n_q), of all modes, not corrected."""
@@ -255,26 +274,28 @@ def modes_of(space: Space, dt: float | None = None, stepper: str = "rk4") -> Mod
         dt: step that the ring-down follows, in s; None means exact time.
         stepper: the stepper that makes these steps.
     """
-    return _at_tangent(GapFunctions(space), space.tangent, dt, stepper)
+    return modes_at(GapFunctions(space), space.tangent, dt, stepper)
 
 
-def _at_tangent(
+def modes_at(
     gap_functions: GapFunctions, tangent: Tangent, dt: float | None, stepper: str
 ) -> Modes:
     """Return the modes at a tangent, see `Modes`."""
     space = gap_functions.space
-    B, N_x, held = space.B, len(space.stuck), space.held
+    B, held = space.B, space.held
     KB, CB, r = tangent.K @ B, tangent.C @ B, B.shape[1]
     stiffness, damping = B.T @ KB, B.T @ CB
     top = np.hstack([np.zeros((r, r)), np.eye(r)])
     rates, x = np.linalg.eig(np.vstack([top, -np.hstack([stiffness, damping])]))
     one_of_pair = np.flatnonzero(rates.imag >= 0)
     one_of_pair = one_of_pair[np.argsort(-rates[one_of_pair].real, kind="stable")]
-    rates, x = rates[one_of_pair], x[:r, one_of_pair]
+    left = x[:r] if not len(space.slips) else np.linalg.inv(x)[:, r:].T
+    rates, x, left = rates[one_of_pair], x[:r, one_of_pair], left[:, one_of_pair]
+    grows = float(rates.real.max(initial=0.0))
     rates = np.minimum(rates.real, 0.0) + 1j * rates.imag
-    norm = np.sum(x * (damping @ x), axis=0) + 2 * rates * np.sum(x * x, axis=0)
+    norm = np.sum(left * (damping @ x), axis=0) + 2 * rates * np.sum(left * x, axis=0)
     real = x * np.where(rates.imag > 0, 2.0, 1.0)
-    f = KB[held] @ real + (CB[held] @ real) * rates
+    f, w = KB[held] @ real + (CB[held] @ real) * rates, B @ real
     return Modes(
         gap_functions=gap_functions,
         tangent=tangent,
@@ -284,13 +305,44 @@ def _at_tangent(
         growth=stepped(rates, dt, stepper),
         x=real,
         norm=norm,
-        pulled=x / norm,
+        pulled=left / norm,
+        grows=grows,
         damping=damping,
         compliance=np.linalg.inv(stiffness),
-        gaps=gap_functions.of(B[ends(N_x).u_z] @ real, f),
+        gaps=gap_functions.of(w, f, w * rates),
         u_h=(space.solver.driven_row @ B) @ real,
         fade=_fade(space, rates),
+        off=_off(space, (KB, CB), (stiffness, damping), x, rates) / np.abs(norm),
     )
+
+
+def _off(
+    space: Space,
+    forces: tuple[np.ndarray, np.ndarray],
+    reduced: tuple[np.ndarray, np.ndarray],
+    x: np.ndarray,
+    rates: np.ndarray,
+) -> np.ndarray:
+    """Return r.M^-1 r/cut^2 of the residuals r of single modes, shape (n,), in N/m.
+
+    A residual is orthogonal to the space. It excites motion outside only, which is no slower than
+    `cut`. Zeros without slipping blocks, and for chains, which the space spans.
+
+    Args:
+        space: the slider.
+        forces: K B and C B, shape (n_q, r).
+        reduced: B'K B and B'C B, shape (r, r).
+        x: single eigenvectors, shape (r, n).
+        rates: in 1/s, shape (n,).
+    """
+    if not (len(space.slips) and space.cut):
+        return np.zeros(len(rates))
+    root = np.sqrt(space.M[space.free])[:, None]
+    (K, C), (k, c) = (force[space.free] / root for force in forces), reduced
+    parts = K.T @ K - k.T @ k, C.T @ C - c.T @ c, K.T @ C - k.T @ c
+    of_K, of_C, mixed = (np.sum(x.conj() * (part @ x), axis=0) for part in parts)
+    squares = (of_K + np.abs(rates) ** 2 * of_C + 2 * rates * mixed).real
+    return np.maximum(squares, 0.0) / space.cut**2
 
 
 def _fade(space: Space, rates: np.ndarray) -> float:

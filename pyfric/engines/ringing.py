@@ -23,7 +23,7 @@ class Ringing:
     Attributes:
         rates: rates at s = 0, shape (n,), in 1/s.
         growth: mean rates of the amplitudes, shape (n,), in 1/s.
-        off: errors of corrected rates, shape (n,), in 1/s.
+        off: errors of rates, shape (n,), in 1/s.
         gaps: gap functions of the modes at s = 0, shape (n_c, n), complex, in N.
         which, change: indices of modes that follow the tangent, and changes of their rates over
             time, shape (m,), in 1/s^2.
@@ -32,7 +32,7 @@ class Ringing:
     def __init__(self, modes: Modes, a: np.ndarray) -> None:
         self.modes, self.a, self.gaps = modes, a, modes.gaps * a
         self.rates, self.growth = modes.rates.copy(), modes.growth.copy()
-        self.off = np.zeros(len(a))
+        self.off = modes.off.copy()
         self.which = np.zeros(0, dtype=int)
         self.change = np.zeros(0, dtype=complex)
         self._corrected = np.zeros(len(a), dtype=bool)
@@ -72,17 +72,24 @@ class Ringing:
         return self.a * np.sqrt(self.rates / rates) * np.exp(growth * s), rates
 
     def motion_at(self, s: float, which: np.ndarray) -> np.ndarray:
-        """Return w (m), w' (m/s) and w'' (m/s^2), shape (3, n_q), of corrected modes at s (s).
+        """Return w (m), w' (m/s) and w'' (m/s^2), shape (3, n_q), of some modes at s (s).
 
         Args:
             s: time, in s.
             which: indices of the modes that count, shape (m,).
         """
         shapes = np.zeros((len(which), self.modes.space.n_q), dtype=complex)
-        for i, k in enumerate(which.tolist()):
-            shapes[i] = self.modes.corrected(k).shape
+        plain = which[~self._corrected[which]]
+        shapes[~self._corrected[which]] = (self.modes.space.B @ self.modes.x[:, plain]).T
+        for i in np.flatnonzero(self._corrected[which]):
+            shapes[i] = self.modes.corrected(int(which[i])).shape
         a, rates = (part[which] for part in self.at(s))
         return (np.array([a, a * rates, a * rates**2]) @ shapes).real
+
+    def late(self, s: float, which: np.ndarray) -> np.ndarray:
+        """Return changes of gap functions at s (s) by errors of rates, shape (n_c, m), in N."""
+        a = np.abs(np.exp(self.growth[which] * s))
+        return np.abs(self.gaps[:, which]) * (a * self.off[which] * s)
 
     def distances(self) -> np.ndarray:
         """Return the distance of each rate from the nearest other rate, (n,), in 1/s."""

@@ -81,10 +81,13 @@ class Space:
         cut: frequency up to which the space contains all undamped modes, in 1/s.
         fastest: largest decay rate that may be expected of the truncated part, in 1/s.
         decay: smallest possible decay rate of the truncated part, in 1/s.
+        slips: indices of slipping blocks; none here, see `pyfric.engines.slipping`.
 
     Raises:
         EquilibriumError: all blocks are open, or the static state is unstable.
     """
+
+    slips = np.zeros(0, dtype=int)
 
     def __init__(
         self,
@@ -97,7 +100,7 @@ class Space:
         self.solver, self.stuck = solver, stuck
         self.held, self.open = np.flatnonzero(stuck), np.flatnonzero(~stuck)
         mode = np.where(stuck, STUCK, OPEN).astype(np.int8)
-        self._contact = States(scene, mode, FRICTIONLESS)
+        self.contact = States(scene, mode, FRICTIONLESS)
         self.K, self.free = solver.tangents(mode), solver.unknown(mode)
         self._K_held = self.K[self.held]
         if near is None:
@@ -193,6 +196,18 @@ class Space:
         """Lag of the slider behind its static state per speed of the driver, (n_q,), in s."""
         return self.answer(-(self.C @ self.drift))
 
+    def damping(self, q: np.ndarray) -> sp.csr_array:
+        """Return the damping matrix at q, shape (n_q, n_q), in N s/m."""
+        return self.solver.damping(q)
+
+    def bends(self, q: np.ndarray, rate: np.ndarray) -> np.ndarray:
+        """Return second derivatives of resisting forces along q + s rate at s = 0, shape (n_q,)."""
+        return self.solver.bends(q, rate)
+
+    def elastic(self, w: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """Return the part of a resisting force K w (N) that is no friction, shape (n_q,)."""
+        return force
+
     def forces(
         self, q: np.ndarray, drive: float, load: tuple[float, float] | None = None
     ) -> np.ndarray:
@@ -205,7 +220,7 @@ class Space:
         """
         solver = self.solver.under(load)
         if solver.geometry == "finite":
-            return solver.forces(q, self._contact, drive)[0]
+            return solver.forces(q, self.contact, drive)[0]
         return solver.load + solver.unpushed + drive * solver.push - self.K @ q
 
     def on_held(self, x: np.ndarray, force: np.ndarray) -> np.ndarray:
@@ -222,8 +237,13 @@ class Space:
     def tangent_at(self, q: np.ndarray) -> Tangent:
         """Return the tangent at coordinates q (m), shape (n_q,), in finite geometry."""
         bonds = self.solver.bond_tangents(q)
-        K = self.solver.stiffness(bonds, self._contact.mode, driven=True)
+        K = self.solver.stiffness(bonds, self.contact.mode, driven=True)
         return Tangent(K, self.solver.damping(q), bonds - self._bonds)
+
+    @property
+    def linear(self) -> bool:
+        """Whether forces are linear in the coordinates."""
+        return self.solver.geometry == "linear"
 
     def stiffer(self, q: np.ndarray) -> np.ndarray | None:
         """Return the change of bond stiffness to a state q, (3, n_bonds), in N/m.

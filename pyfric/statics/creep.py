@@ -30,6 +30,7 @@ import numpy as np
 
 from pyfric.scene import of
 from pyfric.statics.rows import table_rows
+from pyfric.statics.weakening import Weakening
 
 if TYPE_CHECKING:
     from pyfric.scene import Law
@@ -74,7 +75,7 @@ class Point(NamedTuple):
 
 
 class Change(NamedTuple):
-    """The reason why a path ends: "end", "fast", "unstable", or an entry of `WHAT` and a block."""
+    """The reason why a path ends: "end", "unstable", or an entry of `WHAT` and a block."""
 
     what: str
     block: int = -1
@@ -83,7 +84,7 @@ class Change(NamedTuple):
 WHAT = ("slip +", "slip -", "stick", "gap", "knot")
 
 
-class Creep:
+class Creep(Weakening):
     """Paths of static states in which blocks slip as the driver moves.
 
     Args:
@@ -102,38 +103,12 @@ class Creep:
         closed: np.ndarray,
         clock: np.ndarray,
     ) -> None:
-        self.problem, self.law, scene = problem, problem.scene.law, problem.scene
-        self.N_x, self.k_f = scene.N_x, np.broadcast_to(np.asarray(scene.k_f, float), scene.N_x)
-        self.way, self.closed = way.astype(float), closed.copy()
-        self.clock, self.u_x = clock.copy(), u_x.copy()
-        self.d_c = np.broadcast_to(np.asarray(self.law.d_c, float), self.N_x)
+        self.problem, scene = problem, problem.scene
+        super().__init__(scene.law, way, clock, u_x)
+        self.k_f = np.broadcast_to(np.asarray(scene.k_f, float), self.N_x)
+        self.closed, self.u_x = closed.copy(), u_x.copy()
         force = ROUNDED * problem.unit
         self.small = np.array([force, force, RATE, force, force / scene.slider.k])  # see `wrong`
-        table = self.law.tables.slide
-        self._x, self._y = np.array(table.x), np.array(table.y)
-        self._slopes = np.append(table.slopes, 0.0)
-        self.look(u_x)
-
-    # --- friction --------------------------------------------------------------------------------
-
-    def look(self, u_x: np.ndarray) -> None:
-        """Select the linear piece of the law for each block at u_x (m), by the last passed knot."""
-        path = self.clock + self.way * u_x
-        share = np.divide(path, self.d_c, out=np.full(self.N_x, math.inf), where=self.d_c > 0)
-        self.cell = np.clip(np.searchsorted(self._x, share, side="right") - 1, 0, None)
-
-    def friction(self, u_x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return mu of each block on its linear piece of the law, and dmu/ds (1/m)."""
-        law, d_c, c = self.law, self.d_c, self.cell
-        slope = np.divide(self._slopes[c], d_c, out=np.zeros(self.N_x), where=d_c > 0)
-        left = self._y[c] + slope * (self.clock + self.way * u_x - self._x[c] * d_c)
-        left = np.where(c == len(self._x) - 1, self._y[-1], left)
-        return law.mu_k + law.drop * left, law.drop * slope
-
-    def knot(self) -> np.ndarray:
-        """Return the slip at the next knot, shape (N_x,), in m; inf beyond the last."""
-        following = np.append(self._x, math.inf)[self.cell + 1]
-        return following * np.where(self.d_c == 0, 1.0, self.d_c)
 
     @property
     def free(self) -> np.ndarray:
@@ -197,33 +172,14 @@ class Creep:
         )
         return np.array(rows)
 
-    def on(self, path: list[Point], drive: float) -> Point | None:
-        """Return the state at a driver position within a path, or None if it is not found."""
-        near = max((point for point in path if point.drive <= drive), key=lambda point: point.drive)
-        for _ in range(2):  # the slope of the law changes at knots
-            self.look(near.u_x)
-            found = self.at(drive, near)
-            if found is None:
-                return None
-            near = found
-        return near
-
     # --- the path --------------------------------------------------------------------------------
 
-    def follow(
-        self,
-        begin: Point,
-        drive_end: float,
-        fastest: float = math.inf,
-        kink: float = math.inf,
-    ) -> tuple[list[Point], Change]:
+    def follow(self, begin: Point, drive_end: float) -> tuple[list[Point], Change]:
         """Follow the path until a contact state changes; knots of the law are passed.
 
         Args:
             begin: state at the start, from `at`.
             drive_end: position of the driver at the end, in m.
-            fastest: slip per drive at which the path ends.
-            kink: largest change of slip per drive at a knot that is passed.
 
         Returns:
             States along the path, the last one just before the change, and the change.
@@ -232,18 +188,16 @@ class Creep:
         for _ in range(STEPS):
             if path[-1].drive >= drive_end:
                 return path, Change("end")
-            change = self._stretch(path, drive_end, fastest)
+            change = self._stretch(path, drive_end)
             if change is None:
                 continue
             if change.what != "knot":
                 return path, change
             self.cell[change.block] += 1
             after = self.at(path[-1].drive, path[-1])
-            wrong = self.wrong(after, fastest)
+            wrong = self.wrong(after)
             if wrong is not None:
                 return path, wrong
-            if np.abs(after.rate - path[-1].rate).max() > kink:
-                return path, change
             path.append(after)
         return path, Change("unstable")
 
@@ -287,14 +241,14 @@ class Creep:
             begin = self.after(change, path[-1])
         return path, changes
 
-    def _stretch(self, path: list[Point], drive_end: float, fastest: float) -> Change | None:
+    def _stretch(self, path: list[Point], drive_end: float) -> Change | None:
         """Make one step along a path, or go up to just before a change if one is near."""
         low, unit = path[-1], self.problem.unit
         close = ROUNDED * unit / self.problem.scene.slider.k
         close = max(close, 8 * float(np.spacing(abs(low.drive))))
         high = min(low.drive + max(self._step(low), 2 * close), drive_end)
         at = self.at(high, low)
-        change = self.wrong(at, fastest)
+        change = self.wrong(at)
         for n in range(LOOKS):
             if change is None or high - low.drive <= close:
                 break
@@ -308,7 +262,7 @@ class Creep:
                     middle = low.drive + max(begin, 0.0) / (begin - end) * (high - low.drive)
             middle = min(max(middle, low.drive + close), max(high - close, low.drive + close / 2))
             found = self.at(middle, low)
-            wrong = self.wrong(found, fastest)
+            wrong = self.wrong(found)
             if wrong is None:
                 low = found
             else:
@@ -334,12 +288,11 @@ class Creep:
         falls = np.isfinite(now.margins) & (slopes < 0)
         left, never = now.margins + self.small[:, None], np.full(falls.shape, math.inf)
         ahead = np.divide(-left, slopes, out=never, where=falls)
-        weakens = self.cell < len(self._x) - 1
-        speed = np.abs(now.rate[weakens]).max(initial=0.0)
+        speed = np.abs(now.rate[self.weakens]).max(initial=0.0)
         far = PART * self._x[1] * float(np.max(self.d_c))
         return min(far / speed if speed > 0 else math.inf, PAST * max(float(ahead.min()), 0.0))
 
-    def wrong(self, point: Point | None, fastest: float) -> Change | None:
+    def wrong(self, point: Point | None) -> Change | None:
         """Return the worst violation at a state as a change, or None if there is none."""
         if point is None:
             return Change("unstable")
@@ -347,4 +300,4 @@ class Creep:
         if over.max() > 1:
             row, block = np.unravel_index(int(np.argmax(over)), over.shape)
             return Change(WHAT[row], int(block))
-        return Change("fast") if np.abs(point.rate).max() > fastest else None
+        return None

@@ -1,0 +1,222 @@
+"""The slider while blocks slip with friction that depends on slip: a contact state like others.
+
+A block i that slips in direction sigma carries the friction mu(s) p, with p = -k_f u_z and
+s = s_0 + sigma u_x, on one linear piece of the law. Its u_x is free, and the tangent contains its
+friction:
+
+    (K w)_i = (K_elastic w)_i + mu' p w_x - sigma mu k_f w_z .
+
+Weakening, mu' < 0, is a negative stiffness. The second term makes K unsymmetric. A solution is the
+one with slipping blocks held, plus the responses to their displacements. The same responses extend
+the slow shapes.
+
+Friction follows these equations until a block reverses, because a block that stops has its full
+strength again. In units of N, the gap functions of a slipping block are
+
+    sqrt(k m) sigma v_x ,   p ,   k (s_knot - s) .
+
+As long as they are positive, the deviation of the slider from its path has no lasting effect. The
+path ends where the largest eigenvalue of the slider passes zero: slip goes on without the driver.
+
+Source: J. R. Rice and A. L. Ruina, J. Appl. Mech. 50, 343 (1983), stability against a stiffness.
+"""
+
+from __future__ import annotations
+
+import copy
+import functools
+import math
+from typing import TYPE_CHECKING, NamedTuple, Self
+
+import numpy as np
+import scipy.sparse as sp
+
+from pyfric.engines.gaps import GapFunctions
+from pyfric.engines.space import Space, Tangent
+from pyfric.scene import of
+from pyfric.statics import extended
+
+if TYPE_CHECKING:
+    from pyfric.scene import Law
+    from pyfric.statics import Weakening
+
+
+def slides(law: Law) -> bool:
+    """Whether slipping blocks have friction of slip alone, besides a viscous part."""
+    return law.rests and not law.junctions and law.tables.speed is None and law.tables.age is None
+
+
+class Stiffer(NamedTuple):
+    """Change of the tangent of a slider that slips.
+
+    Attributes:
+        bonds: change of bond stiffness, shape (3, n_bonds), in N/m; None in linear geometry.
+        weakens, rubs: changes of mu' p and of sigma mu k_f, shape (n,), in N/m.
+    """
+
+    bonds: np.ndarray | None
+    weakens: np.ndarray
+    rubs: np.ndarray
+
+
+class SlipSpace(Space):
+    """Static solutions and slow shapes with slipping blocks.
+
+    Args:
+        near: the slider with all blocks in contact held.
+        slips: indices of the blocks that slip, shape (n,).
+
+    Attributes:
+        shapes: static responses to unit displacements of these blocks, shape (n_q, n).
+    """
+
+    def __init__(self, near: Space, slips: np.ndarray) -> None:
+        self.near, self.solver, self.slips = near, near.solver, slips
+        self.stuck = near.stuck.copy()
+        self.stuck[slips] = False
+        self.held, self.open = np.flatnonzero(self.stuck), near.open
+        self.free = np.sort(np.append(near.free, slips))
+        self.K, self.C, self.M, self.n_q = near.K, near.C, near.M, near.n_q
+        self.cut, self.fastest, self.decay = near.cut, near.fastest, near.decay
+        self.lifted = slips + len(self.stuck)
+        self.shapes = near.moved(slips)
+        self._rows, self.contact = near.K[slips], near.contact
+        self._on_shapes = self._rows @ self.shapes
+        self.B = extended(near.B, self.shapes, self.M)
+        k_f, alpha = near.solver.scene.k_f, near.solver.scene.law.alpha
+        self.k_f, self.alpha = (np.broadcast_to(of(a, slips), len(slips)) for a in (k_f, alpha))
+        if self.alpha.any():
+            self.C = self.C + self._entries(self.alpha)
+
+    def at(self, weakening: Weakening, q: np.ndarray) -> Self:
+        """Return the slider linearised at coordinates q (m), shape (n_q,), of blocks that slip."""
+        now, slips = copy.copy(self), self.slips
+        now.weakening, now.way = weakening, weakening.way[slips]
+        now.weakens, now.rubs = now._friction(q)
+        now.K = self.near.K + self._entries(now.weakens, -now.rubs)
+        now._K_held = now.K[self.held]
+        against = self._on_shapes + now.frictional(self.shapes)
+        now._responses = self.shapes @ np.linalg.inv(against)
+        return now
+
+    def _entries(self, along: np.ndarray, across: np.ndarray | None = None) -> sp.csr_array:
+        """Return a matrix that acts on slipping blocks: on u_x from u_x, and from u_z."""
+        rows, columns = np.tile(self.slips, 2), np.concatenate([self.slips, self.lifted])
+        values = np.concatenate([along, np.zeros_like(along) if across is None else across])
+        return sp.csr_array((values, (rows, columns)), shape=(self.n_q, self.n_q))
+
+    def _friction(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return mu' p and sigma mu k_f at q, both of shape (n,), in N/m."""
+        slips = self.slips
+        mu, slope = (np.broadcast_to(a, len(self.stuck))[slips]
+                     for a in self.weakening.friction(q[: len(self.stuck)]))  # fmt: skip
+        return -slope * self.k_f * q[self.lifted], self.way * mu * self.k_f
+
+    def frictional(self, w: np.ndarray) -> np.ndarray:
+        """Return the friction in K w of slipping blocks, (n, ...), in N, for w, (n_q, ...)."""
+        return (self.weakens * w[self.slips].T - self.rubs * w[self.lifted].T).T
+
+    def answer(self, force: np.ndarray) -> np.ndarray:
+        """Return the static displacements under forces on all coordinates, shape (n_q,)."""
+        x = self.near.answer(force)
+        left = force[self.slips] - self._rows @ x - self.frictional(x)
+        return x + self._responses @ left
+
+    def forces(
+        self, q: np.ndarray, drive: float, load: tuple[float, float] | None = None
+    ) -> np.ndarray:
+        """Return the forces on the coordinates, with the friction of slip; see `Space.forces`."""
+        force = self.near.forces(q, drive, load)
+        _, rubs = self._friction(q)
+        force[self.slips] += rubs * q[self.lifted]
+        return force
+
+    def damping(self, q: np.ndarray) -> sp.csr_array:
+        """Return the damping matrix at q, with that of slip, shape (n_q, n_q), in N s/m."""
+        C = self.solver.damping(q)
+        return C + self._entries(self.alpha) if self.alpha.any() else C
+
+    def bends(self, q: np.ndarray, rate: np.ndarray) -> np.ndarray:
+        """Return second derivatives of resisting forces along q + s rate at s = 0, shape (n_q,)."""
+        found = super().bends(q, rate)
+        _, slope = self.weakening.friction(q[: len(self.stuck)])
+        slope = np.broadcast_to(slope, len(self.stuck))[self.slips]
+        found[self.slips] -= 2 * slope * self.k_f * rate[self.slips] * rate[self.lifted]
+        return found
+
+    def elastic(self, w: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """Return the part of a resisting force K w (N) that is no friction, shape (n_q,)."""
+        force = force.copy()
+        force[self.slips] -= self.frictional(w)
+        return force
+
+    @property
+    def linear(self) -> bool:
+        """False: friction is a product of slip and load."""
+        return False
+
+    @property
+    def tangent(self) -> Tangent:
+        """The tangent at this state, except for changes of bond stiffness in finite geometry."""
+        return Tangent(self.K, self.C)
+
+    def tangent_at(self, q: np.ndarray) -> Tangent:
+        """Return the tangent at coordinates q (m), shape (n_q,), at which it was linearised."""
+        if self.solver.geometry == "linear":
+            return self.tangent
+        tangent = self.near.tangent_at(q)
+        friction = self._entries(self.weakens, -self.rubs)
+        return Tangent(tangent.K + friction, self.damping(q), tangent.stiffer)
+
+    def stiffer(self, q: np.ndarray) -> Stiffer:
+        """Return the change of the tangent to a state q."""
+        weakens, rubs = self._friction(q)
+        return Stiffer(self.near.stiffer(q), weakens - self.weakens, rubs - self.rubs)
+
+    def restoring(self, x: np.ndarray, stiffer: Stiffer | None) -> np.ndarray:
+        """Return K x, shape (n_q,), with changes of the tangent included."""
+        force = self.K @ x
+        if stiffer is None:
+            return force
+        if stiffer.bonds is not None:
+            force += self.solver.stiffened(x, stiffer.bonds)
+        force[self.slips] += stiffer.weakens * x[self.slips] - stiffer.rubs * x[self.lifted]
+        return force
+
+
+class SlipGaps(GapFunctions):
+    """Gap functions with slipping blocks; see the top of this module.
+
+    Args:
+        space: the slider, linearised.
+    """
+
+    space: SlipSpace
+
+    def __init__(self, space: SlipSpace) -> None:
+        super().__init__(space)
+        slider, scene = space.solver.scene.slider, space.solver.scene
+        self._pace, self._near = math.sqrt(slider.k * scene.m), slider.k
+        end = space.weakening.knot()[space.slips]
+        self._ends = np.flatnonzero(np.isfinite(end))
+        self.knots = np.zeros(2 * len(space.held) + len(space.open) + 2 * len(space.slips))
+        path = end - space.weakening.clock[space.slips]
+        self.knots = np.append(self.knots, self._near * path[self._ends])
+
+    def of(self, q: np.ndarray, f: np.ndarray, v: np.ndarray | float = 0.0) -> np.ndarray:
+        """Return gap functions, or changes of them; see `GapFunctions.of`."""
+        space = self.space
+        along = v[space.slips] if np.ndim(v) else np.zeros(q[space.slips].shape)
+        paces = self._pace * (space.way * along.T).T
+        pressed = -(space.k_f * q[space.lifted].T).T
+        slipped = -self._near * (space.way * q[space.slips].T).T
+        return np.concatenate([super().of(q, f, v), paces, pressed, slipped[self._ends]])
+
+    @functools.cached_property
+    def bound(self) -> np.ndarray:
+        """Largest change of each gap function by a truncated part of 1 J, shape (n_c,), in N."""
+        space, slips = self.space, self.space.slips
+        paces = self._pace**2 / space.M[slips]
+        slipped = np.full(len(self._ends), self._near)
+        more = np.sqrt(2 * np.concatenate([paces, space.k_f, slipped]))
+        return np.append(super().bound, more)

@@ -3,6 +3,8 @@
 import ast
 import doctest
 import os
+import pickle
+import re
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -11,8 +13,10 @@ from pathlib import Path
 import click
 import latex2mathml.converter
 import matplotlib
+import matplotlib.pyplot as plt
 import pandas as pd
 from docutils import nodes
+from PIL import Image
 from sphinx_gallery.scrapers import figure_rst, matplotlib_scraper
 
 import pyfric
@@ -115,12 +119,26 @@ def sticks(data):
     for (name, settings), part in data.groupby(["program", "settings"], sort=False):
         at = part[part["step"] == 1e-3]
         row = (at if len(at) else part).iloc[-1]
-        numbers = (f"{row[key]:.2g}" for key in ("creep_half", "creep_near", "error"))
+        creep = ", ".join(f"{row[key]:.2g}" for key in ("creep_half", "creep_near"))
         forces = f"{row['F_max']:.3f}, {row['F_min']:.3f}"
-        cells = [f"{name} {row['version']}", settings, row["coefficients"], *numbers, forces]
+        known = "one" if row["coefficients"] == "one" else "both"
+        cells = [f"{name} {row['version']}", settings, known, creep]
+        cells += [f"{row['error']:.2g}", forces]
         rows.append([*cells, f"{row['seconds']:.2g}"])
-    head = ["program", "settings", "coefficients", "creep at 0.5 (m)", "creep at 0.999 (m)"]
-    head += ["largest error of the force over p", "largest force, then least (N)", "seconds"]
+    head = ["program", "settings", "mu", "creep at 0.5, at 0.999 (m)"]
+    head += ["error of the force over p", "largest force, least (N)", "seconds"]
+    return table(head, rows)
+
+
+def sticks_chain(data):
+    """Return what other programs make of a chain, at a step of 1 ms or the finest tolerance."""
+    rows = []
+    for (name, settings), part in data.groupby(["program", "settings"], sort=False):
+        at = part[part["step"] == 1e-3]
+        row = (at if len(at) else part).iloc[-1]
+        cells = [f"{name} {row['version']}", settings, row["coefficients"]]
+        rows.append([*cells, f"{row['error']:.2g}", f"{row['seconds']:.2g}"])
+    head = ["program", "settings", "coefficients", "largest error of the force over p", "seconds"]
     return table(head, rows)
 
 
@@ -207,15 +225,18 @@ def write_commands():
     folder = ROOT / "docs" / "commands"
     folder.mkdir(exist_ok=True)
     for section in main.sections:
-        lines = [f"# {section}", ""]
-        for name, command in sorted(main.commands.items()):
-            if command.section == section:
-                module = sys.modules[command.callback.__module__]
-                found = [key for key, one in vars(module).items() if one is command]
-                where = f"{module.__name__}:{found[0]}"
-                nested = "full" if isinstance(command, click.Group) else "none"
-                lines += ["```{eval-rst}", f".. click:: {where}", f"   :prog: pyfric {name}"]
-                lines += [f"   :nested: {nested}", "```", ""]
+        listed = [
+            name for name in main.list_commands(None) if main.commands[name].section == section
+        ]
+        lines = [f"# {section}: {', '.join(listed)}", ""]
+        for name in listed:
+            command = main.commands[name]
+            module = sys.modules[command.callback.__module__]
+            found = [key for key, one in vars(module).items() if one is command]
+            where = f"{module.__name__}:{found[0]}"
+            nested = "full" if isinstance(command, click.Group) else "none"
+            lines += ["```{eval-rst}", f".. click:: {where}", f"   :prog: pyfric {name}"]
+            lines += [f"   :nested: {nested}", "```", ""]
         page = folder / f"{section.lower().replace(' ', '_')}.md"
         page.write_text("\n".join(lines), encoding="utf-8")
 
@@ -241,14 +262,61 @@ myst_substitutions = {
     "promises": promises(stored("plans/promises.csv")),
     "regimes": regimes(),
     "sticks": sticks(stored("sticks/sticks_programs.csv")),
+    "sticks_chain": sticks_chain(stored("sticks/sticks_chain.csv")),
 }
 
 
+TILE = (2.5, 1.75)
+"""Size of a tile of the gallery in inches, at 100 pixels each on the page."""
+
+
+def tile(figure, path, panel):
+    """Draw one panel of a figure at the size of a tile, so that its words can be read there."""
+    figure = pickle.loads(pickle.dumps(figure))
+    shown = figure.axes[panel]
+    if shown.axison:
+        figure.set_layout_engine("none")
+        figure.set_size_inches(*TILE)
+        for axes in set(figure.axes) - {shown}:
+            axes.set_visible(False)
+        for words in (*figure.legends, *figure.texts, *shown.texts, shown.get_legend()):
+            words.remove() if words else None
+        below = [axes.get_xlabel() for axes in shown.get_shared_x_axes().get_siblings(shown)]
+        shown.set_xlabel(next(filter(None, below), ""))
+        shown.set_position((0.2, 0.24, 0.76, 0.7))
+        shown.set_title("")
+        shown.set_title("", loc="left")
+        for axis in (shown.xaxis, shown.yaxis):
+            axis.label.set_size(7)
+            axis.set_tick_params(labelsize=7, labelleft=True, labelbottom=True)
+            axis.set_minor_formatter("")
+            if axis.get_scale() == "linear":
+                axis.set_major_locator(matplotlib.ticker.MaxNLocator(4))
+        shown.yaxis.set_label_coords(0.06, 0.5, transform=figure.transFigure)
+    figure.savefig(path, dpi=400 / figure.get_figwidth())
+    plt.close(figure)
+
+
+def crop(name, corner):
+    """Cut a tile out of a stored picture; the corner is its upper left one, in pixels."""
+    with Image.open(ROOT / "examples" / f"{name}.png") as whole:
+        x, y = corner
+        whole.crop((x, y, x + 380, y + 266)).save(Path(__file__).parent / "_build" / f"{name}.png")
+
+
 def pictures(block, block_vars, gallery_conf):
-    """Show pyfric's figures, which pyplot does not know, beside those of pyplot."""
+    """Show pyfric's figures, which pyplot does not know, beside those of pyplot.
+
+    The first picture of a script is its tile, which its page does not show.
+    """
     known = block_vars["example_globals"]
     figure = known.get("figure")
     paths = []
+    if "_tiled" not in known and isinstance(figure, matplotlib.figure.Figure):
+        known["_tiled"] = True
+        script = Path(block_vars["src_file"]).read_text(encoding="utf-8")
+        found = re.search(r"(?m)^# sphinx_gallery_tile = (\d)", script)
+        tile(figure, next(block_vars["image_path_iterator"]), int(found[1]) if found else 0)
     if isinstance(figure, pyfric.figures.DataFigure) and figure is not known.get("_shown"):
         known["_shown"] = figure
         path = next(block_vars["image_path_iterator"])
@@ -271,6 +339,9 @@ def house_style(gallery_conf, name):
     matplotlib.rc("figure", figsize=(4.8, 3.2))
     matplotlib.rc("savefig", dpi=160)
 
+
+(ROOT / "docs" / "_build").mkdir(exist_ok=True)
+crop("precursors_setup2", (0, 187))
 
 # Every script of examples/ that is called plot_* is run; pictures and printed lines make its page.
 sphinx_gallery_conf = {

@@ -3,8 +3,8 @@ A front in a chain, against theory
 ==================================
 
 One row of blocks under uniform load and shear has fronts of constant speed, which theory gives
-exactly. The shear is given as :math:`\\bar\\tau = (\\tau/p - \\mu_k)/(\\mu_s - \\mu_k)`;
-without viscosity :math:`v = c/\\sqrt{1 - \\bar\\tau^2}`.
+exactly. The shear is given as taubar = (tau/p - mu_k)/(mu_s - mu_k);
+without viscosity v = c/sqrt(1 - taubar^2).
 """
 
 import matplotlib.pyplot as plt

@@ -11,3 +11,4 @@ import pyfric
 record = pyfric.simulate("fig1", t_end=0.5, geometry="linear", progress=False)
 event = int(pyfric.analysis.precursors(record)["event"].iloc[-1])
 figure = pyfric.figures.event_strip(record, event)
+# sphinx_gallery_tile = 6

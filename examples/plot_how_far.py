@@ -3,7 +3,7 @@ How far does a precursor reach?
 ===============================
 
 Length of each precursor against the force at which it stops, beside the prediction curve: the
-same slider with :math:`\\mu_s = \\mu_k`, whose slip grows continuously. Precursors follow it
+same slider with mu_s = mu_k, whose slip grows continuously. Precursors follow it
 from event to event.
 """
 

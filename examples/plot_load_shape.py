@@ -4,7 +4,7 @@ The shape of the load
 
 A free top under a load that grows or falls along the slider (theta from -0.8 to 0.8): where the
 load is small, slip comes early. Shown is the slipping length over the driving force, for
-:math:`\\mu_s = \\mu_k`.
+mu_s = mu_k.
 """
 
 import matplotlib.pyplot as plt

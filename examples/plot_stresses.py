@@ -3,7 +3,7 @@ Stress before and after an event
 ================================
 
 Shear over normal force of each bottom block at rest, just before the eleventh precursor and
-just after it. Inside the precursor the ratio falls to about :math:`\\mu_k`; ahead of its tip it
+just after it. Inside the precursor the ratio falls to about mu_k; ahead of its tip it
 rises, and the next event begins from there.
 """
 

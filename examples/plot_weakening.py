@@ -2,8 +2,8 @@
 Friction that weakens with slip
 ===============================
 
-With a slip-weakening distance :math:`d_c` the strength falls from :math:`\\mu_s p` to
-:math:`\\mu_k p` over a slip of :math:`d_c`. Slip is then stable at first: the blocks at the
+With a slip-weakening distance d_c the strength falls from mu_s p to
+mu_k p over a slip of d_c. Slip is then stable at first: the blocks at the
 pushed corner creep before an event. As long as few blocks creep, lengths and forces of precursors
 hardly change; with 1 µm they begin to.
 """

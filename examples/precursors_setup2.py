@@ -12,7 +12,7 @@ there are fewer than five, which `pyfric.boundary` follows. ``python examples/pr
 open at a time, the order of events means little.
 """
 
-# sphinx_gallery_thumbnail_path = "../examples/precursors_setup2.png"
+# sphinx_gallery_thumbnail_path = "_build/precursors_setup2.png"
 
 import sys
 from pathlib import Path

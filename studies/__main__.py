@@ -562,14 +562,14 @@ def one_block(out: Path, tell: Tell) -> None:
 @figure_out_option
 @telling
 def sticks(out: Path, tell: Tell) -> None:
-    """One block on a spring in pyfric and in programs with friction: creep, forces, cost.
+    """One block and ten on a spring, in pyfric and in programs with friction: creep, forces, cost.
 
     The other programs are installed first, in an environment of their own (five minutes).
     """
     check_folder(out)
     import sticks as study
 
-    figure = study.figure(study.study(say=tell.step))
+    figure = study.figure(study.study(say=tell.step), study.chains(say=tell.step))
     save_figure(figure, out / "sticks", f"{RUN} sticks", tell)
 
 

@@ -8,11 +8,15 @@ pulled    it slips from mu_s p on; the force is mu_k p + (mu_s - mu_k) p cos wt 
           between mu_k p + r and mu_k p - r with r^2 = ((mu_s - mu_k) p)^2 + (K V/w)^2. For slow
           pulling these are mu_s p and (2 mu_k - mu_s) p, where the block stops
 
+A chain of ten such blocks is pulled at its first one until all slide; there, the loop around
+`solve_ivp` with its finest tolerance stands for a closed form.
+
 The other programs run in an environment of their own (`sticks_peers.py`).
 """
 
 from __future__ import annotations
 
+import functools
 import json
 import math
 import subprocess
@@ -25,7 +29,23 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pandas as pd
 from scipy.integrate import solve_ivp
-from sticks_peers import MU_K, MU_S, RAMP, SAMPLE, START, K, M, P, V, end_of_spring
+from sticks_peers import (
+    ETA,
+    K_BOND,
+    MU_K,
+    MU_S,
+    RAMP,
+    SAMPLE,
+    START,
+    T_CHAIN,
+    V_CHAIN,
+    K,
+    M,
+    N,
+    P,
+    V,
+    end_of_spring,
+)
 
 import pyfric
 from pyfric import core, figures
@@ -35,7 +55,7 @@ from pyfric.statics import loaded_state
 if TYPE_CHECKING:
     from pyfric.figures import DataFigure
 
-__all__ = ["COLUMNS", "PEERS", "exact", "figure", "held", "pulled", "study"]
+__all__ = ["CHAINS", "COLUMNS", "PEERS", "chained", "exact", "figure", "held", "pulled", "study"]
 
 ROOT = Path(__file__).parents[1]
 ENVIRONMENT = ROOT / ".venv" / "sticks"
@@ -51,6 +71,10 @@ COLUMNS = [
     *("program", "version", "settings", "coefficients", "step", "creep_half", "creep_near"),
     *("F_max", "F_min", "error", "seconds"),
 ]
+
+IN_CHAIN = ["program", "version", "settings", "coefficients", "step", "error", "seconds"]
+FINEST = 1e-12
+"""Tolerance of what chains are compared with."""
 
 
 class Peer(NamedTuple):
@@ -87,17 +111,29 @@ def block(share: float | None) -> Any:
 
 
 def of_pyfric(step: float, t_end: float, share: float | None) -> Any:
-    scene = block(share)
+    ts, us, seconds = advanced(block(share), step, t_end - RAMP)
+    ts, us = np.append(0.0, RAMP + ts), np.append(0.0, us.mean(axis=1))
+    return ts, us, seconds, pyfric.__version__
+
+
+def chain_of_pyfric(step: float, t_end: float, share: None) -> Any:
+    own = {"L": 2.5e-3 * (N - 1), "M": N * M, "p": P, "k": K_BOND, "eta": ETA, "K": K, "V": V_CHAIN}
+    ts, us, seconds = advanced(chain(mu_s=MU_S, mu_k=MU_K, **own), step, t_end)
+    return ts, us[:, 0], seconds, pyfric.__version__
+
+
+def advanced(scene: Any, step: float, t_end: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return times (s), displacements along the interface (times x blocks, m), processor time."""
     state = loaded_state(scene, "linear").state(scene, step)
     model, log = core.model(scene, "linear", state.u_drv0), core.Log(scene.N_x)
     every = max(1, round(SAMPLE / step))
-    ts, us, begin = [0.0, RAMP], [0.0, 0.0], time.process_time()
-    for _ in range(round((t_end - RAMP) / step / every)):
+    ts, us, begin = [0.0], [state.y[0, 0].copy()], time.process_time()
+    for _ in range(round(t_end / step / every)):
         status = core.advance(model, state, log, every, switching="located", budget=False)
         assert status == core.Status.DONE, status.name
-        ts.append(RAMP + state.t)
-        us.append(state.y[0, 0].mean())
-    return np.array(ts), np.array(us), time.process_time() - begin, pyfric.__version__
+        ts.append(state.t)
+        us.append(state.y[0, 0].copy())
+    return np.array(ts), np.array(us), time.process_time() - begin
 
 
 def of_solve_ivp(rtol: float, t_end: float, share: float | None) -> Any:
@@ -141,6 +177,53 @@ def of_solve_ivp(rtol: float, t_end: float, share: float | None) -> Any:
     return (*map(np.concatenate, (ts, us)), time.process_time() - begin, scipy.__version__)
 
 
+def chain_of_solve_ivp(rtol: float, t_end: float, share: None, mu_k: float = MU_K) -> Any:
+    """The same loop for a chain: each block sticks (0) or slips to one side (1 or -1).
+
+    `solve_ivp` looks for signs that change from one end of a step to the other. It does not see a
+    block that stops for a moment within a step, so that coarse tolerances miss some stops.
+    """
+    import scipy
+
+    slips = np.zeros(N)
+
+    def force(t: float, y: np.ndarray) -> np.ndarray:
+        bonds = K_BOND * np.diff(y[:N]) + ETA * np.diff(y[N:])
+        return np.r_[K * (V_CHAIN * t - y[0]), -bonds] + np.r_[bonds, 0.0]
+
+    def rates(t: float, y: np.ndarray) -> np.ndarray:
+        a = np.where(slips != 0, (force(t, y) - slips * mu_k * P) / M, 0.0)
+        return np.concatenate([y[N:], a])
+
+    def switch(n: int) -> Callable[[float, np.ndarray], float]:
+        def far(t: float, y: np.ndarray) -> float:
+            return slips[n] * y[N + n] if slips[n] else MU_S * P - abs(force(t, y)[n])
+
+        far.terminal, far.direction = True, -1
+        return far
+
+    switches = [switch(n) for n in range(N)]
+    t, y, ts, us = 0.0, np.zeros(2 * N), [np.zeros(1)], [np.zeros(1)]
+    begin = time.process_time()
+    while t < t_end:
+        samples = np.arange(math.floor(t / SAMPLE) + 1, round(t_end / SAMPLE) + 1) * SAMPLE
+        how = {"method": "DOP853", "rtol": rtol, "atol": rtol * 1e-3, "t_eval": samples}
+        found = solve_ivp(rates, (t, t_end), y, events=switches, **how)
+        ts.append(found.t)
+        us.append(found.y[0] if len(found.t) else np.zeros(0))
+        if found.status != 1:
+            break
+        n = next(n for n, one in enumerate(found.t_events) if len(one))
+        t, y = found.t_events[n][0], found.y_events[n][0].copy()
+        pushed = force(t, y)[n]
+        if slips[n]:  # it stops, and turns round where the force bears that
+            slips[n] = np.sign(pushed) if abs(pushed) > MU_S * P else 0.0
+        else:
+            slips[n] = np.sign(pushed)
+        y[N + n] = slips[n] * 1e-300
+    return *map(np.concatenate, (ts, us)), time.process_time() - begin, scipy.__version__
+
+
 def outside(peer: str, python: str | Path | None = None, **how: Any) -> Callable[..., Any]:
     """Return a function that runs a peer of `sticks_peers` with its interpreter."""
     script = Path(__file__).with_name("sticks_peers.py")
@@ -162,8 +245,13 @@ STIFF = 'cone="elliptic" impratio="100"'
 PEERS = (
     Peer("pyfric", "located switches, RK4", of_pyfric, two=True),
     Peer("solve_ivp", "DOP853, events", of_solve_ivp, True, (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)),
+    Peer("CVODE", "Adams, events", outside("cvode"), True, (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)),
     Peer("Siconos", "Moreau–Jean, theta 0.5", outside("siconos", DEBIAN)),
     Peer("OpenSees", "flatSliderBearing, kInit 1e6 N/m, Newmark", outside("opensees")),
+    Peer(
+        *("LAMMPS", "wall/gran, linear_history, k_n 1e6 N/m", outside("lammps")),
+        steps=(2e-4, 1e-4, 5e-5),
+    ),
     Peer("MuJoCo", "defaults", outside("mujoco")),
     Peer("MuJoCo, elliptic", "elliptic cone, impratio 100", outside("mujoco", options=STIFF)),
     Peer("MuJoCo, no slip", "noslip_iterations 50", outside("mujoco", options=NO_SLIP)),
@@ -173,6 +261,19 @@ PEERS = (
         *(outside("drake", accuracy=1e-3), True, (1e-3,)),
     ),
 )
+
+COARSE = STEPS[:3]
+CHAINS = (
+    Peer("pyfric", "located switches, RK4", chain_of_pyfric, two=True),
+    Peer("solve_ivp", "DOP853, events", chain_of_solve_ivp, True, (1e-4, 1e-6, 1e-8, 1e-10)),
+    Peer("Siconos", "Moreau–Jean, theta 0.5", outside("siconos_chain", DEBIAN), steps=COARSE),
+    Peer("MuJoCo", "defaults", outside("mujoco_chain"), steps=COARSE),
+    Peer(
+        *("MuJoCo, elliptic", "elliptic cone, impratio 100"),
+        *(outside("mujoco_chain", options=STIFF), False, COARSE),
+    ),
+)
+"""Programs that pull a chain of ten blocks."""
 
 
 def install(say: Callable[[str], None]) -> None:
@@ -225,6 +326,37 @@ def pulled(peer: Peer, step: float) -> dict[str, Any]:
     return {"version": known, **forces, "error": error, "seconds": seconds}
 
 
+@functools.cache
+def fine(two: bool) -> Any:
+    """Return what chains with two coefficients, or with one, are compared with."""
+    return chain_of_solve_ivp(FINEST, T_CHAIN, None, MU_K if two else MU_S)
+
+
+def chained(peer: Peer, step: float) -> dict[str, Any]:
+    """Return version, the largest error of the force over p, and the processor time in s."""
+    t, u, seconds, known = peer.run(step, T_CHAIN, None)
+    t_fine, u_fine, *_ = fine(peer.two)
+    error = float(np.abs(np.interp(t, t_fine, u_fine) - u).max()) * K / P
+    return {"version": known, "error": error, "seconds": seconds}
+
+
+def coefficients(peer: Peer) -> dict[str, str]:
+    """Return the first columns of a row."""
+    about = {"program": peer.name, "settings": peer.settings}
+    return about | {"coefficients": "mu_s, mu_k" if peer.two else "one"}
+
+
+def chains(say: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
+    """Return one row for each program that pulls a chain and each step, with `IN_CHAIN`."""
+    install(say)
+    rows = []
+    for peer in CHAINS:
+        for step in peer.steps:
+            say(f"{peer.name}: chain, {step:g}")
+            rows.append(coefficients(peer) | {"step": step} | chained(peer, step))
+    return pd.DataFrame(rows)[IN_CHAIN]
+
+
 def study(say: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
     """Return one row for each program and step, with `COLUMNS`."""
     install(say)
@@ -232,12 +364,10 @@ def study(say: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
     for peer in PEERS:
         say(f"{peer.name}: held")
         half, near = (held(peer, share) for share in HELD)
-        about = {"program": peer.name, "settings": peer.settings}
-        about |= {"coefficients": "mu_s, mu_k" if peer.two else "one"}
         for step in peer.steps:
             say(f"{peer.name}: pulled, {step:g}")
             found = {"step": step, "creep_half": half, "creep_near": near}
-            rows.append(about | found | pulled(peer, step))
+            rows.append(coefficients(peer) | found | pulled(peer, step))
     return pd.DataFrame(rows)[COLUMNS]
 
 
@@ -247,34 +377,37 @@ LEAST = 1e-12
 """Creep below which a bar is not drawn longer, m."""
 
 
-def figure(table: pd.DataFrame) -> DataFigure:
-    """Return error against cost, and creep."""
-    fig = figures.DataFigure(figsize=(7.2, 3.6), layout="constrained")
-    left, right = fig.subplots(1, 2, width_ratios=[1.25, 1])
+def figure(table: pd.DataFrame, chain_table: pd.DataFrame) -> DataFigure:
+    """Return error against cost of one block, its creep, and error against cost of a chain."""
+    fig = figures.DataFigure(figsize=(7.2, 6.0), layout="constrained")
+    grid = fig.add_gridspec(2, 2)
+    left, below = fig.add_subplot(grid[0, 0]), fig.add_subplot(grid[1, 0])
+    right = fig.add_subplot(grid[:, 1])
     names = list(dict.fromkeys(table["program"]))
-    colours = dict(zip(names, [f"C{n}" for n in range(len(names))], strict=True))
-    for name, rows in table.groupby("program", sort=False):
-        mark = "o-" if rows["coefficients"].iloc[0] != "one" else "s--"
-        left.loglog(rows["seconds"], rows["error"], mark, ms=3.5, lw=1, color=colours[name])
-        creep, at = rows["creep_half"].iloc[0], names.index(name)
+    colours = {name: f"C{n}" if n < 10 else "black" for n, name in enumerate(names)}
+    for axes, rows_of in ((left, table), (below, chain_table)):
+        for name, rows in rows_of.groupby("program", sort=False):
+            mark = "o-" if rows["coefficients"].iloc[0] != "one" else "s--"
+            axes.loglog(rows["seconds"], rows["error"], mark, ms=3.5, lw=1, color=colours[name])
+        axes.set(xlabel="processor time (s)", ylabel="largest error of the force over $p$")
+    for at, name in enumerate(names):
+        creep = table.loc[table["program"] == name, "creep_half"].iloc[0]
         right.barh([at], [max(creep, LEAST)], 0.6, color=colours[name])
         if creep < LEAST:
             right.text(2 * LEAST, at, "none", va="center", fontsize=8, color=colours[name])
-    left.set(
-        xlabel="processor time of the pulled block (s)",
-        ylabel="largest error of the force over $p$",
-    )
-    left.set_title("(a) slip: circles have $\\mu_s$ and $\\mu_k$", loc="left", fontsize=9)
+    left.set_title("(a) one block, pulled", loc="left", fontsize=9)
+    below.set_title("(b) ten blocks, pulled", loc="left", fontsize=9)
     right.set(xscale="log", xlabel=r"creep in 10 s at $\mu_s p/2$ (m)")
     right.set_xlim(LEAST, 0.1)
     right.set_yticks(range(len(names)), names)
     right.invert_yaxis()
-    right.set_title("(b) stick", loc="left", fontsize=9)
+    right.set_title("(c) one block, held; colours of all panels", loc="left", fontsize=9)
     fig.caption = (
-        "One block on a spring. (a) Largest error of the force in a slow pull to slip and on, over "
+        "Blocks on a spring. (a, b) Largest error of the force in a slow pull to slip and on, over "
         "steps or tolerances, in programs with two coefficients (circles) or with one "
-        "(squares). (b) Displacement in 10 s while the spring is held; none means "
-        "rounding or exactly zero."
+        "(squares): one block against its closed form, and a chain of ten against the loop around "
+        "solve_ivp with a relative tolerance of 1e-12. (c) Displacement of one block in 10 s while "
+        "the spring is held; none means rounding or exactly zero."
     )
-    fig.tables = {"programs": table}
+    fig.tables = {"programs": table, "chain": chain_table}
     return fig

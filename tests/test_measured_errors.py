@@ -10,7 +10,7 @@ from helpers import small_rod
 
 import pyfric
 from pyfric.record import Errors, Record, differences, statistics, summary
-from pyfric.record.measured import UNITS
+from pyfric.record.measured import SAID
 from pyfric.scene import setup1, slab
 
 
@@ -273,7 +273,7 @@ def test_what_was_not_measured_is_never_zero(ladder, tmp_path):
         errors = Errors(want=want, tolerance=0.01)
         assert errors.measured() is None
         assert errors.holds is None
-        assert {getattr(errors, name) for name in UNITS} == {None}
+        assert {getattr(errors, name) for name in SAID} == {None}
         assert "NOT MEASURED, nothing was compared" in str(errors)
         record = ladder.replace(errors=errors)
         found = summary(record, [])["errors"]
@@ -302,9 +302,9 @@ def test_measured_errors_are_told_apart_from_others():
     errors = Errors(want="precursors", tolerance=0.1, arrest=0.01, events=3, covered=0.5)
     assert errors.holds is True
     said = str(errors)
-    assert "measured errors (3 events, to 0.5 s): arrest 0.01 F_N\n" in said
+    assert "measured errors, up to 0.5 s (3 events):\n  force at arrest within 0.01 F_N\n" in said
     assert (
-        "start, length, stress, rupture, speed_median, speed_95, speed_worst not measured" in said
+        "force at start, slipped length, stresses, rupture times, front speed not measured" in said
     )
 
 

@@ -139,9 +139,10 @@ def test_cost_lists_every_run_once(folder):
 
 
 def test_claims_are_shown_where_they_are_there(folder):
-    first = {"number": "1", "text": "a <b> & c", "value": 0.123456, "band": "0 to 1"}
+    first = {"number": "1", "text": "a <b> & c", "value": 0.1, "band": "0 to 1"}
+    unit = "(mu_s - mu_k)"
     rows = [
-        first | {"verdict": "holds", "unit": "m/s"},
+        first | {"verdict": "holds", "unit": unit, "damage": "worse", "damaged": 3},
         {"number": "2", "text": "more", "value": None, "verdict": "misses", "how": "by eye"},
     ]
     claims = folder / "claims.json"
@@ -153,8 +154,10 @@ def test_claims_are_shown_where_they_are_there(folder):
     page = Page(text)
     assert page.ids == [*NAMES, "claims", "cost"]
     words = [one.strip() for one in page.texts]
-    for one in ("a <b> & c", "0.1235 m/s", "by eye", "verdict"):
+    for one in ("a <b> & c", "not measured", "by eye", "verdict"):
         assert one in words
+    for one in ("0.1(μs−μk)", "0to1(μs−μk)", "worse:3(μs−μk)"):
+        assert one in plain(text)
     assert "1 of 2 claims hold" in text
     assert "hold; outside their bands: 2." in text
     assert words.index("by eye") < words.index("a <b> & c")  # misses come first

@@ -34,6 +34,17 @@ def test_a_pulled_block_follows_the_closed_form(name, step, error):
     assert found["F_min"] == pytest.approx(arrest, rel=1e-4)
 
 
+def test_ten_blocks_move_alike_in_pyfric_and_in_the_loop():
+    peer = next(peer for peer in sticks.CHAINS if peer.name == "pyfric")
+    assert sticks.chained(peer, 1e-3)["error"] < 1e-6
+    assert sticks.chained(peer, 5e-4)["error"] < 1e-8
+
+
+def test_ten_blocks_with_another_coefficient_are_noticed():
+    peer = sticks.Peer("other", "", lambda *a: sticks.chain_of_solve_ivp(1e-8, *a[1:], 0.41), True)
+    assert sticks.chained(peer, 1e-8)["error"] > 0.1
+
+
 def test_a_block_that_creeps_is_noticed(monkeypatch):
     def creeping(step, t_end, share):
         t = np.arange(0, t_end, step)

@@ -11,6 +11,7 @@ from helpers import small
 from test_page import Page
 
 import pyfric
+from pyfric import paper
 from pyfric.cli.commands import main
 from pyfric.figures import record_page, view
 from pyfric.figures.view import drawing
@@ -183,3 +184,48 @@ def test_in_a_browser(record, page):
     named = {(one["role"]["value"], one["name"]["value"]) for one in named if "name" in one}
     assert ("slider", "Events in order of time") in named
     assert {name for role, name in named if role == "button"} == {"Previous", "Next"}
+
+
+CONTRAST = """(() => {
+    const canvas = new OffscreenCanvas(1, 1).getContext("2d");
+    const light = (colour) => {
+        canvas.fillStyle = colour;
+        canvas.fillRect(0, 0, 1, 1);
+        const line = (x) => (x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
+        const [r, g, b] = [...canvas.getImageData(0, 0, 1, 1).data].map((x) => line(x / 255));
+        return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+    };
+    const of = (one) => getComputedStyle(one);
+    const behind = (one) => {
+        const own = of(one).backgroundColor;
+        return own === "rgba(0, 0, 0, 0)" && one.parentElement ? behind(one.parentElement) : own;
+    };
+    const drawn = (one) => (one.matches("svg text, svg circle") ? of(one).fill : of(one).color);
+    const shown = (one) => (one.matches("svg path.line") ? of(one).stroke : drawn(one));
+    const which = "p, th, td, a, h1, li, svg text, svg path.line, svg circle";
+    const all = [...document.querySelectorAll(which)];
+    const known = all.filter((one) => one.checkVisibility() && shown(one) !== "none");
+    return known.map((one) => {
+        const [a, b] = [light(shown(one)), light(behind(one))];
+        return [one.tagName, (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05)];
+    });
+})()"""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_pages_can_be_read_in_the_dark(page, tmp_path, scheme):
+    """Contrasts that WCAG asks of text, 4.5, and of lines, 3; a row of a miss is among them."""
+    claims = {"claims": [{"number": "2", "text": "more", "verdict": "misses", "how": "by eye"}]}
+    (tmp_path / "claims.json").write_text(json.dumps(claims), encoding="utf-8")
+    paper.write_index(tmp_path)
+    wanted = {"name": "prefers-color-scheme", "value": scheme}
+    page("Emulation.setEmulatedMedia", features=[wanted])
+    for name in ("run.html", "index.html"):
+        page.events.clear()
+        page.open(tmp_path / name)
+        back = page.js("getComputedStyle(document.body).backgroundColor")
+        assert (sum(map(int, re.findall(r"\d+", back))) < 200) is (scheme == "dark")
+        found = page.js(CONTRAST)
+        assert len(found) > 10
+        for tag, contrast in found:
+            assert contrast > (4.5 if tag in ("P", "TH", "TD", "A", "H1", "LI", "text") else 3), tag

@@ -1,5 +1,8 @@
-"""A newcomer's walk: the blocks of README, how-to pages and one tutorial, run in order in an empty
-folder, as they are written. The site runs all tutorials, to show what they print and draw."""
+"""A newcomer's walk: the blocks of README, front page, how-to pages and one tutorial, run in order.
+
+They run in an empty folder, as they are written. The site runs all tutorials, to show what they
+print and draw.
+"""
 
 import subprocess
 from pathlib import Path
@@ -11,10 +14,17 @@ from walk import blocks, run, shown
 ROOT = Path(__file__).parents[1]
 HOW_TO = sorted((ROOT / "docs" / "howto").glob("*.md"))
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
-PAGES = [ROOT / "README.md", ROOT / "docs" / "tutorials" / "how_far.md", *HOW_TO]
+FRONT = [ROOT / "README.md", ROOT / "docs" / "index.md"]
+PAGES = [*FRONT, ROOT / "docs" / "tutorials" / "how_far.md", *HOW_TO]
 
 
-LONG = {"README": "slow", "my_block": "site", "seeds": "site", "sweep_again": "site"}
+LONG = {
+    "README": "slow",
+    "index": "site",
+    "my_block": "site",
+    "seeds": "site",
+    "sweep_again": "site",
+}
 """Pages that take seconds, which `make docs` walks: it runs all of this file."""
 
 

@@ -43,6 +43,10 @@ class Commands(_Listed, click.Group):
         super().__init__(*given, **more)
         self.sections = sections
 
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of the commands: run, which most people look for, and the others."""
+        return sorted(self.commands, key=lambda name: (name != "run", name))
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write a list for each section."""
         for section in self.sections:

@@ -14,7 +14,7 @@ from pyfric.figures.phases import phase_map
 from pyfric.figures.sizes import size_figure
 from pyfric.figures.sketch import sketch
 from pyfric.figures.spacetime import space_time
-from pyfric.figures.strip import event_movie, event_strip, has_ffmpeg
+from pyfric.figures.strip import event_frames, event_movie, event_strip, has_ffmpeg
 from pyfric.figures.style import FIGURES, DataFigure, PaperFigure, save_figure
 from pyfric.figures.view import drawing as drawing
 from pyfric.figures.view import record_page
@@ -24,6 +24,7 @@ __all__ = [
     "FIGURES",
     "DataFigure",
     "PaperFigure",
+    "event_frames",
     "event_movie",
     "event_strip",
     "fig1b",

@@ -95,7 +95,10 @@ def frame_times(record: Record, event: int, moments: Sequence[float] = MOMENTS) 
 
 
 def event_frames(
-    record: Record, event: int, times: Sequence[float], initial: State | None = None
+    record: Record,
+    event: int,
+    times: Sequence[float] | np.ndarray,
+    initial: State | None = None,
 ) -> list[Frame]:
     """Run one event again and return the slider at the given times.
 

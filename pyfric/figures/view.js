@@ -4,6 +4,8 @@ const get = (id) => document.getElementById(id);
 const events = data.events;
 const sub = (a, b) => `${a}<tspan dy="3" font-size="10">${b}</tspan><tspan dy="-3">\u200b</tspan>`;
 const range = (n) => Array.from({ length: n }, (_, i) => i);
+const onPage = (colour) => `color-mix(in srgb, ${colour}, white var(--lift))`; // lighter on a dark page
+const ink = "currentColor", grey = "var(--grey)";
 let chosen = -1;
 
 // --- axes ---------------------------------------------------------------------------------------
@@ -51,8 +53,8 @@ class Panel {
   }
   level(y, name, x = this.x[1]) {
     const at = this.py(y);
-    return `<path class="line dotted" stroke="#777" d="M${this.left} ${at}h${this.width}"/>` +
-      `<text x="${this.px(x) - 4}" y="${at - 4}" text-anchor="end" fill="#555">${name}</text>`;
+    return `<path class="line dotted" stroke="${grey}" d="M${this.left} ${at}h${this.width}"/>` +
+      `<text x="${this.px(x) - 4}" y="${at - 4}" text-anchor="end" fill="${grey}">${name}</text>`;
   }
 }
 
@@ -65,13 +67,13 @@ const map = new Panel(62, 230, 825, 190, [begin, end], [0, 1]);
 
 function drawGrowth() {
   const panel = new Panel(62, 10, 825, 410, [0, 1.05 * Math.max(...data.curve.F, 1e-9)], [0, 1]);
-  get("map").innerHTML = panel.line(data.curve.F, data.growth, "#222") +
+  get("map").innerHTML = panel.line(data.curve.F, data.growth, ink) +
     panel.axes(`force ${sub("F", "T")}/${sub("F", "N")}`, `slipping zone ${sub("L", "p")}/L`);
 }
 
 function drawOverview() {
   if (data.growth) return drawGrowth();
-  const parts = [loading.level(data.mu_k, sub("μ", "k"), begin + 0.03 * (end - begin)), loading.line(data.curve.t, data.curve.F, "#222")];
+  const parts = [loading.level(data.mu_k, sub("μ", "k"), begin + 0.03 * (end - begin)), loading.line(data.curve.t, data.curve.F, ink)];
   for (const kind of ["micro", "partial", "whole"]) {
     const paths = { 1: "", 0: "" };
     if (data.slip[kind]) data.slip[kind][0].forEach((t, i) => {
@@ -79,8 +81,8 @@ function drawOverview() {
       paths[slipped[i]] += `M${map.px(t)} ${map.py(from[i])}V${map.py(to[i])}`;
     });
     const wide = kind === "micro" ? 1 : 2;
-    parts.push(`<path stroke="${data.colours[kind]}" stroke-width="${wide}" d="${paths[1]}"/>`);
-    parts.push(`<path stroke="${data.colours[kind]}" stroke-width="${wide / 3}" d="${paths[0]}"/>`);
+    parts.push(`<path stroke="${onPage(data.colours[kind])}" stroke-width="${wide}" d="${paths[1]}"/>`);
+    parts.push(`<path stroke="${onPage(data.colours[kind])}" stroke-width="${wide / 3}" d="${paths[0]}"/>`);
   }
   parts.push(loading.axes("", `force ${sub("F", "T")}/${sub("F", "N")}`));
   parts.push(map.axes("time t (s)", "slip region x/L"));
@@ -102,8 +104,7 @@ function words(one) {
 const nothing = (text) => `<text x="450" y="200" text-anchor="middle">${text}</text>`;
 
 function shade(share) {
-  const mix = (a, b) => Math.round(a + (b - a) * share);
-  return `rgb(${mix(205, 8)},${mix(225, 48)},${mix(242, 107)})`;
+  return `color-mix(in srgb, var(--least), var(--most) ${(100 * share).toFixed(1)}%)`;
 }
 
 function drawSlips(detail) {
@@ -146,7 +147,7 @@ function legend([name, colour, kind], i) {
 
 function drawStresses(detail) {
   const x = range(data.N_x).map((i) => i / Math.max(data.N_x - 1, 1));
-  const blue = "#0072B2", red = "#D55E00";
+  const blue = onPage("#0072B2"), red = onPage("#D55E00");
   const all = ["tau_before", "tau_after", "p_before", "p_after"].flatMap((name) => detail[name]).filter((v) => v !== null);
   if (!all.length) return nothing("The record holds no static state of this event.");
   const ratio = (when) => detail[`tau_${when}`].map((tau, i) => (tau === null || !(detail[`p_${when}`][i] > 0) ? null : tau / detail[`p_${when}`][i]));
@@ -155,7 +156,7 @@ function drawStresses(detail) {
   const upper = new Panel(62, 34, 825, 240, [0, 1], [Math.min(0, ...all), 1.05 * Math.max(...all)]);
   const lower = new Panel(62, 299, 825, 200, [0, 1], [Math.min(0, ...known), 1.15 * Math.max(data.mu_s, ...known)]);
   return [
-    ...[["before", blue, ""], ["after", red, ""], ["friction force τ, τ/p", "#222", ""], ["normal force p", "#222", "dashed"]].map(legend),
+    ...[["before", blue, ""], ["after", red, ""], ["friction force τ, τ/p", ink, ""], ["normal force p", ink, "dashed"]].map(legend),
     upper.line(x, detail.p_before, blue, "dashed"), upper.line(x, detail.p_after, red, "dashed"),
     upper.line(x, detail.tau_before, blue), upper.line(x, detail.tau_after, red),
     upper.axes("", `τ and p over ${sub("F", "N")}/${sub("N", "x")}`),

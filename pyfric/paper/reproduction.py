@@ -18,6 +18,7 @@ import pandas as pd
 from markupsafe import Markup, escape
 
 from pyfric.figures import FIGURES, event_movie, has_ffmpeg, save_figure, template
+from pyfric.paper.claims.claim import measured
 from pyfric.paper.runs import RUNS
 from pyfric.record import precursor_lengths
 from pyfric.scene import SceneError, __version__, unknown, write
@@ -205,7 +206,7 @@ def mathematical(text: str) -> Markup:
         shown = f"<msub>{shown}<mi>{index}</mi></msub>" if index else shown
         return f"<math>{shown}</math>"
 
-    text = text.replace("<=", "≤").replace(">=", "≥")
+    text = text.replace("<=", "≤").replace(">=", "≥").replace(" - ", " − ")
     return Markup(SYMBOL.sub(math, str(escape(text))))
 
 
@@ -215,11 +216,17 @@ def _claims(path: Path) -> list[dict[str, Markup]] | None:
         claims = json.loads(path.read_text(encoding="utf-8"))["claims"]
         claims = sorted(claims, key=lambda claim: claim.get("verdict") != "misses")
         return [
-            {name: mathematical(_plain(claim.get(name))) for name in CLAIM_VALUES}
-            for claim in claims
+            {name: mathematical(text) for name, text in _claim(claim).items()} for claim in claims
         ]
     except (ValueError, KeyError, TypeError, AttributeError):
         return None
+
+
+def _claim(claim: dict[str, Any]) -> dict[str, str]:
+    """What the page says of a claim; numbers with their units."""
+    said = {name: str(claim.get(name) or "") for name in CLAIM_VALUES}
+    numbers = {name: measured(claim.get(name), said["unit"]) for name in ("value", "damaged")}
+    return said | numbers
 
 
 def _runs(folder: Path, names: list[str]) -> list[dict[str, Any]]:
@@ -233,10 +240,3 @@ def _runs(folder: Path, names: list[str]) -> list[dict[str, Any]]:
         lambda of: ", ".join(of.unique())
     )
     return found.reset_index().to_dict("records")
-
-
-def _plain(value: Any) -> str:
-    """A value of a JSON file as text."""
-    if isinstance(value, float):
-        return f"{value:.4g}"
-    return "" if value is None else str(value)

@@ -15,17 +15,17 @@ NOT_VERIFIED = "errors not measured (a planned run, or verify = 'sample', measur
 """What a record says that was not verified."""
 COVERED = 1e-6
 """Part of a run at its end that need not be compared: runs end at whole steps."""
-UNITS = {
-    "start": "F_N",
-    "arrest": "F_N",
-    "length": "L",
-    "stress": "F_N/N_x",
-    "rupture": "of the front's time",
-    "speed_median": "of front speeds",
-    "speed_95": "of front speeds",
-    "speed_worst": "of front speeds",
+SAID = {
+    "start": ("force at start", "F_N", "events"),
+    "arrest": ("force at arrest", "F_N", "events"),
+    "length": ("slipped length", "L", "events"),
+    "stress": ("stresses", "F_N/N_x", "events"),
+    "rupture": ("rupture times", "of the time of the front", "events"),
+    "speed_median": ("front speed", "of the speed at half of the blocks", "blocks"),
+    "speed_95": ("front speed", "of the speed at 95 % of the blocks", "blocks"),
+    "speed_worst": ("front speed", "of the speed at the worst block", "blocks"),
 }
-"""Numbers of `Errors` and their units, as they are said."""
+"""Numbers of `Errors` in words: the quantity, the unit, and what was compared."""
 FORCES = ("start", "arrest")
 PROMISED = {"stress": (*FORCES, "stress"), "front_speed": ("speed_95",)}
 """What is wanted -> the numbers that its tolerance bounds, the last of which has to be known;
@@ -136,18 +136,18 @@ class Errors:
 
     def __str__(self) -> str:
         said, unknown = [], []
-        for name, unit in {} if self.chosen_at else UNITS.items():
-            over = f" over {self.compared[name]}" if name in self.compared else ""
+        for name, (quantity, unit, what) in {} if self.chosen_at else SAID.items():
+            of = f" ({self.compared[name]} {what})" if name in self.compared else ""
             value = getattr(self, name)
             if value is None:
-                unknown.append(name)
+                unknown.append(quantity)
             else:
-                said.append(f"{name} {value:.2g} {unit}{over}")
-        lines, events = [], f"{self.events} events, to {self.covered:.6g} s"
+                said.append(f"  {quantity} within {value:.2g} {unit}{of}")
+        lines = []
         if said:
-            lines.append(f"measured errors ({events}): {', '.join(said)}")
+            lines = [f"measured errors, up to {self.covered:.6g} s ({self.events} events):", *said]
         if unknown:
-            lines.append(f"{', '.join(unknown)} {NOTHING}")
+            lines.append(f"{', '.join(dict.fromkeys(unknown))} {NOTHING}")
         if self.verdict:
             lines.append(self.verdict)
         if self.until is not None:

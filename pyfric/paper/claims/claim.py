@@ -44,7 +44,7 @@ class Band:
     Attributes:
         low, high: its ends; None where it has none.
         source: where it comes from.
-        unit: that of the value, "" for a pure number.
+        unit: that of the value, "" for a pure number; a difference in brackets.
     """
 
     low: float | None
@@ -155,17 +155,25 @@ def claim(number: str, *runs: str) -> Callable[[Measure], Measure]:
     return enter
 
 
+def measured(value: float | None, unit: str) -> str:
+    """Return a value in words; None and NaN stand for what was not measured.
+
+    A unit that is a difference stands in brackets: 0.1 (mu_s - mu_k).
+    """
+    known = value is not None and not math.isnan(value)
+    return f"{value:.4g} {unit}".rstrip() if known else "not measured"
+
+
 def report(claims: Iterable[Claim]) -> str:
     """Return the table of the claims as text, with the processor time of each and its runs."""
     claims = list(claims)
     lines = []
     for claim in claims:
-        unit = claim.band.unit
-        value, band = (f"{text} {unit}".strip() for text in (f"{claim.value:.4g}", claim.band))
+        value, damaged = (measured(x, claim.band.unit) for x in (claim.value, claim.damaged))
         lines.append(f"{claim.number:>4}  {claim.verdict:<6}  {claim.text} ({claim.seconds:.1f} s)")
-        lines.append(f"      {value} (band {band}): {claim.how}")
+        lines.append(f"      {value} (band {claim.band}): {claim.how}")
         if claim.damage:
-            lines.append(f"      {claim.damage}: {claim.damaged:.4g} {unit}".rstrip())
+            lines.append(f"      {claim.damage}: {damaged}")
         if claim.note:
             lines.append(f"      note: {claim.note}")
     missed = [claim.number for claim in claims if not claim.holds]

@@ -129,6 +129,11 @@ def rms(x: Iterable[float]) -> float:
     return float(np.sqrt(np.mean(np.square(np.asarray(x)))))
 
 
+def stated(number: float, digits: str = ".3f") -> str:
+    """A number in a sentence; NaN, which stands for what there is none of, is "none"."""
+    return "none" if np.isnan(number) else format(number, digits)
+
+
 def listed(numbers: dict[str, float], digits: str = ".3f") -> str:
     """Numbers by name, in a sentence."""
-    return ", ".join(f"{name}: {value:{digits}}" for name, value in numbers.items())
+    return ", ".join(f"{name}: {stated(value, digits)}" for name, value in numbers.items())

@@ -20,6 +20,7 @@ from pyfric.paper.claims.quantities import (
     reach,
     rms,
     size,
+    stated,
     weighted,
 )
 from pyfric.paper.runs import AT_2700, BASE, BY_D_C, BY_MU_S, MATTRESS
@@ -85,15 +86,15 @@ def _behind_a_precursor(runs: Runs) -> Iterator[Claim]:
     record = runs["fig1"]
     events = analysis.precursor_lengths(record)["event"].to_numpy()
     left = left_behind(record)
-    each = ", ".join(f"{size(left_behind(record, [event])):.3f}" for event in events)
+    each = ", ".join(stated(size(left_behind(record, [event]))) for event in events)
     yield Claim(
         "8",
         "a precursor leaves tau = mu_k p behind it",
         size(left),
-        Band(None, 0.1, TENTH, "mu_s - mu_k"),
+        Band(None, 0.1, TENTH, "(mu_s - mu_k)"),
         "RMS of (tau/p - mu_k)/(mu_s - mu_k) after arrest over the slipped, closed blocks, tip "
         f"block left out, {len(events)} precursors; {weighted(left)}; without the last precursor "
-        f"{size(left_behind(record, events[:-1])):.3f}; one by one: {each}",
+        f"{stated(size(left_behind(record, events[:-1])))}; one by one: {each}",
         [to.each("the state before each event instead", to.before_for_after)],
         "the last precursor nearly spans the interface and leaves blocks above and below mu_k p",
     )
@@ -139,7 +140,7 @@ def _state_at_arrest(runs: Runs) -> Iterator[Claim]:
         [name for name, d_c in BY_D_C.items() if d_c > 0],
     )
     texts = [
-        f"{1e6 * d_c:g}: {far[name]:.3f} ({weighted(left[name])}; "
+        f"{1e6 * d_c:g}: {stated(far[name])} ({weighted(left[name])}; "
         f"{len(growing(runs[name]))} precursors)"
         for name, d_c in BY_D_C.items()
     ]
@@ -147,7 +148,7 @@ def _state_at_arrest(runs: Runs) -> Iterator[Claim]:
         "9c",
         "it holds with slip weakening over less than a few um",
         worst,
-        Band(None, 0.1, TENTH, "mu_s - mu_k"),
+        Band(None, 0.1, TENTH, "(mu_s - mu_k)"),
         f"claim 8's RMS, worst of d_c = 0.5, 1, 2 um; at d_c in um: {', '.join(texts)}",
         [middle],
         "the last precursor raises it, as in claim 8 (linear geometry here). From about 5 um on, "
@@ -199,7 +200,7 @@ def _force_at_sliding(runs: Runs) -> Iterator[Claim]:
         "10b",
         "it leaves a force of about mu_k F_N",
         record.scene.law.scaled(last["force"]),
-        Band(-0.1, 0.1, TENTH, "mu_s - mu_k"),
+        Band(-0.1, 0.1, TENTH, "(mu_s - mu_k)"),
         "R = (F_T/F_N - mu_k)/(mu_s - mu_k) of the static force at arrest, "
         f"{last['force']:.4f} F_N",
         [to.each("mu_k = 0.4", to.in_scene(mu_k=0.4))],
@@ -210,11 +211,11 @@ def _force_at_sliding(runs: Runs) -> Iterator[Claim]:
         "10c",
         "the largest force is only slightly above mu_k F_N, whatever mu_s",
         max(R.values(), key=abs),
-        Band(-0.1, 0.1, source, "mu_s - mu_k"),
+        Band(-0.1, 0.1, source, "(mu_s - mu_k)"),
         "R of the largest static force up to the first system-size event, largest |R| over all "
         "mu_s: "
-        + ", ".join(f"{value:.3f} at {mu_s:g}" for mu_s, value in R.items())
-        + f"; Fig. 1 scene up to 2 s: {analysis.friction_coefficients(record).R:.3f}",
+        + ", ".join(f"{stated(value)} at {mu_s:g}" for mu_s, value in R.items())
+        + f"; Fig. 1 scene up to 2 s: {stated(analysis.friction_coefficients(record).R)}",
         [to.each("forces in proportion to mu_s", FORCE_AS_MU_S)],
         "an event has to nucleate at the trailing edge, where tau reaches mu_s p: the force at "
         "which the whole interface goes feels mu_s a little, by R at all mu_s. A change of mu_s "

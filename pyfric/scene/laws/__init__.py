@@ -17,6 +17,7 @@ from pyfric.scene.laws.kinds import (
     law,
     sampled,
 )
+from pyfric.scene.laws.named import named
 from pyfric.scene.laws.rate_state import RateAndState
 from pyfric.scene.laws.tabulated import TabulatedLaw
 
@@ -38,5 +39,6 @@ __all__ = [
     "check_tables",
     "from_csv",
     "law",
+    "named",
     "sampled",
 ]

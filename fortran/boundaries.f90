@@ -5,12 +5,12 @@ module pyfric_boundaries
   use pyfric_model, only: model_t, close_state, reflected, row_share, column_shares, ABSORBING
   implicit none (type, external)
   private
-  public :: driver_speed, load_share, foundation, foundation_rate, driver_on, driver_force, rod_acceleration, rod_to_row, mirror_sum
-  public :: absorb, absorbed, reflected_row
+  public :: driver_speed, load_share, foundation, foundation_rate, heights, driver_on, driver_force, rod_acceleration, rod_to_row
+  public :: mirror_sum, absorb, absorbed, reflected_row
 
 contains
 
-  !> p_i = k_f,i |z_i| where z_i < 0, else 0; or as prescribed [N].
+  !> p_i = k_f,i |z_i| where the height z_i = u_z + gap_i < 0, else 0; or as prescribed [N].
   pure subroutine foundation(s, u_z, p)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: u_z(LB:s%n + LANES)  !! bottom row [m]
@@ -22,11 +22,11 @@ contains
       return
     end if
     do i = 1, s%nx
-      p(i) = s%k_f(i)*max(-u_z(s%at(i)), 0.0_dp)
+      p(i) = s%k_f(i)*max(-(u_z(s%at(i)) + s%gap(i)), 0.0_dp)
     end do
   end subroutine foundation
 
-  !> Rate of p_i, -k_f,i v_z where u_z < 0, else 0; 0 where p is prescribed [N/s].
+  !> Rate of p_i, -k_f,i v_z where z_i < 0, else 0; 0 where p is prescribed [N/s].
   pure subroutine foundation_rate(s, u_z, v_z, p_rate)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: u_z(LB:s%n + LANES)  !! bottom row [m]
@@ -37,9 +37,18 @@ contains
     p_rate = 0.0_dp
     if (s%prescribed) return
     do i = 1, s%nx
-      if (u_z(s%at(i)) < 0.0_dp) p_rate(i) = -s%k_f(i)*v_z(s%at(i))
+      if (u_z(s%at(i)) + s%gap(i) < 0.0_dp) p_rate(i) = -s%k_f(i)*v_z(s%at(i))
     end do
   end subroutine foundation_rate
+
+  !> Heights of the bottom blocks above the foundation; that of blocks without contact never falls to 0 [m].
+  pure function heights(s, u_z) result(z)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: u_z(LB:s%n + LANES)  !! bottom row [m]
+    real(dp) :: z(s%nx)                          !! left to right
+
+    z = merge(u_z(s%at(:s%nx)) + s%gap, s%l, s%k_f > 0.0_dp)
+  end function heights
 
   !> Speed of the driver in this piece of its protocol [m/s].
   elemental function driver_speed(s, t) result(v)

@@ -44,7 +44,7 @@ contains
     real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)   !! state
     real(dp), intent(in) :: rod(6)             !! rod
     real(dp), intent(in) :: memory(s%law%n_memory, s%nx) !! see pyfric_law
-    real(dp) :: e(N_ENERGY), p(s%nx)
+    real(dp) :: e(N_ENERGY), p(s%nx), k
     integer :: j
 
     e = 0.0_dp
@@ -53,7 +53,8 @@ contains
       e(3) = e(3) + bond_energy(s, j, y(LB, 1, j), y(LB, 1, min(j + 1, s%nz)))
     end do
     if (.not. s%prescribed) then
-      e(4) = 0.5_dp*s%k_f(1)*sum(s%k_f/s%k_f(1)*min(y(s%at(:s%nx), UZ, 1), 0.0_dp)**2)
+      k = merge(s%k_f(1), maxval(s%k_f), s%k_f(1) > 0.0_dp)
+      e(4) = 0.5_dp*k*sum(s%k_f/k*min(y(s%at(:s%nx), UZ, 1) + s%gap, 0.0_dp)**2)
     end if
     if (s%rigid) then
       e(2) = 0.5_dp*(s%m_rod*(rod(4)**2 + rod(5)**2) + s%i_rod*rod(6)**2)

@@ -94,7 +94,8 @@ module pyfric_model
     logical :: sheared      !! shear, its rate or k_top is not zero
     logical :: pushed       !! push or its rate is not zero
     real(dp), allocatable :: u_drv0(:) !! of the driven blocks, by row: u_x at which the driver does not push them at t = 0 [m]
-    real(dp), allocatable :: k_f(:)   !! foundation stiffness [N/m]
+    real(dp), allocatable :: k_f(:)   !! foundation stiffness, 0 under blocks without contact [N/m]
+    real(dp), allocatable :: gap(:)   !! height of blocks above the foundation at u_z = 0 [m]
     real(dp), allocatable :: x(:)     !! block positions from the centre [m]
     real(dp), allocatable :: load(:)  !! downward load on a free top row, or prescribed p [N]
     real(dp), allocatable :: shear(:) !! constant force on row j_shear, along +x [N]
@@ -142,17 +143,17 @@ contains
     s%pushed = any(abs(s%push) > 0.0_dp) .or. any(abs(s%push_rate) > 0.0_dp)
   end function new_model
 
-  !> Rows of N_x numbers: x [m], load, shear and push [N], rate of push [N/s], k_f [N/m], the fields of the law; then the
-  !> knots of its tables.
+  !> Rows of N_x numbers: x [m], load, shear and push [N], rate of push [N/s], k_f [N/m], gap [m], the fields of the law;
+  !> then the knots of its tables.
   pure subroutine take_rows(numbers, n, s)
     real(dp), contiguous, intent(in) :: numbers(:)
     type(counts_t), intent(in) :: n
     type(model_t), intent(inout) :: s
-    integer, parameter :: ROWS = 6
+    integer, parameter :: ROWS = 7
     integer :: nx, last, failed
 
     nx = s%nx
-    allocate (s%x(nx), s%load(nx), s%shear(nx), s%push(nx), s%push_rate(nx), s%k_f(nx), stat=failed)
+    allocate (s%x(nx), s%load(nx), s%shear(nx), s%push(nx), s%push_rate(nx), s%k_f(nx), s%gap(nx), stat=failed)
     if (failed /= 0) return
     s%x(:) = numbers(:nx)
     s%load(:) = numbers(nx + 1:2*nx)
@@ -160,6 +161,7 @@ contains
     s%push(:) = numbers(3*nx + 1:4*nx)
     s%push_rate(:) = numbers(4*nx + 1:5*nx)
     s%k_f(:) = numbers(5*nx + 1:6*nx)
+    s%gap(:) = numbers(6*nx + 1:7*nx)
     last = (ROWS + N_FIELDS)*nx
     s%law = new_law(nx, n%n_memory, n%n_junctions, [n%seed_low, n%seed_high], s%d < 0.0_dp, s%ruptured, &
                     n%evolution, [s%v_ref, s%cut, s%v_slip], [n%n_hold, n%n_slide, n%n_speed, n%n_age], numbers(last + 1:), &

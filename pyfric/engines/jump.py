@@ -233,7 +233,8 @@ def path_from(
     steady, plain = outside.steady, not any(outside.gain)
     if stiffer is None and steady and plain:
         V, of_drift, of_lag = outside.V, *gap_functions.steady
-        gaps = gap_functions.at(q, forces[held]) + V * of_lag, V * of_drift, np.zeros_like(of_lag)
+        begin = gap_functions.whole(q, forces[held])
+        gaps = begin + V * of_lag, V * of_drift, np.zeros_like(of_lag)
         lag = np.array([V * space.lag, zero, zero])
         return Path(np.array([q, V * space.drift, zero]), lag, np.array(gaps), stiffer)
     guess = outside.V * (space.drift if drift is None else drift) if plain else space.answer(b_1)
@@ -248,7 +249,8 @@ def path_from(
     guess = outside.V * space.lag if steady and plain else space.answer(pull)
     l_0, left_0, _ = space.refined(guess, pull, stiffer)
     bottom = zip((q, q_1, q_2), (forces[held], left_1, left_2), strict=True)
-    gaps = np.array([gap_functions.at(x, f) for x, f in bottom])
+    of = gap_functions.whole, gap_functions.at, gap_functions.at
+    gaps = np.array([gap(x, f) for gap, (x, f) in zip(of, bottom, strict=True)])
     gaps[0] += gap_functions.at(l_0, left_0 + (drag - pull)[held])
     if not steady:
         left = -(C @ q_2) - space.restoring(l_1, stiffer)
@@ -450,7 +452,7 @@ class Jump:
             shift, after, change = space.refined(first, left, stiffer)
             contraction = math.sqrt(change @ (space.K @ change) / (first @ left))
             q, v = q + shift, v + 2 / s * shift
-        gaps = self.gap_functions.at(q, forces[space.held] + after)
+        gaps = self.gap_functions.whole(q, forces[space.held] + after)
         return q, v, gaps, shift, contraction
 
     def drift_at(self, s: float) -> np.ndarray | None:

@@ -90,9 +90,9 @@ def pause_notes(record: Record) -> tuple[str, ...]:
 def relaxation_time(scene: Scene) -> float:
     """Return the decay time of the slowest motion of the slider with all blocks stuck, in s.
 
-    It is 1/min(-Re lambda) over the damped modes in linear geometry. For large lattices, it is that
-    of larger blocks with the same viscosity. It is 0 for a chain, in which no block can move. It is
-    infinite without viscosity and on a prescribed interface.
+    It is 1/min(-Re lambda) over the damped modes in linear geometry, with closed gaps. For large
+    lattices, it is that of larger blocks with the same viscosity. It is 0 for a chain, in which no
+    block can move. It is infinite without viscosity and on a prescribed interface.
 
     Raises:
         EquilibriumError: a part of the slider is not supported.
@@ -101,14 +101,17 @@ def relaxation_time(scene: Scene) -> float:
         return 0.0
     if scene.eta == 0 or scene.prescribed:
         return math.inf
-    foundation = Interface(mu_s=1.0, mu_k=1.0, k_f=scene.interface.k_f)  # without its friction
+    known, mu = scene.interface, 1.0  # of friction only where there is none
+    if scene.bare.any():
+        mu = tuple(np.where(scene.bare, 0.0, 1.0)[np.argsort(scene.n_of_i)].tolist())
+    foundation = Interface(mu_s=mu, mu_k=mu, k_f=known.k_f, contact=known.contact)
     return _relaxation_time(dataclasses.replace(scene, interface=foundation, name=""))
 
 
 @functools.lru_cache(maxsize=64)
 def _relaxation_time(scene: Scene) -> float:
     small = coarser(scene)
-    stuck = np.ones(small.N_x, dtype=bool)
+    stuck = small.touches & ~small.bare
     rates = modes_of(Space(System(small, "linear"), stuck, modes=SLOWEST)).rates
     slowest = float(np.min(-rates.real))
     return 1 / slowest if slowest > 0 else math.inf

@@ -126,6 +126,31 @@ class Quantity(Annotation):
 
 
 @dataclasses.dataclass(frozen=True)
+class Switches(Annotation):
+    """True or False, or a sequence of them with one for each block, which becomes a tuple."""
+
+    allowed: str = "True or False, or a list of N_x of them"
+
+    def check(self, value: Any, written: Written | None = None) -> bool | tuple[bool, ...] | None:
+        value = as_list(value)
+        if value is None or isinstance(value, bool):
+            return value
+        if not isinstance(value, list | tuple):
+            raise SceneError("", value, "", self.allowed, f"not bool, but {type(value).__name__}")
+
+        def one(entry: Any) -> bool:
+            if isinstance(entry, bool):
+                return entry
+            reason = f"not bool, but {type(entry).__name__}"
+            raise SceneError("", entry, "", "True or False", reason)
+
+        return numbered("block", one, value)
+
+    def written(self, value: Any) -> Any:
+        return list(value) if isinstance(value, tuple) else value
+
+
+@dataclasses.dataclass(frozen=True)
 class Whole(Annotation):
     """A whole number from a smallest to a largest one."""
 

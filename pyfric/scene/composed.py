@@ -96,12 +96,34 @@ class Composed:
     def k_f(self) -> float | np.ndarray:
         """Stiffness of the foundation per block in N/m, by default k.
 
-        A number, or an array from left to right, shape (N_x,). It is 0 for a prescribed interface
-        in two dimensions, which has no foundation.
+        A number, or an array from left to right, shape (N_x,). It is 0 under blocks without
+        contact, and for a prescribed interface in two dimensions, which has no foundation.
         """
         if self.prescribed:
             return 0.0
-        return self.given_field("k_f")
+        given = self.given_field("k_f")
+        return given if self.touches.all() else np.where(self.touches, given, 0.0)
+
+    @functools.cached_property
+    def touches(self) -> np.ndarray:
+        """Blocks that can touch the foundation, left to right, shape (N_x,), bool."""
+        given = self.interface.contact
+        return self._by_column(True if given is None else given)
+
+    @functools.cached_property
+    def gap(self) -> float | np.ndarray:
+        """Height of the undeformed blocks over the foundation, a number or (N_x,), in m."""
+        return 0.0 if self.interface.gap is None else self.given_field("gap")
+
+    @functools.cached_property
+    def bare(self) -> np.ndarray:
+        """Blocks that can touch the foundation, but have no friction, shape (N_x,), bool."""
+        return self.touches & self.law.bare
+
+    @property
+    def whole(self) -> bool:
+        """True if all blocks can touch the foundation, without gaps, and have friction."""
+        return bool(self.touches.all() and not np.any(self.gap) and not self.bare.any())
 
     @functools.cached_property
     def law(self) -> Law:
@@ -121,15 +143,16 @@ class Composed:
         """Return a field of the interface, left to right, shape (N_x,).
 
         Args:
-            name: "mu_s", "mu_k", "d_c" (m), "alpha" (N s/m) or "k_f" (N/m), or a field of the
-                friction law.
+            name: "mu_s", "mu_k", "d_c" (m), "alpha" (N s/m), "k_f" (N/m) or "gap" (m), or a field
+                of the friction law.
         """
         return np.broadcast_to(np.asarray(self.given_field(name), dtype=float), (self.N_x,))
 
     def interface_on(self, N_x: int) -> Interface:
         """Return the interface of the same slider with N_x blocks.
 
-        Fields are interpolated; alpha of a block is proportional to its length.
+        Fields are interpolated; alpha of a block is proportional to its length. A block touches
+        the foundation where the nearest one did.
         """
         at, now = np.linspace(0, 1, N_x), np.linspace(0, 1, self.N_x)
         order = np.argsort(self.n_of_i)
@@ -142,6 +165,9 @@ class Composed:
         share = (self.N_x - 1) / (N_x - 1)
         alpha = np.multiply(new.get("alpha", self.interface.alpha), share).tolist()
         new["alpha"] = tuple(alpha) if isinstance(alpha, list) else alpha
+        if isinstance(given := self.interface.contact, tuple):
+            nearest = np.rint(at * (self.N_x - 1)).astype(int)
+            new["contact"] = tuple(given[n] for n in nearest.tolist())
         return replace(self.interface, law=replace(self.interface.law, **law), **new)
 
     @functools.cached_property
@@ -154,8 +180,8 @@ class Composed:
     @property
     def fields(self) -> tuple[str, ...]:
         """Names of the fields that may vary along the interface."""
-        own = self.interface.law.fields
-        return (*FIELDS, *(name for name in own if self._given(name) is not None))
+        given = (n for n in ("gap", *self.interface.law.fields) if self._given(n) is not None)
+        return (*FIELDS[:-1], *given)
 
     @property
     def varied(self) -> tuple[str, ...]:
@@ -337,7 +363,7 @@ class Composed:
             return np.zeros(self.N_x)
         return self._by_column(self.top.p) * self.shares[1]
 
-    def _by_column(self, values: float | tuple[float, ...]) -> np.ndarray:
+    def _by_column(self, values: Any) -> np.ndarray:
         """Return values given from the trailing edge on as an array from left to right."""
         if isinstance(values, tuple):
             return np.array(values)[self.n_of_i - 1]

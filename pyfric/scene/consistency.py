@@ -50,6 +50,11 @@ def _check_fields(scene: Composed) -> None:
             n, value = int(scene.n_of_i[np.argmax(low)]), float(field[low][0])
             reason = f"the spread reaches this at block {n} from the trailing edge"
             raise SceneError(f"interface.{name}", value, mark.unit, mark.allowed, reason)
+    mark = annotations(type(scene.interface))["contact"]
+    _check_length(scene, "interface.contact", scene.interface.contact, mark)
+    if np.count_nonzero(scene.touches) < 2:
+        reason = "nothing carries the slider"
+        raise SceneError("interface.contact", False, "", "True for at least two blocks", reason)
     mu_s, mu_k = scene.field("mu_s"), scene.field("mu_k")
     above = mu_k > mu_s
     if above.any():
@@ -152,6 +157,9 @@ def _check_absent(scene: Composed) -> None:
         for side in ("left", "right", "top"):
             reason = "walls need top.kind = 'prescribed' and at least two rows"
             absent[f"walls.{side}"] = "'free'", reason
+    if isinstance(scene.top, PrescribedLoad):
+        absent["interface.gap"] = "None", "p is prescribed"
+        absent["interface.contact"] = "None", "p is prescribed; mu_s = 0 lets blocks move freely"
     if scene.N_z == 1:
         reason = "a chain is driven at its only row"
         absent |= {"driver.h": ("0 m", reason), "driver.h_top": ("None, or 0 m", reason)}
@@ -159,7 +167,7 @@ def _check_absent(scene: Composed) -> None:
         part, _, field = name.partition(".")
         owner = getattr(scene, part)
         value, mark = getattr(owner, field), annotations(type(owner))[field]
-        if value not in (None, 0, "free"):
+        if not (value is None or (value == 0 and value is not False) or value == "free"):
             raise SceneError(name, value, mark.unit, allowed, reason)
     if scene.driver.K == 0 and scene.N_z > 1 and not scene.prescribed:
         reason = "only a prescribed interface, or a chain, goes without a driver"

@@ -16,6 +16,7 @@ from pyfric.scene.checked import (
     OneOf,
     Positive,
     Quantity,
+    Switches,
     Written,
     annotations,
     from_entries,
@@ -38,7 +39,7 @@ MAX_BLOCKS = 20_000_000
 """Largest number of blocks N_x N_z. It prevents a mistyped l from exhausting the memory."""
 MULTIPLE_RTOL = 1e-9
 """Relative tolerance of "L, H and h are multiples of l"."""
-FIELDS = ("mu_s", "mu_k", "d_c", "alpha", "k_f")
+FIELDS = ("mu_s", "mu_k", "d_c", "alpha", "k_f", "gap")
 """Names of the fields of an interface."""
 A_LAW = "a friction law, such as pyfric.laws.Ageing, or [interface.law] in a scene file"
 CHAIN_NOTE = ", or 0 for a chain under a prescribed load"
@@ -370,9 +371,17 @@ class Interface:
         alpha: viscosity of slip, N s/m, >= 0: a slipping block has the additional force alpha v.
         law: dependence of friction on slip, time and speed; see `pyfric.laws`. The default weakens
             linearly over d_c.
+        gap: height of the undeformed bottom over the foundation, m, >= 0; None means 0. A block
+            carries p = k_f (-u_z - gap) where this is positive.
+        contact: False where blocks never touch the foundation; True or False, or N_x of them from
+            the trailing edge on. None means that all can.
 
-    mu_s, mu_k, k_f, d_c and alpha are fields: a number, N_x numbers from the trailing edge on, or
-    a `Spread`.
+    mu_s, mu_k, k_f, d_c, alpha and gap are fields: a number, N_x numbers from the trailing edge on,
+    or a `Spread`.
+
+    A block without contact is a part of the free surface. A block with mu_s = 0 and alpha = 0
+    carries p and moves freely along the interface; records show it as open. Neither sticks, slips
+    or takes part in events.
 
     With the default law, a block that has slipped by s since it last stuck resists with mu(s) p,
     mu(s) = mu_s - (mu_s - mu_k) min(s/d_c, 1). If slip reverses without sticking, s continues to
@@ -390,6 +399,8 @@ class Interface:
     d_c: Annotated[Field, NotNegative("m", **FIELD)] = 0.0
     alpha: Annotated[Field, NotNegative("N s/m", **FIELD)] = 0.0
     law: Annotated[FrictionLaw, OneOf(FrictionLaw, kinds=KINDS, allowed=A_LAW)] = LinearWeakening()
+    gap: Annotated[Field | None, NotNegative("m", optional=True, **FIELD)] = None
+    contact: Annotated[bool | tuple[bool, ...] | None, Switches()] = None
 
     _section: ClassVar[str] = "interface"
 

@@ -65,6 +65,8 @@ class Fields(TypedDict, total=False):
     k_f: Field | None
     d_c: Field
     alpha: Field
+    gap: Field | None
+    contact: bool | Sequence[bool] | None
     law: FrictionLaw
     left: Literal["free", "mirrored", "absorbing"]
     right: Literal["free", "mirrored", "absorbing"]
@@ -79,7 +81,7 @@ class Fields(TypedDict, total=False):
 
 Changes = Mapping[str, Any] | None
 """Names of fields to values; a name that several parts share needs its part: "driver.protocol"."""
-Rule = Callable[[Slider], float]
+Rule = Callable[[Slider], Any]
 """Function that computes a default value from the slider."""
 
 _PAPER = Interface(mu_s=0.7, mu_k=0.45)
@@ -130,6 +132,17 @@ _CHAIN = Scene(
 def _mass(slider: Slider) -> float:
     """Return the mass at the density of the paper's setup 1, 0.54 kg/m, in kg."""
     return 0.0756 * (slider.L / 0.14)
+
+
+def _lands(slider: Slider) -> tuple[bool, ...]:
+    """Return which blocks touch: those on lands of 10 mm between grooves of 10 mm."""
+    return tuple(int(n * slider.l / 10e-3 + 1e-9) % 2 == 0 for n in range(slider.N_x))
+
+
+def _waves(slider: Slider) -> tuple[float, ...]:
+    """Return gaps of a height of 20 um from crest to trough and a wavelength of 35 mm, in m."""
+    wave = 2 * math.pi * slider.l / 35e-3
+    return tuple(10e-6 * (1 - math.cos(wave * n)) for n in range(slider.N_x))
 
 
 def _made(base: Scene, given: Mapping[str, Any], **rules: Rule) -> Scene:
@@ -202,6 +215,28 @@ def rate_and_state(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scen
     Source: B. A. Erickson et al., Seismol. Res. Lett. 91, 874 (2020), problem BP1.
     """
     return _made(_RATED, joined(changes, fields), slider_M=_mass)
+
+
+def grooves(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
+    """Return setup 1 with grooves across its interface: lands of 10 mm and grooves of 10 mm.
+
+    Blocks less than 10 mm, or 20 to 30 mm and so on, from the trailing edge touch the substrate. l
+    should divide 10 mm. The default l is 2.5 mm; other values are those of `setup1`.
+
+    Changes and errors are those of `preset`.
+    """
+    return _made(_SETUP1, joined(changes, fields), slider_M=_mass, interface_contact=_lands)
+
+
+def wavy(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
+    """Return setup 1 on a wavy interface, g(x) = 10 um (1 - cos(2 pi x/35 mm)).
+
+    x is the distance from the trailing edge, which is a crest. Under F_N = 3500 N blocks between
+    crests do not touch the substrate. Other values are those of `setup1`.
+
+    Changes and errors are those of `preset`.
+    """
+    return _made(_SETUP1, joined(changes, fields), slider_M=_mass, interface_gap=_waves)
 
 
 def setup2(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
@@ -367,6 +402,8 @@ PRESETS: MappingProxyType[str, Preset] = MappingProxyType(
             ("setup2", setup2, {}, "a slider under a distributed load"),
             ("setup2+", setup2, {"top.theta": 0.833}, "little load on the trailing edge"),
             ("setup2-", setup2, {"top.theta": -0.833}, "much load on the trailing edge"),
+            ("grooves", grooves, {}, "setup 1 with lands and grooves of 10 mm"),
+            ("wavy", wavy, {}, "setup 1 on waves of 35 mm, 20 um high"),
             ("chain", chain, {}, "setup 1 lumped into one row"),
             ("slow", slow, {}, "setup 1 on junctions that break and pin again: slow fronts"),
             ("rate_and_state", rate_and_state, {}, "setup 1 with rate-and-state friction"),

@@ -51,12 +51,15 @@ class System:
 
     Attributes:
         u_drv0: u_x of the driven blocks at drive = 0 and F_T = 0, in m: see `Scene.u_driven`.
+        pressed: blocks without friction that touch the foundation, (N_x,), bool; those of the
+            loaded state, once it is known.
     """
 
     u_drv0: OnDriven
 
     def __init__(self, scene: Scene, geometry: Geometry) -> None:
         self.scene, self.geometry, self.u_drv0 = scene, geometry, 0.0
+        self.pressed = scene.bare
         self._lattice, self._T = bonds(scene), coordinates(scene)
         self._springs = functools.partial(spring_forces, self._lattice)
         if geometry == "finite":
@@ -162,7 +165,7 @@ class System:
         force = self._springs(u) + self._load
         if scene.k_top:
             force[-1, 0] -= scene.k_top * u[-1, 0]
-        p = -scene.k_f * u[0, 1] * contact.closed
+        p = -scene.k_f * (u[0, 1] + scene.gap) * contact.closed
         force[0, 1] += p
         force[0, 0] -= contact.slip * contact.law.slide(p)
         if drive is not None:

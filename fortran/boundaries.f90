@@ -68,30 +68,30 @@ contains
     share = 1.0_dp + s%load_rate*(t - s%t_seg)
   end function load_share
 
-  !> Force of the driver on the driven block of row j, (K/n) (X(t) - x_h) [N]. x_h is the displacement of this block along the
+  !> Force of the driver on driven block b, (K/n) (X(t) - x_h) [N]. x_h is the displacement of this block along the
   !> push since t = 0, n the number of driven blocks, and X the integral of the driver's speed (V t if that is constant).
-  elemental function driver_on(s, j, t, u_x) result(f)
+  elemental function driver_on(s, b, t, u_x) result(f)
     type(model_t), intent(in) :: s
-    integer, intent(in) :: j     !! row, from 1 at the bottom
+    integer, intent(in) :: b     !! number of the driven block, see driven_number
     real(dp), intent(in) :: t    !! time [s]
     real(dp), intent(in) :: u_x  !! that block [m]
     real(dp) :: f, t_seg
 
     t_seg = t - s%t_seg
-    f = s%k_drv*((s%x_drv + (s%v_drv + 0.5_dp*s%a_drv*t_seg)*t_seg) - s%d*(u_x - s%u_drv0(j)))
+    f = s%k_drv*((s%x_drv + (s%v_drv + 0.5_dp*s%a_drv*t_seg)*t_seg) - s%d*(u_x - s%u_drv0(b)))
   end function driver_on
 
   !> F_T, the sum of the forces on all driven blocks [N].
   pure function driver_force(s, t, u_x) result(f_t)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                       !! time [s]
-    real(dp), intent(in) :: u_x(s%j_h:s%j_h_top)    !! driven blocks [m]
+    real(dp), intent(in) :: u_x(s%n_driven)         !! driven blocks [m]
     real(dp) :: f_t
-    integer :: j
+    integer :: b
 
-    f_t = driver_on(s, s%j_h, t, u_x(s%j_h))
-    do j = s%j_h + 1, s%j_h_top
-      f_t = f_t + driver_on(s, j, t, u_x(j))
+    f_t = driver_on(s, 1, t, u_x(1))
+    do b = 2, s%n_driven
+      f_t = f_t + driver_on(s, b, t, u_x(b))
     end do
   end function driver_force
 

@@ -2,7 +2,7 @@
 module pyfric_energy
   use pyfric_kinds, only: dp
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
-  use pyfric_model, only: model_t, row_share, column_shares
+  use pyfric_model, only: model_t, row_share, column_shares, driven_u
   use pyfric_bond_energy, only: bond_energy
   use pyfric_boundaries, only: driver_on, driver_force, foundation, mirror_sum
   use pyfric_rows, only: budget_t
@@ -30,7 +30,7 @@ contains
     real(dp) :: point(N_POINT)
 
     point = 0.0_dp
-    point(1) = driver_force(s, t, y(s%at(s%i_h), UX, s%j_h:s%j_h_top))
+    point(1) = driver_force(s, t, driven_u(s, y))
     if (.not. keep_budget) return
     point(2:N_ENERGY + 1) = energies(s, t, y, rod, memory)
     point(N_ENERGY + 2:) = [budget%work, sum(budget%dissipated), mirror_sum(s%nx, budget%heat), mirror_sum(s%nx, loss), &
@@ -44,7 +44,7 @@ contains
     real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)   !! state
     real(dp), intent(in) :: rod(6)             !! rod
     real(dp), intent(in) :: memory(s%law%n_memory, s%nx) !! see pyfric_law
-    real(dp) :: e(N_ENERGY), p(s%nx), k
+    real(dp) :: e(N_ENERGY), p(s%nx), k, u_x(s%n_driven)
     integer :: j
 
     e = 0.0_dp
@@ -63,8 +63,9 @@ contains
       e(5) = 0.5_dp*s%k_top*sum(y(s%at(:s%nx), UX, s%nz)**2)
     end if
     if (s%k_drv > 0.0_dp) then
-      do j = s%j_h, s%j_h_top
-        e(6) = e(6) + 0.5_dp*driver_on(s, j, t, y(s%at(s%i_h), UX, j))**2/s%k_drv
+      u_x = driven_u(s, y)
+      do j = 1, s%n_driven
+        e(6) = e(6) + 0.5_dp*driver_on(s, j, t, u_x(j))**2/s%k_drv
       end do
     end if
     if (s%law%rests) return

@@ -8,7 +8,7 @@ from pyfric.engines.pauses import longest_pause, pause_notes
 from pyfric.record import build_catalogue
 from pyfric.scene import PRESETS, preset, setup1, setup2
 
-OTHERS = ("chain", "rate_and_state", "tpv3")
+OTHERS = ("burridge_knopoff", "chain", "rate_and_state", "tpv3")
 """Presets that are not scenes of the paper."""
 
 

@@ -189,18 +189,20 @@ def rod_inertia(scene: Any) -> tuple[float, float]:
     return mass, inertia
 
 
-def driver_forces(scene: Any, t: float, y: np.ndarray, u_drv0: Any) -> dict[int, float]:
-    """Return the force of the driver in N by row: (K/n) (V t - x_j) on each of n blocks.
+def driver_forces(scene: Any, t: float, y: np.ndarray, u_drv0: Any) -> dict[tuple[int, int], float]:
+    """Return the force of the driver in N by row and column: (K/n) (V t - x) on each of n blocks.
 
-    x_j is the advance of the block along the driving; a plate drives all up to h_top.
+    x is the advance of the block along the driving; a plate drives all up to h_top, or the top.
     """
     top = getattr(scene.driver, "h_top", None)
     last = scene.j_h if top is None else round(top / scene.slider.l)
-    home = list(np.ravel(u_drv0))
-    n, forces = len(home), {}
-    for j in range(scene.j_h, last + 1):
-        x_j = scene.d * (y[j, 0, scene.i_h] - home[j - scene.j_h])
-        forces[j] = scene.driver.K / n * (scene.driver.V * t - x_j)
+    blocks = [(j, scene.i_h) for j in range(scene.j_h, last + 1)]
+    if getattr(scene.driver, "side", "left") == "top":
+        blocks = [(scene.N_z - 1, i) for i in range(scene.N_x)]
+    home, forces = list(np.ravel(u_drv0)), {}
+    for (j, i), rest in zip(blocks, home, strict=True):
+        x = scene.d * (y[j, 0, i] - rest)
+        forces[j, i] = scene.driver.K / len(blocks) * (scene.driver.V * t - x)
     return forces
 
 
@@ -257,8 +259,8 @@ def all_but_friction(
     """Return the forces on all blocks without friction (N_z, 2, N_x), p (N_x,) and F_T, in N."""
     F = bond_forces(scene, y, geometry)
     pushes = driver_forces(scene, t, y, u_drv0)
-    for j, push in pushes.items():
-        F[j, 0, scene.i_h] += scene.d * push
+    for (j, i), push in pushes.items():
+        F[j, 0, i] += scene.d * push
     F_T = sum(pushes.values())
     p = normal_forces(scene, y)
     F += absorbing(scene, y)

@@ -25,6 +25,7 @@ class Counts(NamedTuple):
     finite: int
     rigid: int
     i_h: int
+    i_h_end: int
     j_h: int
     j_h_top: int
     prescribed: int
@@ -122,7 +123,7 @@ def check_driven(scene: Scene, u_drv0: OnDriven) -> None:
     if np.shape(u_drv0) != expected:
         raise ValueError(
             f"u_drv0: shape {np.shape(u_drv0)}, expected {expected}: the driver pushes "
-            f"{scene.n_driven} blocks, from h to h_top"
+            f"{scene.n_driven} blocks"
         )
 
 
@@ -137,6 +138,7 @@ def _counts(scene: Scene, geometry: Geometry) -> Counts:
         int(geometry == "finite"),
         int(scene.rigid),
         scene.i_h + 1,
+        scene.i_h_end + 1,
         scene.j_h + 1,
         scene.j_h_top + 1,
         int(scene.prescribed),

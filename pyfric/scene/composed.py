@@ -210,8 +210,14 @@ class Composed:
 
     @property
     def d(self) -> int:
-        """Direction of the drive: +1 (pushed from the left) or -1 (pushed from the right)."""
-        return 1 if self.driver.side == "left" else -1
+        """Direction of the drive: +1 (pushed from the left, pulled at the right, or from the top)
+        or -1."""
+        return -1 if self.driver.side in ("right", "pull left") else 1
+
+    @property
+    def ahead(self) -> int:
+        """Direction in which blocks are numbered: +1 from the left, -1 from a driven right side."""
+        return -1 if self.driver.side in ("right", "pull right") else 1
 
     def driver_force(self, drive: float, u_h: OnDriven, u_drv0: OnDriven) -> float:
         """Return F_T = K (drive - d (u_h - u_drv0)) in N.
@@ -224,14 +230,19 @@ class Composed:
         return float(self.driver.K * (drive - self.d * np.mean(u_h - u_drv0)))
 
     def u_driven(self, u: np.ndarray) -> OnDriven:
-        """Return u_x of the driven block, or of several, bottom to top, (n_driven,), in m.
+        """Return u_x of the driven block, or of several, row by row, (n_driven,), in m.
 
         Args:
             u: displacements, or a state, shape (N_z, 2 or 4, N_x), in m.
         """
         if self.n_driven == 1:
             return float(u[self.j_h, 0, self.i_h])
-        return u[self.j_h : self.j_h_top + 1, 0, self.i_h].copy()
+        return u[self.driven].ravel()
+
+    @property
+    def driven(self) -> tuple[slice, int, slice]:
+        """Index of u_x of the driven blocks in u, shape (N_z, 2 or 4, N_x)."""
+        return slice(self.j_h, self.j_h_top + 1), 0, slice(self.i_h, self.i_h_end + 1)
 
     @functools.cached_property
     def corners(self) -> tuple[float, ...]:
@@ -269,8 +280,13 @@ class Composed:
 
     @property
     def i_h(self) -> int:
-        """Column of the driven blocks, counted from 0: 0 or N_x - 1."""
-        return 0 if self.driver.side == "left" else self.N_x - 1
+        """First column of driven blocks, counted from 0: 0 or N_x - 1."""
+        return 0 if self.ahead > 0 else self.N_x - 1
+
+    @property
+    def i_h_end(self) -> int:
+        """Last column of driven blocks, counted from 0."""
+        return self.N_x - 1 if self.driver.side == "top" else self.i_h
 
     @property
     def j_h(self) -> int:
@@ -285,8 +301,8 @@ class Composed:
 
     @property
     def n_driven(self) -> int:
-        """Number of driven blocks, 1 without a plate."""
-        return self.j_h_top - self.j_h + 1
+        """Number of driven blocks, 1 for a spring at a side without a plate."""
+        return (self.j_h_top - self.j_h + 1) * (self.i_h_end - self.i_h + 1)
 
     @property
     def x(self) -> np.ndarray:
@@ -297,7 +313,7 @@ class Composed:
     def n_of_i(self) -> np.ndarray:
         """Block numbers from the trailing edge (1 … N_x), left to right, shape (N_x,), int."""
         n = np.arange(1, self.N_x + 1)
-        return n if self.driver.side == "left" else n[::-1].copy()
+        return n if self.ahead > 0 else n[::-1].copy()
 
     @property
     def load(self) -> np.ndarray:

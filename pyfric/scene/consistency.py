@@ -72,7 +72,16 @@ def _check_length(scene: Composed, name: str, given: Any, mark: Annotation) -> N
 
 
 def _check_height(scene: Composed) -> None:
-    """Check that driven blocks are on rows above the bottom one."""
+    """Check that driven blocks are on rows above the bottom one, and those of the top on it."""
+    if scene.driver.side == "top":
+        for name, given, allowed in (
+            ("h", steps_in(scene.driver.h, scene.slider.l) == scene.N_z - 1, scene.slider.H),
+            ("h_top", scene.driver.h_top is None, None),
+        ):
+            if not given:
+                value, allowed = getattr(scene.driver, name), f"{allowed!r}" + " m" * bool(allowed)
+                raise SceneError(f"driver.{name}", value, "m", allowed, "the top is driven")
+        return
     l, H, lowest = scene.slider.l, scene.slider.H, 1
     for name, least, where in (
         ("h", "l", "not on a row that can be driven"),

@@ -318,11 +318,13 @@ class Walls:
 
 @part
 class Driver:
-    """The spring that pushes one side of the slider; its far end moves at a given speed.
+    """The springs that push or pull a side or the top; their far end moves at a given speed.
 
     The spring pushes the block at height h. With h_top, a rigid plate pushes all n blocks from h to
-    h_top by springs of stiffness K/n, which are relaxed after F_N is applied. F_T = K (X - x_h),
-    with X the displacement of the far end and x_h the mean displacement of the driven blocks.
+    h_top by springs of stiffness K/n, which are relaxed after F_N is applied. On the top, or in a
+    chain along all of it, each of the N_x blocks has a spring of stiffness K/N_x to a moving plate.
+    F_T = K (X - x_h), with X the displacement of the far end and x_h the mean displacement of the
+    driven blocks.
 
     The speed is V, or changes linearly from (0, V) through the breakpoints of a protocol, and is
     constant after the last one. Two breakpoints at the same time are a jump:
@@ -331,10 +333,13 @@ class Driver:
 
     Args:
         K: stiffness, N/m, > 0, or 0 for no driver on a prescribed interface.
-        V: speed of the far end towards the slider at t = 0, m/s, >= 0 (0 holds the driver).
+        V: speed of the far end at t = 0, m/s, >= 0 (0 holds the driver); towards the slider, or
+            away from a side that is pulled.
         h: height of the driven block above the interface, or of the plate's lower edge, m; a
-            multiple of l, l <= h <= H; 0 in a chain.
-        side: "left" or "right", the side that is pushed (the trailing edge).
+            multiple of l, l <= h <= H; H on the top; 0 in a chain.
+        side: "left" or "right", the side that is pushed (the trailing edge); "pull left" or "pull
+            right", the side that is pulled; or "top", whose plate moves to the right. Blocks are
+            numbered from the driven side; on the top, from the left.
         protocol: breakpoints (t, V) of a changing speed, in s (in order) and m/s.
         h_top: height of the plate's upper edge, m; a multiple of l, h <= h_top <= H. None means
             one driven block.
@@ -345,7 +350,7 @@ class Driver:
     K: Annotated[float, NotNegative("N/m")]
     V: Annotated[float, NotNegative("m/s")]
     h: Annotated[float, NotNegative("m", note=", a multiple of l up to H")]
-    side: Literal["left", "right"] = "left"
+    side: Literal["left", "right", "pull left", "pull right", "top"] = "left"
     protocol: Annotated[Corners, Protocol("m/s")] = ()
     h_top: Annotated[
         float | None, NotNegative("m", optional=True, note=", a multiple of l from h to H")

@@ -59,7 +59,7 @@ class Fields(TypedDict, total=False):
     V: Number
     h: Number
     h_top: Number | None
-    side: Literal["left", "right"]
+    side: Literal["left", "right", "pull left", "pull right", "top"]
     mu_s: Field | None
     mu_k: Field | None
     k_f: Field | None
@@ -126,6 +126,14 @@ _CHAIN = Scene(
     driver=Driver(K=4e6, V=0.7875e-3, h=0.0),
     interface=_PAPER,
     name="chain",
+)
+
+_PULLED = Scene(
+    slider=Slider(L=0.2475, H=0.0, l=2.5e-3, k=5.4e8, M=0.0756 * 0.2475 / 0.14),
+    top=PrescribedLoad(p=3500.0 / 57),
+    driver=Driver(K=1.35e10, V=1e-8, h=0.0, side="top"),
+    interface=Interface(mu_s=Spread(mean=0.7, range=0.2, seed=3), mu_k=0.4),
+    name="burridge_knopoff",
 )
 
 
@@ -275,6 +283,27 @@ def chain(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     return _made(_CHAIN, given, **rules, top_p=lambda slider: 3500.0 / slider.N_x)
 
 
+def burridge_knopoff(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
+    """Return a chain whose blocks are all pulled by springs from a moving plate.
+
+    100 blocks with l = 2.5 mm, p = 61.4 N, k = 1.35 MN/l and the density of `chain`. Each spring of
+    the plate has k/4, so that K = N_x k/4. V = 10 nm/s. mu_s is spread evenly from 0.5 to 0.9, and
+    mu_k = 0.4: events are small and large. With less spread, all blocks slip in each.
+
+    Changes and errors are those of `preset`.
+
+    Source: R. Burridge, L. Knopoff, Bull. Seismol. Soc. Am. 57, 341 (1967), for the chain.
+    """
+    given = joined(changes, fields)
+    rules: dict[str, Rule] = {
+        "slider_k": lambda slider: 1.35e6 / slider.l,
+        "slider_M": _mass,
+        "top_p": lambda slider: 3500.0 / 57,
+        "driver_K": lambda slider: 1.35e6 / slider.l / 4 * slider.N_x,
+    }
+    return _made(_PULLED, given, **rules)
+
+
 Profile = Numbers | Callable[[float], float]
 """Forces along an interface: one number, a list, or a function of x."""
 
@@ -317,7 +346,8 @@ def slab(
     base = _made(base, fields, slider_M=lambda s: per_area * (s.L + s.l) * (s.H + s.l))
     if base.slider.eta is None and base.slider.damping is None:
         base = base.replace({"slider.eta": math.sqrt(0.001 * base.slider.k * base.m)})
-    begin = base.slider.l / 2 if getattr(base.walls, base.driver.side) == "mirrored" else 0.0
+    near = "left" if base.ahead > 0 else "right"
+    begin = base.slider.l / 2 if getattr(base.walls, near) == "mirrored" else 0.0
     x = [begin + base.slider.l * i for i in range(base.N_x)]
     forces = {"p": p, "tau": tau}
     return base.replace({n: [*map(f, x)] if callable(f) else f for n, f in forces.items()})
@@ -405,6 +435,7 @@ PRESETS: MappingProxyType[str, Preset] = MappingProxyType(
             ("grooves", grooves, {}, "setup 1 with lands and grooves of 10 mm"),
             ("wavy", wavy, {}, "setup 1 on waves of 35 mm, 20 um high"),
             ("chain", chain, {}, "setup 1 lumped into one row"),
+            ("burridge_knopoff", burridge_knopoff, {}, "a chain under springs from a plate"),
             ("slow", slow, {}, "setup 1 on junctions that break and pin again: slow fronts"),
             ("rate_and_state", rate_and_state, {}, "setup 1 with rate-and-state friction"),
             ("tpv3", tpv3, {}, "a benchmark of earthquake rupture"),

@@ -172,7 +172,7 @@ class System:
             moved = scene.u_driven(u) - self.u_drv0
             F_T = scene.driver_force(drive, moved, 0.0)
             each = scene.driver.K / scene.n_driven * (drive - scene.d * moved)
-            force[scene.j_h : scene.j_h_top + 1, 0, scene.i_h] += scene.d * each
+            force[scene.driven] += scene.d * np.reshape(each, force[scene.driven].shape)
         top = force[-1]
         force = self.coordinates(force, np.zeros(3))  # T' force, without the top under a rod
         if scene.rigid:

@@ -9,6 +9,7 @@ import numpy as np
 
 from pyfric.scene.checked import Name, part
 from pyfric.scene.ends import Conditions
+from pyfric.scene.errors import naming
 from pyfric.scene.friction import Law
 from pyfric.scene.parts import (
     FIELDS,
@@ -151,15 +152,16 @@ class Composed:
     def interface_on(self, N_x: int) -> Interface:
         """Return the interface of the same slider with N_x blocks.
 
-        Fields are interpolated; alpha of a block is proportional to its length. A block touches
-        the foundation where the nearest one did.
+        Fields are interpolated, and those drawn in space stay as they are; alpha of a block is
+        proportional to its length. A block touches the foundation where the nearest one did.
         """
         at, now = np.linspace(0, 1, N_x), np.linspace(0, 1, self.N_x)
         order = np.argsort(self.n_of_i)
         new = {
             name: tuple(np.interp(at, now, self.field(name)[order]).tolist())
             for name in self.fields
-            if not isinstance(self._given(name), float | None)
+            if not isinstance(given := self._given(name), float | None)
+            and (name == "alpha" or not getattr(given, "correlation_length", 0.0))
         }
         law = {name: new.pop(name) for name in self.interface.law.fields if name in new}
         share = (self.N_x - 1) / (N_x - 1)
@@ -175,7 +177,11 @@ class Composed:
         """Values drawn for fields that are a `Spread`, from the trailing edge on."""
         given = {name: self._given(name) for name in self.fields}
         spreads = {name: spread for name, spread in given.items() if isinstance(spread, Spread)}
-        return {n: tuple(s.draw(self.N_x, self.slider.l).tolist()) for n, s in spreads.items()}
+        found = {}
+        for name, spread in spreads.items():
+            with naming(f"interface.{name}.correlation_length"):
+                found[name] = tuple(spread.draw(self.N_x, self.slider.l, name).tolist())
+        return found
 
     @property
     def fields(self) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from helpers import refused, small_free, small_rod
+from helpers import budget_error, refused, small_free, small_rod
 
 import pyfric
 from pyfric.engines import pauses
@@ -125,3 +125,51 @@ def test_refusals():
     refused(lambda: top.replace(h_top=6e-3), "driver.h_top", "None", "top is driven")
     refused(lambda: free.replace({"driver.side": "bottom"}), "driver.side", "'pull left'")
     refused(lambda: chain(side="top", h=1e-3), "driver.h", "0 m")
+
+
+def test_a_moving_top_is_the_plate_of_a_driven_top():
+    """Springs k_top to a plate move blocks as a driver on the top does: F_T is then in T."""
+    mu_s = [0.5 + 0.02 * (n * 7 % 20) for n in range(20)]
+    own = {"L": 0.0475, "k": 5.4e8, "mu_s": mu_s, "mu_k": 0.4}
+    by_driver = chain(side="top", K=20 * 1.35e8, V=1e-5, **own)
+    by_top = chain(k_top=1.35e8, V_top=1e-5, K=1e-3, V=0.0, **own)
+    for fidelity in ("dynamic", "hybrid", "quasistatic"):
+        a, b = (
+            pyfric.simulate(scene, 0.08, fidelity=fidelity, t_gap=1e-4)
+            for scene in (by_driver, by_top)
+        )
+        assert len(a.events) >= 4
+        for name in ("t_start", "first_block", "last_block"):
+            first = [run.events[name].to_numpy()[:4] for run in (a, b)]
+            assert first[1] == pytest.approx(first[0], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        chain(L=0.05, k_top=2e6, V_top=2e-3, V=5e-4, tau=10.0, K=4e7),
+        small_free(k_top=1e5, V_top=2e-3, V=2e-3, T=20.0, T_protocol=[(0.02, 60.0)]),
+    ],
+    ids=["chain", "slab"],
+)
+def test_two_drives_at_once(scene):
+    full, jumps = (
+        pyfric.simulate(scene, 0.05, fidelity=fidelity, geometry="linear", **how)
+        for fidelity, how in (("dynamic", {"energies": True}), ("hybrid", {}))
+    )
+    still = pyfric.simulate(scene, 0.05, fidelity="quasistatic")
+    starts = [run.events["F_T_start"].to_numpy() for run in (full, jumps, still)]
+    assert len(starts[0]) > 2
+    assert starts[1] == pytest.approx(starts[0], abs=1e-5 * scene.F_N)
+    assert starts[2][0] == pytest.approx(starts[0][0], abs=1e-3 * scene.F_N)
+    alone = pyfric.simulate(scene.replace(V_top=0.0), 0.3, fidelity="quasistatic")
+    assert alone.events["t_start"].iloc[0] > still.events["t_start"].iloc[0]
+    assert budget_error(full) < 1e-3
+
+
+def test_a_top_that_moves_needs_springs():
+    refused(lambda: small_free(V_top=1e-3), "top.V_top", "0.001 m/s", "top.k_top > 0")
+    refused(lambda: chain(V_top=1e-3), "top.V_top", "top.k_top > 0")
+    refused(lambda: small_free(k_top=-1.0), "top.k_top", "-1.0 N/m")
+    assert Scene.from_toml(small_free(k_top=1.0, V_top=-1.0).to_toml()).V_top == -1.0
+    assert "k_top" not in small_free().to_toml()

@@ -21,7 +21,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -159,8 +159,7 @@ def coarser(scene: Scene) -> Scene:
             slider = dataclasses.replace(
                 scene.slider, l=scene.slider.l * q, eta=scene.eta, damping=None
             )
-            interface = scene.interface_on(n_x + 1)
-            return dataclasses.replace(scene, slider=slider, interface=interface)
+            return _on(scene, n_x + 1, slider=slider)
     q = max((N_x - 1) / (COLUMNS - 1), math.sqrt(N_x * N_z / BLOCKS))
     n_x = max(math.floor((N_x - 1) / q), 2)
     while n_x > 2 and (n_x + 1) * (round(n_x * (N_z - 1) / (N_x - 1)) + 1) > BLOCKS:
@@ -171,8 +170,15 @@ def coarser(scene: Scene) -> Scene:
     heights = {"h": scene.driver.h, "h_top": scene.driver.h_top}
     rows = {n: min(max(round(z / l), 1), n_z) for n, z in heights.items() if z is not None}
     driver = dataclasses.replace(scene.driver, **{name: l * j for name, j in rows.items()})
-    interface = scene.interface_on(n_x + 1)
-    return dataclasses.replace(scene, slider=slider, driver=driver, interface=interface)
+    return _on(scene, n_x + 1, slider=slider, driver=driver)
+
+
+def _on(scene: Scene, N_x: int, **parts: Any) -> Scene:
+    """Return a scene with other parts, of N_x columns, under the same k_top per length."""
+    if scene.k_top:
+        k_top = scene.k_top * scene.N_x / N_x
+        parts["top"] = dataclasses.replace(scene.top, k_top=k_top)
+    return dataclasses.replace(scene, interface=scene.interface_on(N_x), **parts)
 
 
 def _coarser_chain(scene: Scene) -> Scene:

@@ -260,10 +260,11 @@ class Composed:
 
     @functools.cached_property
     def _pieces(self) -> dict[str, list[Piece]]:
+        rate = self.N_x * self.k_top * self.V_top
         return {
             "V": pieces(self.driver.V, self.driver.protocol),
             "F_N": pieces(self.F_N, self.top.protocol),
-            "T": pieces(self.top.T, self.top.T_protocol),
+            "T": [piece.plus(rate) for piece in pieces(self.top.T, self.top.T_protocol)],
         }
 
     def piece(self, what: Literal["V", "F_N", "T"], t: float) -> Piece:
@@ -272,7 +273,7 @@ class Composed:
 
     def load_at(self, t: float) -> tuple[float, float] | None:
         """Return F_N and T (N) at t (s), or None if no protocol changes them."""
-        if not (self.top.protocol or self.top.T_protocol):
+        if not (self.top.protocol or self.top.T_protocol or self.V_top):
             return None
         return self.piece("F_N", t).at(t), self.piece("T", t).at(t)
 
@@ -393,8 +394,13 @@ class Composed:
 
     @property
     def k_top(self) -> float:
-        """Stiffness between each block of a chain and its position at t = 0, in N/m."""
-        return self.top.k_top
+        """Stiffness between each block of a chain, or of a free top, and a plate, in N/m."""
+        return self.top.k_top or 0.0
+
+    @property
+    def V_top(self) -> float:
+        """Speed of that plate in the drive direction, in m/s; its displacement loads as T."""
+        return self.top.V_top or 0.0
 
     @property
     def rigid(self) -> bool:

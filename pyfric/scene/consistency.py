@@ -161,6 +161,7 @@ def _check_absent(scene: Composed) -> None:
     absent: dict[str, tuple[str, str]] = {}
     if scene.prescribed:
         absent["top.k_top"] = "0 N/m", "a chain has springs to a rigid top; here walls.top = 'held'"
+        absent["top.V_top"] = "None, or 0 m/s", "a prescribed slab has no springs on its top"
         absent["interface.k_f"] = "None", "a prescribed interface has no foundation"
     else:
         for side in ("left", "right", "top"):
@@ -172,6 +173,8 @@ def _check_absent(scene: Composed) -> None:
     if scene.N_z == 1:
         reason = "a chain is driven at its only row"
         absent |= {"driver.h": ("0 m", reason), "driver.h_top": ("None, or 0 m", reason)}
+    if not scene.k_top and not scene.rigid:
+        absent["top.V_top"] = "None, or 0 m/s", "only springs, top.k_top > 0, follow a plate"
     for name, (allowed, reason) in absent.items():
         part, _, field = name.partition(".")
         owner = getattr(scene, part)

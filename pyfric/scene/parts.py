@@ -178,7 +178,8 @@ class Slider:
 class Top:
     """Base class of top boundaries, without rod, springs, shear forces and protocols."""
 
-    mass = mattress = k_top = T = 0.0
+    mass = mattress = T = 0.0
+    k_top = V_top = None
     protocol = T_protocol = push = ()
 
     _section: ClassVar[str] = "top"
@@ -232,6 +233,10 @@ class DistributedLoad(Top):
         protocol: breakpoints (t, F_N) of a changing normal force, in s and N, > 0; see `Driver`.
         T_protocol: breakpoints (t, T) of a changing shear force, in s and N.
         push: forces in the drive direction on blocks of the interface; see `PrescribedLoad`.
+        k_top: shear stiffness between each block of the top row and a plate, N/m, >= 0; the springs
+            are relaxed at u_x = 0, before F_N is applied. None means 0.
+        V_top: speed of that plate in the drive direction, m/s; None means 0. The plate is a second
+            drive: its force is a part of T, not of F_T.
 
     F_N = 0 is refused, because no block would be in contact, and F_N is the unit of force.
 
@@ -244,6 +249,8 @@ class DistributedLoad(Top):
     protocol: Annotated[Corners, Protocol("N", gt=0.0)] = ()
     T_protocol: Annotated[Corners, Protocol("N")] = ()
     push: Annotated[Pushed, Pushes()] = ()
+    k_top: Annotated[float | None, NotNegative("N/m", optional=True)] = None
+    V_top: Annotated[float | None, Quantity("m/s", optional=True)] = None
 
     kind: ClassVar[str] = "distributed"
 
@@ -268,6 +275,7 @@ class PrescribedLoad(Top):
         tau: friction force on each block at t = 0, N, positive against the drive direction; one
             number or a sequence of N_x. In a chain |tau_i| <= mu_s p_i.
         k_top: shear stiffness between each block of a chain and a rigid top, N/m, >= 0.
+        V_top: speed of this top; see `DistributedLoad`.
         push: additional forces in the drive direction that start slip. Each push is a block number,
             a force (N), and optionally start and end times (s) and a growth rate (N/s). Examples:
             ((1, 0.2),) without end, ((1, 0.2, 0.0, 1e-3),) for 1 ms, ((1, 0.0, 0.0, inf, 50.0),)
@@ -281,6 +289,7 @@ class PrescribedLoad(Top):
     tau: Annotated[float | tuple[float, ...], Quantity("N", **BLOCKS)] = 0.0
     k_top: Annotated[float, NotNegative("N/m")] = 0.0
     push: Annotated[Pushed, Pushes()] = ()
+    V_top: Annotated[float | None, Quantity("m/s", optional=True)] = None
 
     kind: ClassVar[str] = "prescribed"
 

@@ -53,7 +53,8 @@ class Fields(TypedDict, total=False):
     T_protocol: Corners
     p: Numbers
     tau: Numbers
-    k_top: Number
+    k_top: Number | None
+    V_top: Number | None
     push: Any
     K: Number
     V: Number

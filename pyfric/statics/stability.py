@@ -189,7 +189,7 @@ def _reduced(scene: Scene) -> Scene:
     elif isinstance(top, PrescribedLoad):
         top = PrescribedLoad(p=1.0, k_top=scene.k_top)
     else:
-        top = DistributedLoad(F_N=1.0)
+        top = DistributedLoad(F_N=1.0, k_top=scene.k_top)
     lengths = {"L": (n_x - 1) * l, "H": (n_z - 1) * l, "M": m * n_x * n_z}
     return Scene(
         slider=dataclasses.replace(scene.slider, **lengths, eta=scene.eta, damping=None),

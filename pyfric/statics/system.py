@@ -18,6 +18,7 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from pyfric import core
 from pyfric.core import OPEN, STUCK
+from pyfric.scene import PrescribedLoad
 from pyfric.statics.banded import BandedCholesky
 from pyfric.statics.condensation import LARGE
 from pyfric.statics.lattice import (
@@ -89,7 +90,8 @@ class System:
         other.__dict__.pop("load", None)
         other._loads, other._load = load, self._load * (load[0] / scene.F_N)
         if not scene.rigid:
-            other._load[-1, 0] = scene.d * load[1] / scene.N_x
+            tau = other._load[-1, 0] if isinstance(scene.top, PrescribedLoad) else 0.0
+            other._load[-1, 0] = tau + scene.d * load[1] / scene.N_x
         return other
 
     # --- coordinates -----------------------------------------------------------------------------

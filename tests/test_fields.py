@@ -143,7 +143,7 @@ def test_refusals():
     refused(lambda: Spread(mean=1.0, std=0.1, seed=-1), "spread.seed")
     backward = {"mean": 0.7, "std": 0.1, "correlation_length": -1e-3}
     tiny = {"mean": 0.7, "std": 0.1, "correlation_length": 1e-9}
-    refused(lambda: with_(mu_s=tiny), "interface.mu_s.correlation_length", "at least", "0 m")
+    refused(lambda: with_(mu_s=tiny), "interface.mu_s", "Spread: far below l", "at least")
     refused(lambda: with_(mu_s=backward), "interface.mu_s", "correlation_length: too small")
     refused(lambda: with_(mu_s={"mean": 0.7}), "interface.mu_s", "std: one is needed")
     refused(lambda: with_(law={"kind": "ageing"}), "interface.law", "in a scene file")

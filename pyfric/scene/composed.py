@@ -24,7 +24,6 @@ from pyfric.scene.parts import (
 )
 from pyfric.scene.protocol import Leg, Piece, legs, piece_at, pieces
 from pyfric.scene.restless import WITHOUT_REST
-from pyfric.scene.spread import Spread
 
 OnDriven = float | np.ndarray
 """A number for one driven block, or an array for several."""
@@ -161,7 +160,7 @@ class Composed:
             name: tuple(np.interp(at, now, self.field(name)[order]).tolist())
             for name in self.fields
             if not isinstance(given := self._given(name), float | None)
-            and (name == "alpha" or not getattr(given, "correlation_length", 0.0))
+            and (name == "alpha" or not getattr(given, "in_space", False))
         }
         law = {name: new.pop(name) for name in self.interface.law.fields if name in new}
         share = (self.N_x - 1) / (N_x - 1)
@@ -174,12 +173,12 @@ class Composed:
 
     @functools.cached_property
     def drawn(self) -> dict[str, tuple[float, ...]]:
-        """Values drawn for fields that are a `Spread`, from the trailing edge on."""
+        """Values of fields that are a `Spread` or a `Profile`, from the trailing edge on."""
         given = {name: self._given(name) for name in self.fields}
-        spreads = {name: spread for name, spread in given.items() if isinstance(spread, Spread)}
+        spreads = {name: field for name, field in given.items() if hasattr(field, "draw")}
         found = {}
         for name, spread in spreads.items():
-            with naming(f"interface.{name}.correlation_length"):
+            with naming(f"interface.{name}", type(spread).__name__):
                 found[name] = tuple(spread.draw(self.N_x, self.slider.l, name).tolist())
         return found
 
@@ -204,7 +203,7 @@ class Composed:
         given = self.slider.k if given is None else given
         if isinstance(given, float):
             return given
-        found = self._by_column(self.drawn[name] if isinstance(given, Spread) else given)
+        found = self._by_column(self.drawn.get(name, given))
         found.flags.writeable = False
         return found
 

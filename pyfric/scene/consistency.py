@@ -10,6 +10,7 @@ from pyfric.scene.checked import Annotation, Words, annotations
 from pyfric.scene.composed import Composed
 from pyfric.scene.errors import SceneError, naming
 from pyfric.scene.parts import CHAIN_NOTE, PrescribedLoad, steps_in
+from pyfric.scene.profile import Profile
 from pyfric.scene.protocol import Push
 from pyfric.scene.spread import Spread
 
@@ -46,9 +47,10 @@ def _check_fields(scene: Composed) -> None:
         _check_length(scene, f"interface.{name}", given, mark)
         field = scene.field(name)
         low = (field < 0) | ((field == 0) & (mark.gt is not None))
-        if isinstance(given, Spread) and low.any():
+        if isinstance(given, Spread | Profile) and low.any():
             n, value = int(scene.n_of_i[np.argmax(low)]), float(field[low][0])
-            reason = f"the spread reaches this at block {n} from the trailing edge"
+            kind = type(given).__name__.lower()
+            reason = f"the {kind} reaches this at block {n} from the trailing edge"
             raise SceneError(f"interface.{name}", value, mark.unit, mark.allowed, reason)
     mark = annotations(type(scene.interface))["contact"]
     _check_length(scene, "interface.contact", scene.interface.contact, mark)

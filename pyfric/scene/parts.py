@@ -32,6 +32,7 @@ from pyfric.scene.laws import (
     check_tables,
 )
 from pyfric.scene.materials import Material
+from pyfric.scene.profile import Profile
 from pyfric.scene.protocol import Corners, Protocol, Pushed, Pushes
 from pyfric.scene.spread import BLOCKS, FIELD, Field, Spread
 
@@ -391,7 +392,7 @@ class Interface:
             the trailing edge on. None means that all can.
 
     mu_s, mu_k, k_f, d_c, alpha and gap are fields: a number, N_x numbers from the trailing edge on,
-    or a `Spread`.
+    a `Spread`, or a `Profile`. A table with a "file" stands for the profile in this file.
 
     A block without contact is a part of the free surface. A block with mu_s = 0 and alpha = 0
     carries p and moves freely along the interface; records show it as open. Neither sticks, slips
@@ -442,7 +443,7 @@ class Interface:
 
 def _mean(field: Field) -> float:
     """Return the mean of a field; 0 for an empty list, which the scene refuses later."""
-    if isinstance(field, Spread):
+    if isinstance(field, Spread | Profile):
         return field.mean
     return 0.0 if field == () else float(np.mean(field))
 

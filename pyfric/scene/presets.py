@@ -23,6 +23,7 @@ from pyfric.scene.parts import (
     Slider,
     Walls,
 )
+from pyfric.scene.profile import Profile
 from pyfric.scene.scene import Scene
 from pyfric.scene.spread import Spread
 from pyfric.scene.units import check_number
@@ -30,7 +31,7 @@ from pyfric.scene.units import check_number
 Number = float | str
 """A number in SI units, text with a unit such as "5 mm", or a quantity of a unit library."""
 Numbers = Number | Sequence[Number]
-Field = Numbers | Spread
+Field = Numbers | Spread | Profile
 Corners = Sequence[tuple[Number, Number]]
 
 

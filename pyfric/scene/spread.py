@@ -6,6 +6,7 @@ import numpy as np
 
 from pyfric.scene.checked import NotNegative, Whole, part
 from pyfric.scene.errors import SceneError
+from pyfric.scene.profile import Profile
 
 SUMMED = 12
 """Uniform numbers in a sum that approximates a normal number; the sum has variance 1."""
@@ -70,6 +71,11 @@ class Spread:
             allowed = "0 m with a uniform distribution: averages are not uniform"
             raise SceneError("spread.correlation_length", self.correlation_length, "m", allowed)
 
+    @property
+    def in_space(self) -> bool:
+        """Whether the field is a function of x, whatever the blocks are."""
+        return bool(self.correlation_length)
+
     def draw(self, n: int, l: float, name: str = "mu_s") -> np.ndarray:
         """Return the field on n blocks with spacing l (m), from the trailing edge on.
 
@@ -110,9 +116,9 @@ class Spread:
         return (end - begin) / np.sqrt(CELLS - 2 * f * (1 - f))
 
 
-Field = float | tuple[float, ...] | Spread
-"""A number, a list with a number for each block from the trailing edge on, or a `Spread`."""
+Field = float | tuple[float, ...] | Spread | Profile
+"""A number, a list of one for each block from the trailing edge on, a `Spread` or `Profile`."""
 BLOCKS = {"listed": True, "each": "block", "note": ", or a list of N_x of them"}
 """What the annotations of values of each block have in common."""
-FIELD = BLOCKS | {"drawn": Spread, "note": BLOCKS["note"] + ", or a Spread"}
+FIELD = BLOCKS | {"drawn": (Spread, Profile), "note": BLOCKS["note"] + ", a Spread or a Profile"}
 """What the annotations of fields have in common."""

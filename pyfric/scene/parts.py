@@ -86,7 +86,7 @@ class Slider:
     _elsewhere: ClassVar[dict[str, str]] = dict.fromkeys(
         ("E", "nu", "rho", "density", "B", "width", "viscosity", "material"),
         "k and M; Slider.of_material(E=..., density=..., width=..., L=..., H=..., l=...) finds "
-        "them from a material. Poisson's ratio is 1/3 in this lattice",
+        "them from a material. Poisson's ratio is 1/3, or 1/4 with plane='strain', in this lattice",
     )
 
     @classmethod
@@ -98,6 +98,7 @@ class Slider:
         E: float | str | None = None,
         density: float | str | None = None,
         viscosity: float | str | None = None,
+        plane: Literal["stress", "strain"] = "stress",
         **fields: Any,
     ) -> Self:
         """Return a slab of a material: k = 3 B E/4 and M = rho B L H; see `Material`.
@@ -107,15 +108,15 @@ class Slider:
 
         Args:
             name: a key of `pyfric.MATERIALS`, for values that are not given.
-            width, E, density, viscosity: see `Material`. Which waves decay as the viscosity says
-                depends on `dashpots`.
+            width, E, density, viscosity, plane: see `Material`. Which waves decay as the viscosity
+                says depends on `dashpots`.
             **fields: L, H, l and other fields of the slider, except k and M.
 
         >>> slab = {"L": "140 mm", "H": "75 mm", "l": "2.5 mm"}
         >>> pyfric.Slider.of_material(E="3 GPa", width="6 mm", density=1200.0, **slab).k
         13500000.0
         """
-        values = {"E": E, "density": density, "viscosity": viscosity}
+        values = {"E": E, "density": density, "viscosity": viscosity, "plane": plane}
         return cls._of(Material(name=name, width=width, **values), fields)
 
     @classmethod

@@ -98,7 +98,7 @@ class Slider:
         E: float | str | None = None,
         density: float | str | None = None,
         viscosity: float | str | None = None,
-        plane: Literal["stress", "strain"] = "stress",
+        plane: str = "stress",
         **fields: Any,
     ) -> Self:
         """Return a slab of a material: k = 3 B E/4 and M = rho B L H; see `Material`.

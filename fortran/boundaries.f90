@@ -46,8 +46,11 @@ contains
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: u_z(LB:s%n + LANES)  !! bottom row [m]
     real(dp) :: z(s%nx)                          !! left to right
+    integer :: i
 
-    z = merge(u_z(s%at(:s%nx)) + s%gap, s%l, s%k_f > 0.0_dp)
+    do i = 1, s%nx
+      z(i) = merge(u_z(s%at(i)) + s%gap(i), s%l, s%k_f(i) > 0.0_dp)
+    end do
   end function heights
 
   !> Speed of the driver in this piece of its protocol [m/s].

@@ -434,8 +434,8 @@ contains
       strength = static_strength(law, i, mode(i), memory(SINCE, i), t, p(i))
       margin(i) = strength - abs(other(at(i)))
       new(i) = next_state(strength, other(at(i)), p(i), mode(i), v_x(at(i)))
-      if (law%bare(i)) new(i) = OPEN_GAP
     end do
+    where (law%bare) new = OPEN_GAP
   end subroutine next_states
 
   !> The contact states after a step of blocks that never rest: ruptured or fast ones slip. Junctions break and pin.

@@ -5,12 +5,12 @@ module pyfric_boundaries
   use pyfric_model, only: model_t, close_state, reflected, row_share, column_shares, ABSORBING
   implicit none (type, external)
   private
-  public :: driver_speed, load_share, foundation, foundation_rate, driver_on, driver_force, rod_acceleration, rod_to_row, mirror_sum
-  public :: absorb, absorbed, reflected_row
+  public :: driver_speed, load_share, foundation, foundation_rate, heights, driver_on, driver_force, rod_acceleration, rod_to_row
+  public :: mirror_sum, absorb, absorbed, reflected_row
 
 contains
 
-  !> p_i = k_f,i |z_i| where z_i < 0, else 0; or as prescribed [N].
+  !> p_i = k_f,i |z_i| where the height z_i = u_z + gap_i < 0, else 0; or as prescribed [N].
   pure subroutine foundation(s, u_z, p)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: u_z(LB:s%n + LANES)  !! bottom row [m]
@@ -22,11 +22,11 @@ contains
       return
     end if
     do i = 1, s%nx
-      p(i) = s%k_f(i)*max(-u_z(s%at(i)), 0.0_dp)
+      p(i) = s%k_f(i)*max(-(u_z(s%at(i)) + s%gap(i)), 0.0_dp)
     end do
   end subroutine foundation
 
-  !> Rate of p_i, -k_f,i v_z where u_z < 0, else 0; 0 where p is prescribed [N/s].
+  !> Rate of p_i, -k_f,i v_z where z_i < 0, else 0; 0 where p is prescribed [N/s].
   pure subroutine foundation_rate(s, u_z, v_z, p_rate)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: u_z(LB:s%n + LANES)  !! bottom row [m]
@@ -37,9 +37,21 @@ contains
     p_rate = 0.0_dp
     if (s%prescribed) return
     do i = 1, s%nx
-      if (u_z(s%at(i)) < 0.0_dp) p_rate(i) = -s%k_f(i)*v_z(s%at(i))
+      if (u_z(s%at(i)) + s%gap(i) < 0.0_dp) p_rate(i) = -s%k_f(i)*v_z(s%at(i))
     end do
   end subroutine foundation_rate
+
+  !> Heights of the bottom blocks above the foundation; that of blocks without contact never falls to 0 [m].
+  pure function heights(s, u_z) result(z)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: u_z(LB:s%n + LANES)  !! bottom row [m]
+    real(dp) :: z(s%nx)                          !! left to right
+    integer :: i
+
+    do i = 1, s%nx
+      z(i) = merge(u_z(s%at(i)) + s%gap(i), s%l, s%k_f(i) > 0.0_dp)
+    end do
+  end function heights
 
   !> Speed of the driver in this piece of its protocol [m/s].
   elemental function driver_speed(s, t) result(v)
@@ -59,30 +71,30 @@ contains
     share = 1.0_dp + s%load_rate*(t - s%t_seg)
   end function load_share
 
-  !> Force of the driver on the driven block of row j, (K/n) (X(t) - x_h) [N]. x_h is the displacement of this block along the
+  !> Force of the driver on driven block b, (K/n) (X(t) - x_h) [N]. x_h is the displacement of this block along the
   !> push since t = 0, n the number of driven blocks, and X the integral of the driver's speed (V t if that is constant).
-  elemental function driver_on(s, j, t, u_x) result(f)
+  elemental function driver_on(s, b, t, u_x) result(f)
     type(model_t), intent(in) :: s
-    integer, intent(in) :: j     !! row, from 1 at the bottom
+    integer, intent(in) :: b     !! number of the driven block, see driven_number
     real(dp), intent(in) :: t    !! time [s]
     real(dp), intent(in) :: u_x  !! that block [m]
     real(dp) :: f, t_seg
 
     t_seg = t - s%t_seg
-    f = s%k_drv*((s%x_drv + (s%v_drv + 0.5_dp*s%a_drv*t_seg)*t_seg) - s%d*(u_x - s%u_drv0(j)))
+    f = s%k_drv*((s%x_drv + (s%v_drv + 0.5_dp*s%a_drv*t_seg)*t_seg) - s%d*(u_x - s%u_drv0(b)))
   end function driver_on
 
   !> F_T, the sum of the forces on all driven blocks [N].
   pure function driver_force(s, t, u_x) result(f_t)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                       !! time [s]
-    real(dp), intent(in) :: u_x(s%j_h:s%j_h_top)    !! driven blocks [m]
+    real(dp), intent(in) :: u_x(s%n_driven)         !! driven blocks [m]
     real(dp) :: f_t
-    integer :: j
+    integer :: b
 
-    f_t = driver_on(s, s%j_h, t, u_x(s%j_h))
-    do j = s%j_h + 1, s%j_h_top
-      f_t = f_t + driver_on(s, j, t, u_x(j))
+    f_t = driver_on(s, 1, t, u_x(1))
+    do b = 2, s%n_driven
+      f_t = f_t + driver_on(s, b, t, u_x(b))
     end do
   end function driver_force
 

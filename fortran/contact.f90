@@ -2,7 +2,7 @@
 module pyfric_contact
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, LB, LANES
-  use pyfric_model, only: model_t, close_state, row_share, column_shares
+  use pyfric_model, only: model_t, close_state, row_share, column_shares, driven_u
   use pyfric_boundaries, only: foundation, driver_force
   use pyfric_law, only: stop_reversed, next_states, settle_moving, remember, STUCK
   use pyfric_log, only: log_t, log_switch, log_quiet
@@ -75,7 +75,7 @@ contains
     contact%margin = margin
     if (active(contact) .neqv. was_active) then
       call log_quiet(log, active(contact), contact%mode, step, t, &
-                     driver_force(s, t, y(s%at(s%i_h), UX, s%j_h:s%j_h_top)), y(s%at(:s%nx), UX, 1))
+                     driver_force(s, t, driven_u(s, y)), y(s%at(:s%nx), UX, 1))
     end if
   end subroutine switch_contacts
 

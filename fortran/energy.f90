@@ -2,7 +2,7 @@
 module pyfric_energy
   use pyfric_kinds, only: dp
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
-  use pyfric_model, only: model_t, row_share, column_shares
+  use pyfric_model, only: model_t, row_share, column_shares, driven_u
   use pyfric_bond_energy, only: bond_energy
   use pyfric_boundaries, only: driver_on, driver_force, foundation, mirror_sum
   use pyfric_rows, only: budget_t
@@ -30,7 +30,7 @@ contains
     real(dp) :: point(N_POINT)
 
     point = 0.0_dp
-    point(1) = driver_force(s, t, y(s%at(s%i_h), UX, s%j_h:s%j_h_top))
+    point(1) = driver_force(s, t, driven_u(s, y))
     if (.not. keep_budget) return
     point(2:N_ENERGY + 1) = energies(s, t, y, rod, memory)
     point(N_ENERGY + 2:) = [budget%work, sum(budget%dissipated), mirror_sum(s%nx, budget%heat), mirror_sum(s%nx, loss), &
@@ -44,7 +44,7 @@ contains
     real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)   !! state
     real(dp), intent(in) :: rod(6)             !! rod
     real(dp), intent(in) :: memory(s%law%n_memory, s%nx) !! see pyfric_law
-    real(dp) :: e(N_ENERGY), p(s%nx)
+    real(dp) :: e(N_ENERGY), p(s%nx), k, u_x(s%n_driven)
     integer :: j
 
     e = 0.0_dp
@@ -53,7 +53,8 @@ contains
       e(3) = e(3) + bond_energy(s, j, y(LB, 1, j), y(LB, 1, min(j + 1, s%nz)))
     end do
     if (.not. s%prescribed) then
-      e(4) = 0.5_dp*s%k_f(1)*sum(s%k_f/s%k_f(1)*min(y(s%at(:s%nx), UZ, 1), 0.0_dp)**2)
+      k = merge(s%k_f(1), maxval(s%k_f), s%k_f(1) > 0.0_dp)
+      e(4) = 0.5_dp*k*sum(s%k_f/k*min(y(s%at(:s%nx), UZ, 1) + s%gap, 0.0_dp)**2)
     end if
     if (s%rigid) then
       e(2) = 0.5_dp*(s%m_rod*(rod(4)**2 + rod(5)**2) + s%i_rod*rod(6)**2)
@@ -62,8 +63,9 @@ contains
       e(5) = 0.5_dp*s%k_top*sum(y(s%at(:s%nx), UX, s%nz)**2)
     end if
     if (s%k_drv > 0.0_dp) then
-      do j = s%j_h, s%j_h_top
-        e(6) = e(6) + 0.5_dp*driver_on(s, j, t, y(s%at(s%i_h), UX, j))**2/s%k_drv
+      u_x = driven_u(s, y)
+      do j = 1, s%n_driven
+        e(6) = e(6) + 0.5_dp*driver_on(s, j, t, u_x(j))**2/s%k_drv
       end do
     end if
     if (s%law%rests) return

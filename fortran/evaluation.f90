@@ -1,8 +1,8 @@
 !> All forces at one state, without a step.
 module pyfric_evaluation
   use pyfric_kinds, only: dp, ip
-  use pyfric_layout, only: LB, LANES, UX
-  use pyfric_model, only: model_t
+  use pyfric_layout, only: LB, LANES
+  use pyfric_model, only: model_t, driven_u
   use pyfric_boundaries, only: rod_acceleration, driver_force
   use pyfric_rows, only: row_t, new_row, row_forces, row_powers, take_shared, budget_t
   use pyfric_status, only: DONE, NO_MEMORY
@@ -50,7 +50,7 @@ contains
     call take_shared(power)
     f = w%f
     p = w%p
-    f_t = driver_force(s, t, y(s%i_h, UX, s%j_h:s%j_h_top))
+    f_t = driver_force(s, t, driven_u(s, state(aligned(state(:, 1)), 1)))
 
   contains
 

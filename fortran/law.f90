@@ -52,6 +52,7 @@ module pyfric_law
     real(dp), allocatable :: mu_k(:)   !! kinetic friction coefficient [-]
     real(dp), allocatable :: d_c(:)    !! unit of slip of the table, 0 for at once [m]
     real(dp), allocatable :: alpha(:)  !! viscosity of slip [N s/m]
+    logical, allocatable :: bare(:)    !! no friction, also in contact: such a block counts as open
     type(curve_t), private :: hold     !! gain of mu_s, over time since the block stuck [s]
     type(curve_t), private :: slide    !! share of mu_s - mu_k that is left, over slip/d_c
     type(curve_t), private :: speed    !! factor, over abs(v) [m/s]
@@ -60,7 +61,7 @@ module pyfric_law
 
 contains
 
-  !> The law from its tables, one after another: x and y of each knot; and mu_s, mu_k, d_c, alpha, 0 of each block. On
+  !> The law from its tables, one after another: x and y of each knot; and mu_s, mu_k, d_c, alpha, bare of each block. On
   !> junctions: quantiles of t_R in the first table; and mu_s, mu_d, C, t_R and its spread. Rate-and-state: a, b, D_c, alpha
   !> and f*.
   pure function new_law(nx, n_memory, n_junctions, seed, from_right, share, evolution, speeds, n_knots, knots, fields) result(law)
@@ -86,7 +87,7 @@ contains
     law%slide = new_curve(n_knots(2), knots(at(1) + 1:at(2)))
     law%speed = new_curve(n_knots(3), knots(at(2) + 1:at(3)))
     law%age = new_curve(n_knots(4), knots(at(3) + 1:at(4)))
-    allocate (law%mu_s(nx), law%mu_k(nx), law%d_c(nx), law%alpha(nx), stat=failed)
+    allocate (law%mu_s(nx), law%mu_k(nx), law%d_c(nx), law%alpha(nx), law%bare(nx), stat=failed)
     law%complete = failed == 0 .and. law%hold%complete .and. law%slide%complete .and. law%speed%complete .and. law%age%complete
     if (.not. law%complete) return
     law%mu_s(:) = fields(:, 1)
@@ -98,6 +99,7 @@ contains
     law%simple = all(n_knots == 0) .and. all(law%alpha <= 0.0_dp)
     law%flows = evolution /= 0
     law%rests = n_junctions == 0 .and. .not. law%flows
+    law%bare(:) = law%rests .and. fields(:, 5) > 0.0_dp
     if (law%rests) return
     if (law%flows) then
       law%simple = .false.
@@ -280,8 +282,8 @@ contains
   end subroutine remember
 
   !> Event functions, positive while a contact state lasts. Stuck: strength minus |f|; slipping: velocity along the slip; on
-  !> junctions: distance to the next break; all of these: the depth. Open: the height, twice.
-  pure subroutine event_functions(law, nx, n, at, mode, memory, t, other, p, u_x, u_z, v_x, g, margin)
+  !> junctions: distance to the next break; all of these: the depth. Open: the height, twice. Bare: none.
+  pure subroutine event_functions(law, nx, n, at, mode, memory, t, other, p, u_x, z, v_x, g, margin)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
     integer, intent(in) :: n                     !! padded length of a row
@@ -292,7 +294,7 @@ contains
     real(dp), intent(in) :: other(LB:n + LANES)  !! all other horizontal forces, as a row [N]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
-    real(dp), intent(in) :: u_z(LB:n + LANES)    !! heights, as a row [m]
+    real(dp), intent(in) :: z(nx)                !! heights above the foundation [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     real(dp), intent(out) :: g(N_CONTACT, nx)    !! of friction [N] or [m/s], of junctions and of the gap [m]
     real(dp), intent(out) :: margin(nx)          !! of friction if the block were stuck [N]
@@ -301,19 +303,19 @@ contains
     if (.not. law%rests) then
       margin = 0.0_dp
       do i = 1, nx
-        g(:, i) = u_z(at(i))
-        if (mode(i) /= OPEN_GAP) g(:, i) = [next_break(law%junctions, i, u_x(at(i)), p(i), memory(1, i)), -u_z(at(i))]
+        g(:, i) = z(i)
+        if (mode(i) /= OPEN_GAP) g(:, i) = [next_break(law%junctions, i, u_x(at(i)), p(i), memory(1, i)), -z(i)]
       end do
       return
     end if
     do i = 1, nx
       margin(i) = static_strength(law, i, mode(i), memory(SINCE, i), t, p(i)) - abs(other(at(i)))
-      g(2, i) = -u_z(at(i))
+      g(2, i) = -z(i)
       select case (mode(i))
       case (STUCK)
         g(1, i) = margin(i)
       case (OPEN_GAP)
-        g(:, i) = u_z(at(i))
+        g(:, i) = merge(1.0_dp, z(i), law%bare(i))
       case default
         g(1, i) = real(mode(i), dp)*v_x(at(i))
       end select
@@ -434,6 +436,7 @@ contains
       margin(i) = strength - abs(other(at(i)))
       new(i) = next_state(strength, other(at(i)), p(i), mode(i), v_x(at(i)))
     end do
+    where (law%bare) new = OPEN_GAP
   end subroutine next_states
 
   !> The contact states after a step of blocks that never rest: ruptured or fast ones slip. Junctions break and pin.

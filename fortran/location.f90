@@ -12,7 +12,7 @@ module pyfric_location
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_model, only: model_t, close_state
-  use pyfric_boundaries, only: foundation, foundation_rate
+  use pyfric_boundaries, only: foundation, foundation_rate, heights
   use pyfric_law, only: event_functions, knot_functions, last_knots, time_to_knot, N_CONTACT, N_KNOT, N_MARK
   use pyfric_rows, only: row_t, other_forces, budget_t
   use pyfric_contact, only: contact_t, switch_contacts
@@ -360,8 +360,8 @@ contains
 
     call foundation(s, q(LB, UZ), w%p)
     if (s%law%rests) call other_forces(s, t, q, up, w, fx)
-    call event_functions(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, t, fx, w%p, q(LB, UX), q(LB, UZ), q(LB, VX), &
-                         g(:N_CONTACT, :), margin)
+    call event_functions(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, t, fx, w%p, q(LB, UX), heights(s, q(LB, UZ)), &
+                         q(LB, VX), g(:N_CONTACT, :), margin)
     if (s%prescribed) g(2, :) = w%p  ! no gap opens
     if (s%law%kinked) then
       call foundation_rate(s, q(LB, UZ), q(LB, VZ), p_rate)

@@ -7,7 +7,7 @@ module pyfric_model
   implicit none (type, external)
   private
   public :: model_t, new_model, S_SERIES, close_left, close_row, close_state, reflected
-  public :: FREE, MIRRORED, ABSORBING, HELD, row_share, column_shares, cut_sides
+  public :: FREE, MIRRORED, ABSORBING, HELD, row_share, column_shares, cut_sides, driven_number, driven_u
 
   !> Boundary conditions at sides and top. Mirrored: the slider continues half a bond further as its image, with the same u_x
   !> and the opposite u_z. Absorbing: dashpots with the impedances of plane waves. Held: the top row does not move.
@@ -22,7 +22,8 @@ module pyfric_model
     integer(ip) :: nz       !! rows
     integer(ip) :: finite   !! 1: finite geometry (bonds rotate), 0: linear
     integer(ip) :: rigid    !! 1: top row glued to the rod (setup 1), 0: free (setup 2)
-    integer(ip) :: i_h      !! column of the driven block, from 1
+    integer(ip) :: i_h      !! first column of driven blocks, from 1
+    integer(ip) :: i_h_end  !! last one
     integer(ip) :: j_h      !! row of the lowest driven block, from 1
     integer(ip) :: j_h_top  !! of the highest one
     integer(ip) :: prescribed !! 1: the interface has a given p and no foundation, 0: it has a foundation
@@ -78,7 +79,9 @@ module pyfric_model
     integer, allocatable :: at(:)   !! element of block i in a row, for i up to n; filling beyond nx
     logical :: finite       !! finite geometry (bonds rotate); else linear
     logical :: rigid        !! top row glued to the rod (setup 1); else free (setup 2)
-    integer :: i_h          !! column of the driven block
+    integer :: i_h          !! first column of driven blocks
+    integer :: i_h_end      !! last one
+    integer :: n_driven     !! number of driven blocks
     integer :: j_h          !! row of the lowest driven block
     integer :: j_h_top      !! of the highest one
     logical :: prescribed   !! the interface carries `load` as p and has no foundation; else it has one
@@ -93,8 +96,9 @@ module pyfric_model
     real(dp) :: series(7, N_BOND) !! of each bond's spring in finite geometry, see `series` [N/m^(2n+1)], n = 1...
     logical :: sheared      !! shear, its rate or k_top is not zero
     logical :: pushed       !! push or its rate is not zero
-    real(dp), allocatable :: u_drv0(:) !! of the driven blocks, by row: u_x at which the driver does not push them at t = 0 [m]
-    real(dp), allocatable :: k_f(:)   !! foundation stiffness [N/m]
+    real(dp), allocatable :: u_drv0(:) !! of the driven blocks, row by row: u_x where their springs are relaxed at t = 0 [m]
+    real(dp), allocatable :: k_f(:)   !! foundation stiffness, 0 under blocks without contact [N/m]
+    real(dp), allocatable :: gap(:)   !! height of blocks above the foundation at u_z = 0 [m]
     real(dp), allocatable :: x(:)     !! block positions from the centre [m]
     real(dp), allocatable :: load(:)  !! downward load on a free top row, or prescribed p [N]
     real(dp), allocatable :: shear(:) !! constant force on row j_shear, along +x [N]
@@ -120,8 +124,10 @@ contains
     s%finite = n%finite == 1
     s%rigid = n%rigid == 1
     s%i_h = n%i_h
+    s%i_h_end = n%i_h_end
     s%j_h = n%j_h
     s%j_h_top = n%j_h_top
+    s%n_driven = (s%i_h_end - s%i_h + 1)*(s%j_h_top - s%j_h + 1)
     s%prescribed = n%prescribed == 1
     s%left = n%left
     s%right = n%right
@@ -131,8 +137,8 @@ contains
     first = storage_size(s%constants_t)/storage_size(s%l)
     s%constants_t = transfer(numbers(:first), s%constants_t)
     call derive(s)
-    last = first + s%j_h_top - s%j_h + 1
-    allocate (s%at(s%n), s%u_drv0(s%j_h:s%j_h_top), stat=failed)
+    last = first + s%n_driven
+    allocate (s%at(s%n), s%u_drv0(s%n_driven), stat=failed)
     if (failed /= 0) return
     s%at(:) = elements(s%n)
     s%u_drv0(:) = s%u_mean + numbers(first + 1:last)
@@ -142,17 +148,17 @@ contains
     s%pushed = any(abs(s%push) > 0.0_dp) .or. any(abs(s%push_rate) > 0.0_dp)
   end function new_model
 
-  !> Rows of N_x numbers: x [m], load, shear and push [N], rate of push [N/s], k_f [N/m], the fields of the law; then the
-  !> knots of its tables.
+  !> Rows of N_x numbers: x [m], load, shear and push [N], rate of push [N/s], k_f [N/m], gap [m], the fields of the law;
+  !> then the knots of its tables.
   pure subroutine take_rows(numbers, n, s)
     real(dp), contiguous, intent(in) :: numbers(:)
     type(counts_t), intent(in) :: n
     type(model_t), intent(inout) :: s
-    integer, parameter :: ROWS = 6
+    integer, parameter :: ROWS = 7
     integer :: nx, last, failed
 
     nx = s%nx
-    allocate (s%x(nx), s%load(nx), s%shear(nx), s%push(nx), s%push_rate(nx), s%k_f(nx), stat=failed)
+    allocate (s%x(nx), s%load(nx), s%shear(nx), s%push(nx), s%push_rate(nx), s%k_f(nx), s%gap(nx), stat=failed)
     if (failed /= 0) return
     s%x(:) = numbers(:nx)
     s%load(:) = numbers(nx + 1:2*nx)
@@ -160,8 +166,9 @@ contains
     s%push(:) = numbers(3*nx + 1:4*nx)
     s%push_rate(:) = numbers(4*nx + 1:5*nx)
     s%k_f(:) = numbers(5*nx + 1:6*nx)
+    s%gap(:) = numbers(6*nx + 1:7*nx)
     last = (ROWS + N_FIELDS)*nx
-    s%law = new_law(nx, n%n_memory, n%n_junctions, [n%seed_low, n%seed_high], s%d < 0.0_dp, s%ruptured, &
+    s%law = new_law(nx, n%n_memory, n%n_junctions, [n%seed_low, n%seed_high], s%i_h > 1, s%ruptured, &
                     n%evolution, [s%v_ref, s%cut, s%v_slip], [n%n_hold, n%n_slide, n%n_speed, n%n_age], numbers(last + 1:), &
                     numbers(ROWS*nx + 1:last))
     s%complete = s%law%complete
@@ -178,6 +185,30 @@ contains
       s%series(:, b) = series(BONDS(b)%stiffness*s%k, sum(BONDS(b)%d**2)*s%l**2)
     end do
   end subroutine derive
+
+  !> Number of the driven block in column i and row j, row by row.
+  elemental function driven_number(s, i, j) result(b)
+    type(model_t), intent(in) :: s
+    integer, intent(in) :: i   !! column
+    integer, intent(in) :: j   !! row
+    integer :: b
+
+    b = (j - s%j_h)*(s%i_h_end - s%i_h + 1) + i - s%i_h + 1
+  end function driven_number
+
+  !> u_x of the driven blocks, row by row [m].
+  pure function driven_u(s, y) result(u_x)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)  !! state
+    real(dp) :: u_x(s%n_driven)
+    integer :: i, j
+
+    do j = s%j_h, s%j_h_top
+      do i = s%i_h, s%i_h_end
+        u_x(driven_number(s, i, j)) = y(s%at(i), UX, j)
+      end do
+    end do
+  end function driven_u
 
   !> Share of whole blocks in row j: one half at a prescribed interface and at an absorbing top.
   pure function row_share(s, j) result(c)

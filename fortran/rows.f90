@@ -2,7 +2,7 @@
 module pyfric_rows
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
-  use pyfric_model, only: model_t, row_share, column_shares, cut_sides, MIRRORED, HELD
+  use pyfric_model, only: model_t, row_share, column_shares, cut_sides, driven_number, MIRRORED, HELD
   use pyfric_bonds, only: N_BOND
   use pyfric_lattice, only: around_t, gather_forces, halve_bonds, halve_columns
   use pyfric_finite, only: forces_finite
@@ -173,13 +173,16 @@ contains
     real(dp), intent(inout) :: fx(LB:s%n + LANES)   !! force on the row [N]
     real(dp), intent(inout) :: fz(LB:s%n + LANES)   !! force on the row [N]
     real(dp), intent(inout) :: f_t                  !! force of the driver, set on rows of driven blocks [N]
-    real(dp) :: share, shear_gain
+    real(dp) :: share, shear_gain, pull
     integer :: i
 
     if (j >= s%j_h .and. j <= s%j_h_top) then
-      i = s%at(s%i_h)
-      f_t = driver_on(s, j, t, q(i, UX))
-      fx(i) = fx(i) + s%d*f_t
+      f_t = 0.0_dp
+      do i = s%i_h, s%i_h_end
+        pull = driver_on(s, driven_number(s, i, j), t, q(s%at(i), UX))
+        fx(s%at(i)) = fx(s%at(i)) + s%d*pull
+        f_t = f_t + pull
+      end do
     end if
     if (j == 1 .and. s%pushed) then
       do i = 1, s%nx

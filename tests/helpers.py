@@ -57,7 +57,8 @@ def small_free(**changes):
 
 
 def mirrored_scene(scene):
-    side = "right" if scene.driver.side == "left" else "left"
+    swapped = {"left": "right", "right": "left"}
+    side = " ".join(swapped.get(word, word) for word in scene.driver.side.split())
     return dataclasses.replace(scene, driver=dataclasses.replace(scene.driver, side=side))
 
 

@@ -35,10 +35,18 @@ SCENES = [
     small("free", side="right", d_c=4e-7),
     small(h=2.5e-3).replace(h_top=0.0125),  # a plate up to the rod
     small("free", side="right", h=2e-3).replace(h_top=4e-3),
+    small(
+        "free",
+        side="right",
+        gap=[1e-7 * (n % 3) for n in range(13)],
+        contact=[True, False] + [True] * 11,
+    ),
+    small(mu_s=[0.0] + [0.7] * 8, mu_k=[0.0] + [0.4] * 8, gap=1e-7),
 ]
 IDS = [
     f"{'rod' if s.rigid else 'free'}-{s.N_x}x{s.N_z}-{s.driver.side}-{s.interface.d_c:g}"
     + f"-plate of {s.n_driven}" * (s.n_driven > 1)
+    + "-uneven" * (not s.whole)
     for s in SCENES
 ]
 

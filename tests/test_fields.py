@@ -38,7 +38,7 @@ def uneven(side="left", **changes):
 def test_draws_are_the_same_on_any_machine():
     drawn = Spread(mean=0.7, std=0.03, seed=2**64 - 1, correlation_length=0.01).draw(57, 2.5e-3)
     digest = hashlib.sha256(drawn.tobytes()).hexdigest()
-    assert digest.startswith("9eefb455767df91a"), digest
+    assert digest.startswith("7a23e9fdf7bcc2bd"), digest
     assert Spread(mean=0.5, range=0.1, seed=5).draw(3, 1.0).tolist() == [
         0.5467491910889273,
         0.5181041289145418,
@@ -60,7 +60,7 @@ def test_records_keep_what_was_drawn(tmp_path, monkeypatch):
         np.testing.assert_array_equal(again.scene.law.mu_s, scene.law.mu_s)
         assert again.to_xarray()["drawn_mu_s"].to_numpy().tolist() == scene.law.mu_s.tolist()
         with monkeypatch.context() as other:
-            other.setattr(Spread, "draw", lambda self, n, l: np.full(n, self.mean))
+            other.setattr(Spread, "draw", lambda self, n, l, name: np.full(n, self.mean))
             with pytest.raises(RecordError, match="drawn_mu_s"):
                 Record.load(file)
 
@@ -83,6 +83,50 @@ def test_draws_have_their_mean_width_and_correlation():
     assert abs(np.mean(long * other)) < 0.05
 
 
+@pytest.mark.parametrize(
+    "how", [{"std": 0.02}, {"range": 0.02}, {"std": 0.02, "correlation_length": 0.01}]
+)
+def test_equal_seeds_of_two_fields_give_independent_numbers(how):
+    n = 2001
+    scene = setup1(
+        L=(n - 1) * 2.5e-3, H=2.5e-3, h=2.5e-3,
+        mu_s=Spread(mean=0.7, **how), mu_k=Spread(mean=0.45, **how), d_c=Spread(mean=0.7, **how),
+    )  # fmt: skip
+    mu_s, mu_k, d_c = (np.array(scene.drawn[name]) for name in ("mu_s", "mu_k", "d_c"))
+    blocks = n / (4 if "correlation_length" in how else 1)  # independent ones
+    for a, b in ((mu_s, mu_k), (mu_s, d_c), (mu_k, d_c)):
+        assert abs(np.corrcoef(a, b)[0, 1]) < 4 / np.sqrt(blocks)
+    assert scene.drawn["mu_s"][:5] == tuple(Spread(mean=0.7, **how).draw(n, 2.5e-3)[:5])
+
+
+def test_finer_blocks_are_on_the_same_interface():
+    """So are those of a longer slider, and of any spacing."""
+    spread = Spread(mean=0.7, std=0.03, correlation_length=0.0135, seed=5)
+    coarse, fine = spread.draw(57, 2.5e-3), spread.draw(113, 1.25e-3)
+    np.testing.assert_array_equal(fine[::2], coarse)
+    np.testing.assert_array_equal(spread.draw(81, 2.5e-3)[:57], coarse)
+    odd = spread.draw(141, 1e-3)
+    np.testing.assert_allclose(odd[::5], coarse[::2], rtol=1e-12)
+    between = np.interp(np.arange(141) * 1e-3, np.arange(113) * 1.25e-3, fine)
+    assert np.corrcoef(odd, between)[0, 1] > 0.95
+    scene = setup1(mu_s=spread, l=5e-3)
+    assert scene.interface_on(57).mu_s == spread
+    assert setup1(mu_s=spread).drawn["mu_s"][::2] == scene.drawn["mu_s"]
+
+
+def test_width_and_correlation_do_not_depend_on_l():
+    seeds, length = 400, 0.02
+    for l in (0.01, 0.003):
+        spreads = (
+            Spread(mean=0.0, std=1.0, correlation_length=length, seed=n) for n in range(seeds)
+        )
+        drawn = np.array([spread.draw(9, l) for spread in spreads])
+        assert drawn.std(axis=0) == pytest.approx(np.ones(9), abs=0.15)
+        for far in (1, 2, 3):
+            found = np.mean(drawn[:, far:] * drawn[:, :-far])
+            assert found == pytest.approx(max(0, 1 - far * l / length), abs=0.1)
+
+
 def test_refusals():
     scene = setup1(**SIZE)
     with_ = lambda **changes: dataclasses.replace(  # noqa: E731
@@ -98,6 +142,8 @@ def test_refusals():
     refused(lambda: Spread(mean=1.0, std=0.1, range=0.1), "spread.std")
     refused(lambda: Spread(mean=1.0, std=0.1, seed=-1), "spread.seed")
     backward = {"mean": 0.7, "std": 0.1, "correlation_length": -1e-3}
+    tiny = {"mean": 0.7, "std": 0.1, "correlation_length": 1e-9}
+    refused(lambda: with_(mu_s=tiny), "interface.mu_s", "Spread: far below l", "at least")
     refused(lambda: with_(mu_s=backward), "interface.mu_s", "correlation_length: too small")
     refused(lambda: with_(mu_s={"mean": 0.7}), "interface.mu_s", "std: one is needed")
     refused(lambda: with_(law={"kind": "ageing"}), "interface.law", "in a scene file")

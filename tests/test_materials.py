@@ -33,6 +33,19 @@ def test_waves_are_those_of_plane_stress_with_a_third(l):
     assert math.sqrt(0.5) * c == pytest.approx(edges * math.sqrt(3 * E / (8 * RHO)), rel=1e-12)
 
 
+@pytest.mark.parametrize("l", [2.5e-3, 1.25e-3])
+def test_waves_are_those_of_plane_strain_with_a_quarter(l):
+    """c_P^2 = E (1 - nu)/((1 + nu)(1 - 2 nu) rho), c_S^2 = E/(2 (1 + nu) rho)."""
+    nu, edges = 0.25, math.sqrt((1 + l / 0.14) * (1 + l / 0.075))
+    slider = Slider.of_material(E=E, width=B, density=RHO, L=0.14, H=0.075, l=l, plane="strain")
+    c = l * math.sqrt(slider.k / slider.m) / edges
+    c_P = math.sqrt(E * (1 - nu) / ((1 + nu) * (1 - 2 * nu) * RHO))
+    assert math.sqrt(1.5) * c == pytest.approx(c_P, rel=1e-12)
+    assert math.sqrt(0.5) * c == pytest.approx(math.sqrt(E / (2 * (1 + nu) * RHO)), rel=1e-12)
+    refused(lambda: Slider.of_material(E=E, width=B, density=RHO, **SLAB, plane="stretch"),
+            "slider.material.plane", "'stress' or 'strain'")  # fmt: skip
+
+
 def test_a_bulk_viscosity_stays_and_the_paper_s_falls_with_l():
     """Waves decay at viscosity q^2/(2 rho), rho that of the blocks."""
     viscosity, q = 5e3, 20.0

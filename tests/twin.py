@@ -189,18 +189,20 @@ def rod_inertia(scene: Any) -> tuple[float, float]:
     return mass, inertia
 
 
-def driver_forces(scene: Any, t: float, y: np.ndarray, u_drv0: Any) -> dict[int, float]:
-    """Return the force of the driver in N by row: (K/n) (V t - x_j) on each of n blocks.
+def driver_forces(scene: Any, t: float, y: np.ndarray, u_drv0: Any) -> dict[tuple[int, int], float]:
+    """Return the force of the driver in N by row and column: (K/n) (V t - x) on each of n blocks.
 
-    x_j is the advance of the block along the driving; a plate drives all up to h_top.
+    x is the advance of the block along the driving; a plate drives all up to h_top, or the top.
     """
     top = getattr(scene.driver, "h_top", None)
     last = scene.j_h if top is None else round(top / scene.slider.l)
-    home = list(np.ravel(u_drv0))
-    n, forces = len(home), {}
-    for j in range(scene.j_h, last + 1):
-        x_j = scene.d * (y[j, 0, scene.i_h] - home[j - scene.j_h])
-        forces[j] = scene.driver.K / n * (scene.driver.V * t - x_j)
+    blocks = [(j, scene.i_h) for j in range(scene.j_h, last + 1)]
+    if getattr(scene.driver, "side", "left") == "top":
+        blocks = [(scene.N_z - 1, i) for i in range(scene.N_x)]
+    home, forces = list(np.ravel(u_drv0)), {}
+    for (j, i), rest in zip(blocks, home, strict=True):
+        x = scene.d * (y[j, 0, i] - rest)
+        forces[j, i] = scene.driver.K / len(blocks) * (scene.driver.V * t - x)
     return forces
 
 
@@ -216,11 +218,27 @@ def field(scene: Any, name: str, default: float = 0.0) -> list[float]:
 
 
 def normal_forces(scene: Any, y: np.ndarray) -> np.ndarray:
-    """Return p_i = k_f |u_z| (N) of the blocks pressed into the foundation, else 0; or as given."""
+    """Return p_i = k_f |z| (N) of the blocks pressed into the foundation, else 0; or as given."""
     if prescribed(scene):
         return np.array(scene.p_prescribed)
-    k_f = field(scene, "k_f", scene.k_f)
-    return np.array([k_f[i] * -u_z if u_z < 0 else 0.0 for i, u_z in enumerate(y[0, 1])])
+    return np.array([k * -z if z < 0 else 0.0 for k, z in foundation(scene, y)])
+
+
+def foundation(scene: Any, y: np.ndarray) -> list[tuple[float, float]]:
+    """Return k_f (N/m) and z = u_z + gap (m) of each block; k_f is 0 where none can touch it."""
+    k_f, gap = field(scene, "k_f", scene.slider.k), field(scene, "gap")
+    contact = getattr(scene.interface, "contact", None)
+    touches = [True] * scene.N_x if contact is None else list(contact)
+    touches = touches if contact is None or scene.driver.side == "left" else touches[::-1]
+    if not hasattr(scene.interface, "k_f"):  # a slab of `Slab`, which gives it at once
+        k_f = [scene.k_f] * scene.N_x
+    return [(k_f[i] * touches[i], u_z + gap[i]) for i, u_z in enumerate(y[0, 1])]
+
+
+def bare(scene: Any, i: int) -> bool:
+    """Return whether a block has no friction, although others have some."""
+    none = [not (a or b) for a, b in zip(field(scene, "mu_s"), field(scene, "alpha"), strict=True)]
+    return none[i] and not all(none)
 
 
 class Forces(NamedTuple):
@@ -241,8 +259,8 @@ def all_but_friction(
     """Return the forces on all blocks without friction (N_z, 2, N_x), p (N_x,) and F_T, in N."""
     F = bond_forces(scene, y, geometry)
     pushes = driver_forces(scene, t, y, u_drv0)
-    for j, push in pushes.items():
-        F[j, 0, scene.i_h] += scene.d * push
+    for (j, i), push in pushes.items():
+        F[j, 0, i] += scene.d * push
     F_T = sum(pushes.values())
     p = normal_forces(scene, y)
     F += absorbing(scene, y)
@@ -425,7 +443,7 @@ def energies(
         "kinetic_top": scene.m * speed2[-1] / 2 if scene.rigid else 0.0,
         "kinetic_rod": 0.0,
         "bonds": bond_energy(scene, geometry, y),
-        "foundation": sum(scene.k_f * u_z**2 / 2 for u_z in y[0, 1] if u_z < 0),  # k_f = 0: none
+        "foundation": 0.0 if prescribed(scene) else _pressed_energy(scene, y),
         "mattress": 0.0 if scene.rigid else scene.k_top * sum(y[-1, 0] ** 2) / 2,
         "driver": sum(push**2 for push in pushes) * len(pushes) / (2 * (scene.driver.K or 1.0)),
     }
@@ -455,7 +473,7 @@ def switch(
     the forces are evaluated, and every block is judged by them: `other` is the sum of all its
     horizontal forces but friction.
 
-        p <= 0                          open (the block keeps its velocity)
+        p <= 0, or no friction          open (the block keeps its velocity)
         slipping, not stopped           unchanged
         open, p > 0 and v_x /= 0        slips along v_x
         stuck, stopped, open at rest    stuck if |other| <= mu_s p, else slips along `other`
@@ -473,7 +491,7 @@ def switch(
     new = np.array(mode)
     for i in range(scene.N_x):
         v_x = y[0, 2, i]
-        if p[i] <= 0:
+        if p[i] <= 0 or bare(scene, i):
             new[i] = OPEN
         elif v_x == 0:
             most = field(scene, "mu_s")[i] * p[i]
@@ -481,6 +499,11 @@ def switch(
         elif mode[i] == OPEN:
             new[i] = _sign(v_x)
     return new, y, float(loss)
+
+
+def _pressed_energy(scene: Any, y: np.ndarray) -> float:
+    """Return the elastic energy of the foundation, in J."""
+    return sum(k * z**2 / 2 for k, z in foundation(scene, y) if z < 0)
 
 
 def _sign(value: float) -> int:

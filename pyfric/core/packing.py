@@ -25,6 +25,7 @@ class Counts(NamedTuple):
     finite: int
     rigid: int
     i_h: int
+    i_h_end: int
     j_h: int
     j_h_top: int
     prescribed: int
@@ -84,7 +85,7 @@ class Model(NamedTuple):
         numbers: the following numbers, one after the other. `Constants`; u_drv0 of each driven
             block minus their mean (m). With N_x numbers each: x (m), load (p if it is prescribed)
             and shear (N), pushes on the bottom row at t_seg (N) and their rates (N/s), k_f (N/m),
-            the five fields of the friction law. x and y of each knot of its tables.
+            gap (m), the five fields of the friction law. x and y of each knot of its tables.
     """
 
     counts: np.ndarray
@@ -122,7 +123,7 @@ def check_driven(scene: Scene, u_drv0: OnDriven) -> None:
     if np.shape(u_drv0) != expected:
         raise ValueError(
             f"u_drv0: shape {np.shape(u_drv0)}, expected {expected}: the driver pushes "
-            f"{scene.n_driven} blocks, from h to h_top"
+            f"{scene.n_driven} blocks"
         )
 
 
@@ -137,6 +138,7 @@ def _counts(scene: Scene, geometry: Geometry) -> Counts:
         int(geometry == "finite"),
         int(scene.rigid),
         scene.i_h + 1,
+        scene.i_h_end + 1,
         scene.j_h + 1,
         scene.j_h_top + 1,
         int(scene.prescribed),
@@ -208,7 +210,7 @@ def model(scene: Scene, geometry: Geometry, u_drv0: OnDriven, t: float = 0.0) ->
 def _interface(scene: Scene) -> tuple[list[np.ndarray], dict[str, int], list[np.ndarray]]:
     """Return the fields of the interface, the numbers of knots of its law, and the knots."""
     law, N_x = scene.law, scene.N_x
-    fields = (scene.k_f, *law.core_fields)
+    fields = (scene.k_f, scene.gap, *law.core_fields)
     rows = [np.broadcast_to(np.asarray(field, dtype=float), (N_x,)) for field in fields]
     tables = {name: table for name, table in law.core_tables._asdict().items() if table is not None}
     n_knots = {f"n_{name}": len(table.x) for name, table in tables.items()}
@@ -235,4 +237,4 @@ def springs(
     )
     counts = _counts(scene, geometry)._replace(rigid=0, prescribed=0, left=0, right=0, top=0)
     none = np.zeros(scene.n_driven)
-    return _packed(counts, constants, none, scene.x, np.zeros(10 * scene.N_x))
+    return _packed(counts, constants, none, scene.x, np.zeros(11 * scene.N_x))

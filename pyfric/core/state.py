@@ -30,13 +30,18 @@ NUMBERS = ("step", "t0", "dt", "drive", "sub")
 REAL, WHOLE = np.dtype(np.float64), np.dtype(np.int32)
 
 
+SIDES = {"left": 1, "right": -1, "pull right": 2, "pull left": -2, "top": 3}
+"""Numbers of driven sides in `State.spring`."""
+
+
 class StateError(ValueError):
     """A state is damaged or does not belong to the scene."""
 
 
 def spring_of(scene: Scene) -> np.ndarray:
     """Return `State.spring`: K and direction of the driver, and the rows that it pushes."""
-    return np.array([scene.driver.K, scene.d, scene.j_h, scene.j_h_top], dtype=float)
+    side = SIDES[scene.driver.side]
+    return np.array([scene.driver.K, side, scene.j_h, scene.j_h_top], dtype=float)
 
 
 @dataclass(eq=False, slots=True)
@@ -65,12 +70,12 @@ class State:
         t0: time of step 0, in s.
         dt: time step, in s.
         u_drv0: u_x of the driven block at which F_T = 0 if drive = 0, in m. Under a plate, u_x of
-            its blocks at which no spring is strained, bottom to top, shape (n_driven,).
+            its blocks at which no spring is strained, row by row, shape (n_driven,).
         drive: displacement of the driver, in m.
         parts: parts of `heat` from friction above mu_k p and from alpha, shape (2, N_x), in J. On
             junctions: heat of dragging, and work of changes of their stiffness. None means 0.
-        spring: K (N/m) and direction of the driver, the lowest and the highest row that it pushes,
-            shape (4,). None stands for zeros, which mean that the driver is not known.
+        spring: K (N/m) and side of the driver (`SIDES`), the lowest and the highest row that it
+            pushes, shape (4,). None stands for zeros, which mean that the driver is not known.
         radiated: part of `dissipated` that absorbing walls take, shape (N_z,), in J. None means 0.
         sub: longest sub-step that the error of the adaptive stepper allows, in s; 0 means dt.
 
@@ -207,16 +212,15 @@ class State:
 
     def _taken_over(self, scene: Scene, drive: float) -> OnDriven:
         """Return u_drv0 of another driver at `drive` (m) with the same F_T."""
-        K, d, low, high = self.spring
-        if d != scene.d:
-            side = "left" if d > 0 else "right"
-            raise StateError(
-                f"state: its driver is on the {side}, but the scene has it on the other side"
-            )
+        K, side, low, high = self.spring
+        if side != SIDES[scene.driver.side]:
+            known = {number: name for name, number in SIDES.items()}.get(int(side), side)
+            raise StateError(f"state: its driver is {known!r}, that of the scene on another side")
+        d = scene.d
         u = scene.u_driven(self.y)
         if not scene.driver.K:
             return u
-        then = self.y[int(low) : int(high) + 1, 0, scene.i_h]
+        then = self.y[int(low) : int(high) + 1, *scene.driven[1:]].ravel()
         forces = K / len(then) * (self.drive - d * (then - self.u_drv0))
         if (low, high) != (scene.j_h, scene.j_h_top):
             forces = np.full(scene.n_driven, forces.sum() / scene.n_driven)
@@ -259,7 +263,8 @@ class State:
                 raise StateError(f"state.{name}: expected a contiguous {dtype} {shape}")
         low, high = self.spring[2:]
         if self.spring[1] and not (
-            0 <= low <= high < N_z and np.size(self.u_drv0) == high - low + 1
+            0 <= low <= high < N_z
+            and np.size(self.u_drv0) == (N_x if self.spring[1] == SIDES["top"] else high - low + 1)
         ):
             raise StateError(f"state.spring: rows {low:g} to {high:g} are not in the lattice")
         if not (

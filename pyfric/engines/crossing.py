@@ -64,6 +64,11 @@ def first_crossing(
             s = min(s + leap, s_end)
             continue
         grid, alive = s + h * np.arange(GRID + 1), largest * decay > GONE * np.max(c)
+        if not alive.any():  # the leap to the zero of a parabola is exact
+            ahead = np.full(c.shape, np.inf)
+            with np.errstate(over="ignore"):
+                np.divide(2 * np.maximum(low, 0.0), fall, out=ahead, where=falls)
+            return min(s + float(np.where(low > 0, ahead, 0.0).min()), s_end)
         value = c[near, None] + rate[near, None] * grid + np.outer(bend[near], 0.5 * grid**2)
         coarse = np.exp(np.outer(grid[::N_FINE], rates[alive]))
         fine = np.exp(np.outer(rates[alive], grid[:N_FINE] - s))

@@ -1,7 +1,8 @@
 """Gap functions of the slider at fixed contact states, in N: positive while no state changes.
 
 They are mu_s p + f and mu_s p - f for stuck blocks, with the normal force p and the friction force
-f, and k_f u_z for open blocks.
+f, for blocks in contact without friction p, and for open ones k_f z with their height
+z = u_z + gap. Blocks without contact have none.
 
 The part of a motion outside the space of slow shapes has an energy E, which cannot grow. By the
 Cauchy-Schwarz inequality, E bounds the change of contact forces by this part at any later time.
@@ -27,15 +28,16 @@ class GapFunctions:
         space: the slider at these contact states.
 
     Attributes:
-        knots: gap functions at q = 0, which only slipping blocks have, shape (n_c,), in N.
+        open: indices of open blocks that may touch the foundation.
     """
 
     def __init__(self, space: Space) -> None:
         scene = space.solver.scene
-        self.space, self.law, held, up = space, scene.law, space.held, space.open
+        self.space, self.law, held = space, scene.law, space.held
+        self.open = up = space.open[scene.touches[space.open]]
         k_f, mu_s = (np.broadcast_to(a, scene.N_x) for a in (scene.k_f, self.law.hold(1.0)))
-        self._mu_s, self._k_f, self._lifting = mu_s[held], k_f[held], k_f[up]
-        self.knots: np.ndarray | float = 0.0
+        self._mu_s, self._k_f = mu_s[held], k_f[held]
+        self._lifting = np.where(space.solver.pressed, -k_f, k_f)[up]
 
     def of(self, q: np.ndarray, f: np.ndarray, v: np.ndarray | float = 0.0) -> np.ndarray:
         """Return gap functions, or changes of them, because they are linear; (n_c, ...), in N.
@@ -47,12 +49,24 @@ class GapFunctions:
         """
         u_z = q[ends(len(self.space.stuck)).u_z]
         strength = (self._mu_s * (-self._k_f * u_z[self.space.held].T)).T
-        lifted = (self._lifting * u_z[self.space.open].T).T
+        lifted = (self._lifting * u_z[self.open].T).T
         return np.concatenate([strength + f, strength - f, lifted])
 
     def at(self, q: np.ndarray, forces: np.ndarray, v: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return the gap functions at q, (n_q,), with forces on the stuck blocks, (n_stuck,)."""
+        """Return changes by q, (n_q,), with forces on the stuck blocks, (n_stuck,)."""
         return self.of(q, -forces, v)
+
+    def whole(self, q: np.ndarray, forces: np.ndarray, v: np.ndarray | float = 0.0) -> np.ndarray:
+        """Return the gap functions at q, (n_q,), with forces on the stuck blocks, (n_stuck,)."""
+        return self.at(q, forces, v) + self.unmoved
+
+    @functools.cached_property
+    def unmoved(self) -> np.ndarray:
+        """Gap functions at q = 0 without forces, shape (n_c,), in N."""
+        space = self.space
+        q = np.zeros(space.n_q)
+        q[ends(len(space.stuck)).u_z] = space.solver.scene.gap
+        return self.of(q, np.zeros(len(space.held)))
 
     @functools.cached_property
     def steady(self) -> tuple[np.ndarray, np.ndarray]:
@@ -75,8 +89,8 @@ class GapFunctions:
         C = space.C[held][:, free]
         stiff = self._mu_s**2 * self._k_f + space.K[held][:, held].sum(axis=1)
         stiff = stiff + C.multiply(C) @ (1 / space.M[free])
-        lifted, force = np.zeros(len(space.open)), np.zeros(space.n_q)
-        for n, block in enumerate(space.open + len(space.stuck)):
+        lifted, force = np.zeros(len(self.open)), np.zeros(space.n_q)
+        for n, block in enumerate(self.open + len(space.stuck)):
             force[block] = 1.0
             lifted[n] = self._lifting[n] ** 2 * space.answer(force)[block]
             force[block] = 0.0

@@ -31,6 +31,7 @@ from pyfric.engines.options import Options, owned
 from pyfric.engines.slipping import SlipGaps, SlipSpace, slides
 from pyfric.engines.slow_slip import RateHybridRun
 from pyfric.engines.space import N_MODES, Space
+from pyfric.scene import SceneError
 from pyfric.statics import (
     EquilibriumError,
     Memory,
@@ -96,7 +97,7 @@ class RestStates:
 
     def __init__(self, solver: StaticSolver, dt: float, stepper: str, made: dict[str, int]) -> None:
         self.known, self.dt, self.stepper, self.made = solver, dt, stepper, made
-        self._loaded = ~solver.loaded.open
+        self._loaded = ~(solver.loaded.open | solver.scene.bare)
         room = core.available() / set_up(solver.scene, "hybrid", solver.geometry).bytes
         self._modes: Memory[Modes] = Memory(int(min(max(room, 1), KEPT)))
         paths = int(max(PATHS / (3 * 8 * len(solver.arm)), 1))
@@ -221,12 +222,12 @@ class RestStates:
             found = self.at(u_x, ~free, drive, load, BALANCED * scene.F_N)
         if found is not None:
             q, forces = found
-            u_z = q[bottom.u_z]
-            if not (np.where(free, u_z, -u_z) < 0).any():
+            height, closed = q[bottom.u_z] + scene.gap, ~free | self.known.pressed
+            if not ((np.where(closed, height, -height) > 0) & scene.touches).any():
                 moved = float(self.known.driven_row @ q)
                 F_T = scene.driver_force(drive, moved, self.known.u_drv0)
                 tau = np.where(free, 0.0, scene.d * forces[bottom.u_x])
-                return Static(F_T, tau, np.where(free, 0.0, -scene.k_f * u_z))
+                return Static(F_T, tau, np.where(closed, -scene.k_f * height, 0.0))
         return self.known.solve(u_x, drive, free=free, load=load, near=near)
 
 
@@ -327,7 +328,8 @@ class HybridRun(Run):
         if n_max <= 0:
             return 1
         least = self.least_slide if way.any() else self.least
-        if not closed.any():
+        touches = state.y[0, 1] + self.scene.gap < 0
+        if not closed.any() or (self.scene.bare & (touches != self.known.pressed)).any():
             return least
         self.made["attempts"] += 1
         outside = Outside(self.known, state.t, just_after(state))
@@ -475,6 +477,10 @@ def check_scene(scene: Scene) -> None:
     check_rests(scene)
     if not scene.law.flows:
         check_sticks(scene)
+    elif np.any(scene.gap):
+        reason = "steps without inertia between events leave gaps out"
+        gap, allowed = float(np.max(scene.gap)), "0 m, or fidelity = 'dynamic'"
+        raise SceneError("interface.gap", gap, "m", allowed, reason)
 
 
 def follow(scene: Scene, t_end: float, options: Options, **how: Any) -> Record:

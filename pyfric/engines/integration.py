@@ -215,12 +215,15 @@ class Guard:
         """Return a bound of the work (J) of changes of F_N, T and pushes up to a displacement.
 
         The potential uses F_N and T at t = 0. The bound uses their largest change over the whole
-        protocol, times the largest displacement. Between two states, it is the sum of both bounds.
+        protocol, and that by a moving plate on the top until now, times the largest displacement.
+        Between two states, it is the sum of both bounds.
         """
         top, parts = self.scene.top, 0.0
         for protocol, first, c in ((top.protocol, self.scene.F_N, 1), (top.T_protocol, 0.0, 0)):
             change = max((abs(value - first) for _, value in protocol), default=0.0)
             parts += change * float(np.abs(state.y[-1, c]).max())
+        plate = self.scene.N_x * self.scene.k_top * abs(self.scene.V_top) * state.t
+        parts += plate * float(np.abs(state.y[-1, 0]).max())
         changing = [push for push in top.push if not push.ever]
         force = sum(abs(push.force) + abs(push.at(min(state.t, push.end))) for push in changing)
         parts += force * float(np.abs(state.y[0, 0]).max())

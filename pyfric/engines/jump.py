@@ -234,7 +234,8 @@ def path_from(
     steady, plain = outside.steady and not len(space.slips), not any(outside.gain)
     if stiffer is None and steady and plain:
         V, of_drift, of_lag = outside.V, *gap_functions.steady
-        gaps = gap_functions.at(q, forces[held]) + V * of_lag, V * of_drift, np.zeros_like(of_lag)
+        begin = gap_functions.whole(q, forces[held])
+        gaps = begin + V * of_lag, V * of_drift, np.zeros_like(of_lag)
         lag = np.array([V * space.lag, zero, zero])
         return Path(np.array([q, V * space.drift, zero]), lag, np.array(gaps), stiffer)
     guess = outside.V * (space.drift if drift is None else drift) if plain else space.answer(b_1)
@@ -249,8 +250,9 @@ def path_from(
     guess = outside.V * space.lag if steady and plain else space.answer(pull)
     l_0, left_0, _ = space.refined(guess, pull, stiffer)
     bottom = zip((q, q_1, q_2), (forces[held], left_1, left_2), (q_1 + l_1, q_2, zero), strict=True)
-    gaps = np.array([gap_functions.at(*parts) for parts in bottom])
-    gaps[0] += gap_functions.at(l_0, left_0 + (drag - pull)[held]) + gap_functions.knots
+    of = gap_functions.whole, gap_functions.at, gap_functions.at
+    gaps = np.array([gap(*parts) for gap, parts in zip(of, bottom, strict=True)])
+    gaps[0] += gap_functions.at(l_0, left_0 + (drag - pull)[held])
     if not steady:
         left = -(C @ q_2) - space.restoring(l_1, stiffer)
         gaps[1] += gap_functions.at(l_1, left[held])
@@ -467,7 +469,7 @@ class Jump:
             energies = (x @ space.elastic(x, space.K @ x) for x in (change, first))
             contraction = math.sqrt(operator.truediv(*energies))
             q, v = q + shift, v + 2 / s * shift
-        gaps = self.gap_functions.at(q, forces[space.held] + after, v) + self.gap_functions.knots
+        gaps = self.gap_functions.whole(q, forces[space.held] + after, v)
         return q, v, gaps, shift, contraction
 
     def drift_at(self, s: float) -> np.ndarray | None:

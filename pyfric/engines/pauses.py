@@ -21,7 +21,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -84,9 +84,9 @@ def pause_notes(record: Record) -> tuple[str, ...]:
 def relaxation_time(scene: Scene) -> float:
     """Return the decay time of the slowest motion of the slider with all blocks stuck, in s.
 
-    It is 1/min(-Re lambda) over the damped modes in linear geometry. For large lattices, it is that
-    of larger blocks with the same viscosity. It is 0 for a chain, in which no block can move. It is
-    infinite without viscosity and on a prescribed interface.
+    It is 1/min(-Re lambda) over the damped modes in linear geometry, with closed gaps. For large
+    lattices, it is that of larger blocks with the same viscosity. It is 0 for a chain, in which no
+    block can move. It is infinite without viscosity and on a prescribed interface.
 
     Raises:
         EquilibriumError: a part of the slider is not supported.
@@ -95,14 +95,17 @@ def relaxation_time(scene: Scene) -> float:
         return 0.0
     if scene.eta == 0 or scene.prescribed:
         return math.inf
-    foundation = Interface(mu_s=1.0, mu_k=1.0, k_f=scene.interface.k_f)  # without its friction
+    known, mu = scene.interface, 1.0  # of friction only where there is none
+    if scene.bare.any():
+        mu = tuple(np.where(scene.bare, 0.0, 1.0)[np.argsort(scene.n_of_i)].tolist())
+    foundation = Interface(mu_s=mu, mu_k=mu, k_f=known.k_f, contact=known.contact)
     return _relaxation_time(dataclasses.replace(scene, interface=foundation, name=""))
 
 
 @functools.lru_cache(maxsize=64)
 def _relaxation_time(scene: Scene) -> float:
     small = coarser(scene)
-    stuck = np.ones(small.N_x, dtype=bool)
+    stuck = small.touches & ~small.bare
     rates = modes_of(Space(System(small, "linear"), stuck, modes=SLOWEST)).rates
     slowest = float(np.min(-rates.real))
     return 1 / slowest if slowest > 0 else math.inf
@@ -150,8 +153,7 @@ def coarser(scene: Scene) -> Scene:
             slider = dataclasses.replace(
                 scene.slider, l=scene.slider.l * q, eta=scene.eta, damping=None
             )
-            interface = scene.interface_on(n_x + 1)
-            return dataclasses.replace(scene, slider=slider, interface=interface)
+            return _on(scene, n_x + 1, slider=slider)
     q = max((N_x - 1) / (COLUMNS - 1), math.sqrt(N_x * N_z / BLOCKS))
     n_x = max(math.floor((N_x - 1) / q), 2)
     while n_x > 2 and (n_x + 1) * (round(n_x * (N_z - 1) / (N_x - 1)) + 1) > BLOCKS:
@@ -162,8 +164,15 @@ def coarser(scene: Scene) -> Scene:
     heights = {"h": scene.driver.h, "h_top": scene.driver.h_top}
     rows = {n: min(max(round(z / l), 1), n_z) for n, z in heights.items() if z is not None}
     driver = dataclasses.replace(scene.driver, **{name: l * j for name, j in rows.items()})
-    interface = scene.interface_on(n_x + 1)
-    return dataclasses.replace(scene, slider=slider, driver=driver, interface=interface)
+    return _on(scene, n_x + 1, slider=slider, driver=driver)
+
+
+def _on(scene: Scene, N_x: int, **parts: Any) -> Scene:
+    """Return a scene with other parts, of N_x columns, under the same k_top per length."""
+    if scene.k_top:
+        k_top = scene.k_top * scene.N_x / N_x
+        parts["top"] = dataclasses.replace(scene.top, k_top=k_top)
+    return dataclasses.replace(scene, interface=scene.interface_on(N_x), **parts)
 
 
 def _coarser_chain(scene: Scene) -> Scene:

@@ -104,7 +104,7 @@ class QuasistaticRun:
         self.contact = self.problem.loaded()
         self.drive_0 = self.contact.drive
         self.history = History(["t", "F_T"])
-        self.mode = np.where(self.contact.closed, STUCK, OPEN).astype(np.int32)  # as logged
+        self.mode = self.contact.logged
         self.corner, self.p_corner = np.zeros(scene.N_x, bool), CORNER_SHARE * scene.F_N / scene.N_x
         self.slips, self.changes, self.starts, self.events, self.releases = False, 0, 0, 0, 0
         self.nothing = self.history.logs(scene.N_x)["quiet"]  # columns of an empty log
@@ -132,7 +132,7 @@ class QuasistaticRun:
 
     def log(self, t: float, before: Values | None = None) -> None:
         """Log the changes of contact state. Slip starts at the values `before` the change."""
-        old, new = self.mode, self.contact.mode.astype(np.int32)
+        old, new = self.mode, self.contact.logged
         changed = np.flatnonzero(new != old)
         if not changed.size:
             return

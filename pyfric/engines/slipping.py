@@ -1,6 +1,6 @@
 """The slider while blocks slip with friction that depends on slip: a contact state like others.
 
-A block i that slips in direction sigma carries the friction mu(s) p, with p = -k_f u_z and
+A block i that slips in direction sigma carries the friction mu(s) p, with p = -k_f (u_z + gap) and
 s = s_0 + sigma u_x, on one linear piece of the law. Its u_x is free, and the tangent contains its
 friction:
 
@@ -84,7 +84,8 @@ class SlipSpace(Space):
         self._on_shapes = self._rows @ self.shapes
         self.B = extended(near.B, self.shapes, self.M)
         k_f, alpha = near.solver.scene.k_f, near.solver.scene.law.alpha
-        self.k_f, self.alpha = (np.broadcast_to(of(a, slips), len(slips)) for a in (k_f, alpha))
+        fields = k_f, alpha, near.solver.scene.gap
+        self.k_f, self.alpha, self.gap = (np.broadcast_to(of(a, slips), len(slips)) for a in fields)
         if self.alpha.any():
             self.C = self.C + self._entries(self.alpha)
 
@@ -110,7 +111,7 @@ class SlipSpace(Space):
         slips = self.slips
         mu, slope = (np.broadcast_to(a, len(self.stuck))[slips]
                      for a in self.weakening.friction(q[: len(self.stuck)]))  # fmt: skip
-        return -slope * self.k_f * q[self.lifted], self.way * mu * self.k_f
+        return -slope * self.k_f * (q[self.lifted] + self.gap), self.way * mu * self.k_f
 
     def frictional(self, w: np.ndarray) -> np.ndarray:
         """Return the friction in K w of slipping blocks, (n, ...), in N, for w, (n_q, ...)."""
@@ -128,7 +129,7 @@ class SlipSpace(Space):
         """Return the forces on the coordinates, with the friction of slip; see `Space.forces`."""
         force = self.near.forces(q, drive, load)
         _, rubs = self._friction(q)
-        force[self.slips] += rubs * q[self.lifted]
+        force[self.slips] += rubs * (q[self.lifted] + self.gap)
         return force
 
     def damping(self, q: np.ndarray) -> sp.csr_array:
@@ -197,11 +198,16 @@ class SlipGaps(GapFunctions):
         super().__init__(space)
         slider, scene = space.solver.scene.slider, space.solver.scene
         self._pace, self._near = math.sqrt(slider.k * scene.m), slider.k
-        end = space.weakening.knot()[space.slips]
-        self._ends = np.flatnonzero(np.isfinite(end))
-        self.knots = np.zeros(2 * len(space.held) + len(space.open) + 2 * len(space.slips))
-        path = end - space.weakening.clock[space.slips]
-        self.knots = np.append(self.knots, self._near * path[self._ends])
+        self._end = space.weakening.knot()[space.slips]
+        self._ends = np.flatnonzero(np.isfinite(self._end))
+
+    @functools.cached_property
+    def unmoved(self) -> np.ndarray:
+        """Gap functions at q = 0 without forces, shape (n_c,), in N."""
+        found, ends = super().unmoved, self._ends
+        path = self._end - self.space.weakening.clock[self.space.slips]
+        found[len(found) - len(ends) :] += self._near * path[ends]
+        return found
 
     def of(self, q: np.ndarray, f: np.ndarray, v: np.ndarray | float = 0.0) -> np.ndarray:
         """Return gap functions, or changes of them; see `GapFunctions.of`."""

@@ -34,7 +34,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 from pyfric.core import OPEN, STUCK
 from pyfric.engines.woodbury import Released
 from pyfric.scene import FRICTIONLESS
-from pyfric.statics import EquilibriumError, States, extended, mass
+from pyfric.statics import BARE, EquilibriumError, States, ends, extended, mass
 
 if TYPE_CHECKING:
     import scipy.sparse as sp
@@ -65,6 +65,8 @@ class Tangent(NamedTuple):
 
 class Space:
     """Static solutions and slow shapes with stuck blocks held and all other blocks open.
+
+    Blocks without friction touch the foundation where they do in the loaded state.
 
     Args:
         solver: static states of the scene in its geometry.
@@ -99,10 +101,11 @@ class Space:
         scene = solver.scene
         self.solver, self.stuck = solver, stuck
         self.held, self.open = np.flatnonzero(stuck), np.flatnonzero(~stuck)
-        mode = np.where(stuck, STUCK, OPEN).astype(np.int8)
+        mode = np.where(stuck, STUCK, np.where(solver.pressed, BARE, OPEN)).astype(np.int8)
         self.contact = States(scene, mode, FRICTIONLESS)
         self.K, self.free = solver.tangents(mode), solver.unknown(mode)
-        self._K_held = self.K[self.held]
+        self._K_held, self._by_gap = self.K[self.held], np.zeros(self.K.shape[0])
+        self._by_gap[ends(scene.N_x).u_z] = -scene.k_f * scene.gap * self.contact.closed
         if near is None:
             if not stuck.any():  # singular: rounding would decide whether it can be factorised
                 what = "the slider is not supported: all blocks are open"
@@ -221,7 +224,7 @@ class Space:
         solver = self.solver.under(load)
         if solver.geometry == "finite":
             return solver.forces(q, self.contact, drive)[0]
-        return solver.load + solver.unpushed + drive * solver.push - self.K @ q
+        return solver.load + solver.unpushed + drive * solver.push - self.K @ q + self._by_gap
 
     def on_held(self, x: np.ndarray, force: np.ndarray) -> np.ndarray:
         """Return the part of a force (N), (n_q,), on stuck blocks that displacements x leave."""

@@ -65,7 +65,7 @@ def sketch(scene: SceneLike) -> DataFigure:
         trailing edge, load_N and shear_N, and the fields that vary, in SI units.
     """
     scene = as_scene(scene)
-    slider, d = scene.slider, scene.d
+    slider, d = scene.slider, scene.ahead
     l, H = 100 * slider.l / slider.L, 100 * slider.H / slider.L
     above = 28 if scene.top.kind == "prescribed" else 23
     below = 19 + FIELD_ROOM * len(scene.varied)
@@ -229,7 +229,10 @@ def _load(axes: Axes, l: float, H: float, scene: Scene) -> None:
 
 def _driver(axes: Axes, z: np.ndarray, l: float, scene: Scene) -> None:
     """The spring at height h, or those of a plate, the moving end, and their numbers."""
-    d, driver, ends = scene.d, scene.driver, np.array([scene.j_h, scene.j_h_top])
+    d, driver, ends = scene.ahead, scene.driver, np.array([scene.j_h, scene.j_h_top])
+    if driver.side == "top":
+        _driven_top(axes, z[-1], l, scene)
+        return
     rows = z[(z >= ends[0] * l) & (z <= ends[1] * l)]
     rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_SPRINGS)).round().astype(int)]
     wall = 0.0 if d > 0 else 100.0
@@ -239,7 +242,8 @@ def _driver(axes: Axes, z: np.ndarray, l: float, scene: Scene) -> None:
     high = rows[-1] - rows[0] + 6
     axes.add_patch(Rectangle((far - 0.6, rows[0] - 3), 1.2, high, fc=BLACK, zorder=5))
     middle = (rows[0] + rows[-1]) / 2
-    _arrow(axes, (far - d * 9, middle), (far - d * 1.2, middle), BLACK, 1.2)
+    course = [(far - d * 9, middle), (far - d * 1.2, middle)]
+    _arrow(axes, *(course if d == scene.d else course[::-1]), BLACK, 1.2)
     left, side = far - d * 28, "left" if d > 0 else "right"
     K, V = _shown(driver.K, "N/m", 2), _shown(driver.V, "m/s", -1, digits=4)
     _text(axes, (left, rows[-1] + 10), f"$K$ = {K}", BLACK, ha=side)
@@ -247,6 +251,18 @@ def _driver(axes: Axes, z: np.ndarray, l: float, scene: Scene) -> None:
     if driver.h:
         height = _shown(np.unique(ends * scene.slider.l), "m", -1, joint="$-$")
         _text(axes, (left, rows[0] - 6), f"$h$ = {height}", BLACK, ha=side)
+
+
+def _driven_top(axes: Axes, H: float, l: float, scene: Scene) -> None:
+    """Springs from the blocks of the top to a plate that moves along it, and their numbers."""
+    x = np.linspace(0, scene.N_x - 1, min(scene.N_x, MOST_SPRINGS)).round() * l
+    for at in x:
+        axes.plot(*_zigzag((at, H), (at + 4, H + 4), 1.0, 4), color=BLACK, lw=LINE, zorder=5)
+    axes.add_patch(Rectangle((x[0] + 2, H + 4), x[-1] - x[0] + 4, 0.8, fc=BLACK, zorder=5))
+    _arrow(axes, (-14, H + 4.4), (0, H + 4.4), BLACK, 1.2)
+    K, V = _shown(scene.driver.K, "N/m", 2), _shown(scene.driver.V, "m/s", -1, digits=4)
+    _text(axes, (-41, H + 14), f"$K$ = {K}", BLACK, ha="left")
+    _text(axes, (-41, H + 9), f"$V$ = {V}", BLACK, ha="left")
 
 
 def _length(

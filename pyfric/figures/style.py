@@ -271,8 +271,10 @@ def scene_text(scenes: Sequence[Scene]) -> str:
     friction += f", friction law {' and '.join(kinds)}" if kinds else ""
     varied = sorted({name for scene in scenes for name in scene.varied})
     friction += f" (means; {', '.join(varied)} vary along the interface)" if varied else ""
-    plates = ""
-    if any(scene.n_driven > 1 for scene in scenes):
+    plates, on = "", first.driver.side
+    if on.startswith("pull "):
+        on = f"{on.removeprefix('pull ')}, pulled"
+    if any(scene.n_driven > 1 and scene.driver.side != "top" for scene in scenes):
         plates = f"h_top = {of(lambda s: s.j_h_top * s.slider.l, 'm', -1)}, "
     return (
         f"{head}: {load}, L = {of(lambda s: s.slider.L, 'm', -1)}, "
@@ -280,7 +282,7 @@ def scene_text(scenes: Sequence[Scene]) -> str:
         f"({', '.join(f'{x} x {z}' for x, z in blocks)} blocks), "
         f"F_N = {of(lambda s: s.F_N, 'N')}, driver K = {of(lambda s: s.driver.K, 'N/m', 2)}, "
         f"V = {of(lambda s: s.driver.V, 'm/s', -1)}, "
-        f"h = {of(lambda s: s.driver.h, 'm', -1)}, {plates}on the {first.driver.side}; "
+        f"h = {of(lambda s: s.driver.h, 'm', -1)}, {plates}on the {on}; "
         f"k = {of(lambda s: s.slider.k, 'N/m', 2)}, {friction}."
     )
 

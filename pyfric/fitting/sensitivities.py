@@ -159,7 +159,7 @@ def quantities(record: Record) -> dict[str, float]:
     speeds = math.nan
     if record.method.engine != "quasistatic":
         times = record.rupture_times[events["is_main"].to_numpy()]
-        speed = front_speed(times, scene.slider.l, scene.d)
+        speed = front_speed(times, scene.slider.l, scene.ahead)
         speeds = float(np.nanmedian(speed)) if np.isfinite(speed).any() else math.nan
     gaps = sliding["t_start"].diff().iloc[1:]
     return {

@@ -122,7 +122,7 @@ class Catalogue:
     @functools.cached_property
     def front_speed(self) -> np.ndarray:
         """(n_events, N_x) speed of the front at each block, m/s."""
-        return front_speed(self["rupture_times"], self.scene.slider.l, self.scene.d)
+        return front_speed(self["rupture_times"], self.scene.slider.l, self.scene.ahead)
 
     def force(self, rows: np.ndarray) -> np.ndarray:
         """Return the forces in rows of the quiet log, in N; NaN where there is none (-1)."""
@@ -371,7 +371,8 @@ def is_main(of: Catalogue) -> np.ndarray:
 
 @event_column("1", "first slip at x <= h + l from the trailing edge", bool)
 def at_trailing_edge(of: Catalogue) -> np.ndarray:
-    return of["nucleation_block"] - 1 <= of.scene.j_h + 1  # exact in block numbers
+    row = 0 if of.scene.driver.side == "top" else of.scene.j_h
+    return of["nucleation_block"] - 1 <= row + 1  # exact in block numbers
 
 
 @event_column("1", "row of the quiet log at first slip, -1 for none", int)

@@ -276,7 +276,7 @@ class _Pairs:
         the limit of the difference.
         """
         times, scene = self._of_both("rupture_times", e, k), self.a.scene
-        v, w = (front_speed(t, scene.slider.l, scene.d) for t in times)
+        v, w = (front_speed(t, scene.slider.l, scene.ahead) for t in times)
         compared = np.isfinite(v) | np.isfinite(w)
         if not ended:
             compared &= five_known(times[0]) & five_known(times[1])

@@ -231,6 +231,7 @@ interface x       drawn_mu_k?         f8 1   kinetic friction coefficient as dra
 interface x       drawn_d_c?          f8 m   slip over which friction weakens, as drawn
 interface x       drawn_alpha?        f8 N_s/m viscosity of slip as drawn
 interface x       drawn_k_f?          f8 N/m stiffness of the foundation as drawn
+interface x       drawn_gap?          f8 m   height over the foundation as drawn
 interface x       drawn_u_s?          f8 m   stretch at which junctions break, as drawn
 interface x       drawn_C?            f8 N/m2 constant of the stiffness of junctions, as drawn
 interface x       drawn_t_R?          f8 s   mean time that junctions slip, as drawn

@@ -54,6 +54,7 @@ from pyfric.scene.presets import (
     setup2,
     slab,
 )
+from pyfric.scene.profile import Profile
 from pyfric.scene.protocol import Leg, Push, legs
 from pyfric.scene.restless import RateStateLaw
 from pyfric.scene.scene import Scene

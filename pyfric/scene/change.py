@@ -49,7 +49,7 @@ def _inside(owner: Any, prefix: str, marks: Mapping[str, Annotation]) -> dict[st
         name, value = f"{prefix}.{field}", getattr(owner, field)
         found[name] = mark
         if dataclasses.is_dataclass(type(value)):
-            found |= _inside(value, name, mark.of_drawn() or annotations(type(value)))
+            found |= _inside(value, name, mark.of_drawn(type(value)) or annotations(type(value)))
     return found
 
 

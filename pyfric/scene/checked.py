@@ -42,7 +42,7 @@ class Annotation:
 
     unit: str = ""
     allowed: str = ""
-    drawn: type | None = None
+    drawn: tuple[type, ...] = ()
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.allowed!r})" if self.allowed else type(self).__name__
@@ -59,9 +59,9 @@ class Annotation:
         """Return a value in the form of a scene file."""
         return value
 
-    def of_drawn(self) -> Mapping[str, Annotation]:
-        """Return the annotations of the class `drawn`; some of its numbers have this unit."""
-        return in_unit(self.drawn, self.unit) if self.drawn else {}
+    def of_drawn(self, cls: type) -> Mapping[str, Annotation]:
+        """Return the annotations of a class of `drawn`; some of its numbers have this unit."""
+        return in_unit(cls, self.unit) if cls in self.drawn else {}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Quantity(Annotation):
     optional: bool = False
     listed: bool = False  # or a sequence of numbers, which becomes a tuple
     each: str = "number"  # what one of them is called
-    drawn: type | None = None  # or an object of this class, a table in a scene file
+    drawn: tuple[type, ...] = ()  # or an object of these classes, a table in a scene file
     note: str = ""
 
     @property
@@ -91,9 +91,9 @@ class Quantity(Annotation):
             value = in_si("", value, self.unit, allowed=self.allowed)
         if value is None and self.optional:
             return None
-        if self.drawn is not None and isinstance(value, self.drawn):
+        if isinstance(value, self.drawn):
             return value
-        if self.drawn is not None and isinstance(value, Mapping):
+        if self.drawn and isinstance(value, Mapping):
             return self._drawn(value, written)
         value = as_list(value)
         if self.listed and isinstance(value, list | tuple):
@@ -106,23 +106,59 @@ class Quantity(Annotation):
         return check_number("", value, self.unit, **self._limits, note=self.note)
 
     def _drawn(self, values: Mapping[str, Any], written: Written | None) -> Any:
-        """Return the object of class `drawn` that a table describes."""
+        """Return the object that a table describes: of the class in `drawn` with its names.
+
+        A table with the name of a file describes what the file holds.
+        """
+        if values.keys() == {"file"} and isinstance(values["file"], str):
+            folder = written.folder if written else Path()
+            if folder is None:
+                raise SceneError(
+                    "", values["file"], "", "numbers: this text names no files", "file"
+                )
+            return self.drawn[-1].read(folder / values["file"], self.unit)
+        cls = next((c for c in self.drawn if values.keys() <= annotations(c).keys()), self.drawn[0])
         found = dict(values)
-        for name, mark in self.of_drawn().items():
+        for name, mark in self.of_drawn(cls).items():
             if name in values:
                 with naming(where=name):
                     found[name] = mark.check(found[name], written)
         try:
-            return self.drawn(**found)
+            return cls(**found)
         except SceneError as error:
             raise error.at("", error.field.rpartition(".")[2]) from None
 
     def written(self, value: Any) -> Any:
-        if self.drawn is not None and isinstance(value, self.drawn):
-            return table(value, self.of_drawn())
+        if isinstance(value, self.drawn):
+            return table(value, self.of_drawn(type(value)))
         if isinstance(value, tuple):
             return [self.written(v) for v in value]
         return f"{value!r} {self.unit}" if self.unit else value
+
+
+@dataclasses.dataclass(frozen=True)
+class Switches(Annotation):
+    """True or False, or a sequence of them with one for each block, which becomes a tuple."""
+
+    allowed: str = "True or False, or a list of N_x of them"
+
+    def check(self, value: Any, written: Written | None = None) -> bool | tuple[bool, ...] | None:
+        value = as_list(value)
+        if value is None or isinstance(value, bool):
+            return value
+        if not isinstance(value, list | tuple):
+            raise SceneError("", value, "", self.allowed, f"not bool, but {type(value).__name__}")
+
+        def one(entry: Any) -> bool:
+            if isinstance(entry, bool):
+                return entry
+            reason = f"not bool, but {type(entry).__name__}"
+            raise SceneError("", entry, "", "True or False", reason)
+
+        return numbered("block", one, value)
+
+    def written(self, value: Any) -> Any:
+        return list(value) if isinstance(value, tuple) else value
 
 
 @dataclasses.dataclass(frozen=True)

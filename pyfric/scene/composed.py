@@ -9,6 +9,7 @@ import numpy as np
 
 from pyfric.scene.checked import Name, part
 from pyfric.scene.ends import Conditions
+from pyfric.scene.errors import naming
 from pyfric.scene.friction import Law
 from pyfric.scene.parts import (
     FIELDS,
@@ -23,7 +24,6 @@ from pyfric.scene.parts import (
 )
 from pyfric.scene.protocol import Leg, Piece, legs, piece_at, pieces
 from pyfric.scene.restless import WITHOUT_REST
-from pyfric.scene.spread import Spread
 
 OnDriven = float | np.ndarray
 """A number for one driven block, or an array for several."""
@@ -96,12 +96,34 @@ class Composed:
     def k_f(self) -> float | np.ndarray:
         """Stiffness of the foundation per block in N/m, by default k.
 
-        A number, or an array from left to right, shape (N_x,). It is 0 for a prescribed interface
-        in two dimensions, which has no foundation.
+        A number, or an array from left to right, shape (N_x,). It is 0 under blocks without
+        contact, and for a prescribed interface in two dimensions, which has no foundation.
         """
         if self.prescribed:
             return 0.0
-        return self.given_field("k_f")
+        given = self.given_field("k_f")
+        return given if self.touches.all() else np.where(self.touches, given, 0.0)
+
+    @functools.cached_property
+    def touches(self) -> np.ndarray:
+        """Blocks that can touch the foundation, left to right, shape (N_x,), bool."""
+        given = self.interface.contact
+        return self._by_column(True if given is None else given)
+
+    @functools.cached_property
+    def gap(self) -> float | np.ndarray:
+        """Height of the undeformed blocks over the foundation, a number or (N_x,), in m."""
+        return 0.0 if self.interface.gap is None else self.given_field("gap")
+
+    @functools.cached_property
+    def bare(self) -> np.ndarray:
+        """Blocks that can touch the foundation, but have no friction, shape (N_x,), bool."""
+        return self.touches & self.law.bare
+
+    @property
+    def whole(self) -> bool:
+        """True if all blocks can touch the foundation, without gaps, and have friction."""
+        return bool(self.touches.all() and not np.any(self.gap) and not self.bare.any())
 
     @functools.cached_property
     def law(self) -> Law:
@@ -121,41 +143,50 @@ class Composed:
         """Return a field of the interface, left to right, shape (N_x,).
 
         Args:
-            name: "mu_s", "mu_k", "d_c" (m), "alpha" (N s/m) or "k_f" (N/m), or a field of the
-                friction law.
+            name: "mu_s", "mu_k", "d_c" (m), "alpha" (N s/m), "k_f" (N/m) or "gap" (m), or a field
+                of the friction law.
         """
         return np.broadcast_to(np.asarray(self.given_field(name), dtype=float), (self.N_x,))
 
     def interface_on(self, N_x: int) -> Interface:
         """Return the interface of the same slider with N_x blocks.
 
-        Fields are interpolated; alpha of a block is proportional to its length.
+        Fields are interpolated, and those drawn in space stay as they are; alpha of a block is
+        proportional to its length. A block touches the foundation where the nearest one did.
         """
         at, now = np.linspace(0, 1, N_x), np.linspace(0, 1, self.N_x)
         order = np.argsort(self.n_of_i)
         new = {
             name: tuple(np.interp(at, now, self.field(name)[order]).tolist())
             for name in self.fields
-            if not isinstance(self._given(name), float | None)
+            if not isinstance(given := self._given(name), float | None)
+            and (name == "alpha" or not getattr(given, "in_space", False))
         }
         law = {name: new.pop(name) for name in self.interface.law.fields if name in new}
         share = (self.N_x - 1) / (N_x - 1)
         alpha = np.multiply(new.get("alpha", self.interface.alpha), share).tolist()
         new["alpha"] = tuple(alpha) if isinstance(alpha, list) else alpha
+        if isinstance(given := self.interface.contact, tuple):
+            nearest = np.rint(at * (self.N_x - 1)).astype(int)
+            new["contact"] = tuple(given[n] for n in nearest.tolist())
         return replace(self.interface, law=replace(self.interface.law, **law), **new)
 
     @functools.cached_property
     def drawn(self) -> dict[str, tuple[float, ...]]:
-        """Values drawn for fields that are a `Spread`, from the trailing edge on."""
+        """Values of fields that are a `Spread` or a `Profile`, from the trailing edge on."""
         given = {name: self._given(name) for name in self.fields}
-        spreads = {name: spread for name, spread in given.items() if isinstance(spread, Spread)}
-        return {n: tuple(s.draw(self.N_x, self.slider.l).tolist()) for n, s in spreads.items()}
+        spreads = {name: field for name, field in given.items() if hasattr(field, "draw")}
+        found = {}
+        for name, spread in spreads.items():
+            with naming(f"interface.{name}", type(spread).__name__):
+                found[name] = tuple(spread.draw(self.N_x, self.slider.l, name).tolist())
+        return found
 
     @property
     def fields(self) -> tuple[str, ...]:
         """Names of the fields that may vary along the interface."""
-        own = self.interface.law.fields
-        return (*FIELDS, *(name for name in own if self._given(name) is not None))
+        given = (n for n in ("gap", *self.interface.law.fields) if self._given(n) is not None)
+        return (*FIELDS[:-1], *given)
 
     @property
     def varied(self) -> tuple[str, ...]:
@@ -172,7 +203,7 @@ class Composed:
         given = self.slider.k if given is None else given
         if isinstance(given, float):
             return given
-        found = self._by_column(self.drawn[name] if isinstance(given, Spread) else given)
+        found = self._by_column(self.drawn.get(name, given))
         found.flags.writeable = False
         return found
 
@@ -184,8 +215,14 @@ class Composed:
 
     @property
     def d(self) -> int:
-        """Direction of the drive: +1 (pushed from the left) or -1 (pushed from the right)."""
-        return 1 if self.driver.side == "left" else -1
+        """Direction of the drive: +1 (pushed from the left, pulled at the right, or from the top)
+        or -1."""
+        return -1 if self.driver.side in ("right", "pull left") else 1
+
+    @property
+    def ahead(self) -> int:
+        """Direction in which blocks are numbered: +1 from the left, -1 from a driven right side."""
+        return -1 if self.driver.side in ("right", "pull right") else 1
 
     def driver_force(self, drive: float, u_h: OnDriven, u_drv0: OnDriven) -> float:
         """Return F_T = K (drive - d (u_h - u_drv0)) in N.
@@ -198,14 +235,19 @@ class Composed:
         return float(self.driver.K * (drive - self.d * np.mean(u_h - u_drv0)))
 
     def u_driven(self, u: np.ndarray) -> OnDriven:
-        """Return u_x of the driven block, or of several, bottom to top, (n_driven,), in m.
+        """Return u_x of the driven block, or of several, row by row, (n_driven,), in m.
 
         Args:
             u: displacements, or a state, shape (N_z, 2 or 4, N_x), in m.
         """
         if self.n_driven == 1:
             return float(u[self.j_h, 0, self.i_h])
-        return u[self.j_h : self.j_h_top + 1, 0, self.i_h].copy()
+        return u[self.driven].ravel()
+
+    @property
+    def driven(self) -> tuple[slice, int, slice]:
+        """Index of u_x of the driven blocks in u, shape (N_z, 2 or 4, N_x)."""
+        return slice(self.j_h, self.j_h_top + 1), 0, slice(self.i_h, self.i_h_end + 1)
 
     @functools.cached_property
     def corners(self) -> tuple[float, ...]:
@@ -217,10 +259,11 @@ class Composed:
 
     @functools.cached_property
     def _pieces(self) -> dict[str, list[Piece]]:
+        rate = self.N_x * self.k_top * self.V_top
         return {
             "V": pieces(self.driver.V, self.driver.protocol),
             "F_N": pieces(self.F_N, self.top.protocol),
-            "T": pieces(self.top.T, self.top.T_protocol),
+            "T": [piece.plus(rate) for piece in pieces(self.top.T, self.top.T_protocol)],
         }
 
     def piece(self, what: Literal["V", "F_N", "T"], t: float) -> Piece:
@@ -229,7 +272,7 @@ class Composed:
 
     def load_at(self, t: float) -> tuple[float, float] | None:
         """Return F_N and T (N) at t (s), or None if no protocol changes them."""
-        if not (self.top.protocol or self.top.T_protocol):
+        if not (self.top.protocol or self.top.T_protocol or self.V_top):
             return None
         return self.piece("F_N", t).at(t), self.piece("T", t).at(t)
 
@@ -243,8 +286,13 @@ class Composed:
 
     @property
     def i_h(self) -> int:
-        """Column of the driven blocks, counted from 0: 0 or N_x - 1."""
-        return 0 if self.driver.side == "left" else self.N_x - 1
+        """First column of driven blocks, counted from 0: 0 or N_x - 1."""
+        return 0 if self.ahead > 0 else self.N_x - 1
+
+    @property
+    def i_h_end(self) -> int:
+        """Last column of driven blocks, counted from 0."""
+        return self.N_x - 1 if self.driver.side == "top" else self.i_h
 
     @property
     def j_h(self) -> int:
@@ -259,8 +307,8 @@ class Composed:
 
     @property
     def n_driven(self) -> int:
-        """Number of driven blocks, 1 without a plate."""
-        return self.j_h_top - self.j_h + 1
+        """Number of driven blocks, 1 for a spring at a side without a plate."""
+        return (self.j_h_top - self.j_h + 1) * (self.i_h_end - self.i_h + 1)
 
     @property
     def x(self) -> np.ndarray:
@@ -271,7 +319,7 @@ class Composed:
     def n_of_i(self) -> np.ndarray:
         """Block numbers from the trailing edge (1 … N_x), left to right, shape (N_x,), int."""
         n = np.arange(1, self.N_x + 1)
-        return n if self.driver.side == "left" else n[::-1].copy()
+        return n if self.ahead > 0 else n[::-1].copy()
 
     @property
     def load(self) -> np.ndarray:
@@ -337,7 +385,7 @@ class Composed:
             return np.zeros(self.N_x)
         return self._by_column(self.top.p) * self.shares[1]
 
-    def _by_column(self, values: float | tuple[float, ...]) -> np.ndarray:
+    def _by_column(self, values: Any) -> np.ndarray:
         """Return values given from the trailing edge on as an array from left to right."""
         if isinstance(values, tuple):
             return np.array(values)[self.n_of_i - 1]
@@ -345,8 +393,13 @@ class Composed:
 
     @property
     def k_top(self) -> float:
-        """Stiffness between each block of a chain and its position at t = 0, in N/m."""
-        return self.top.k_top
+        """Stiffness between each block of a chain, or of a free top, and a plate, in N/m."""
+        return self.top.k_top or 0.0
+
+    @property
+    def V_top(self) -> float:
+        """Speed of that plate in the drive direction, in m/s; its displacement loads as T."""
+        return self.top.V_top or 0.0
 
     @property
     def rigid(self) -> bool:

@@ -10,6 +10,7 @@ from pyfric.scene.checked import Annotation, Words, annotations
 from pyfric.scene.composed import Composed
 from pyfric.scene.errors import SceneError, naming
 from pyfric.scene.parts import CHAIN_NOTE, PrescribedLoad, steps_in
+from pyfric.scene.profile import Profile
 from pyfric.scene.protocol import Push
 from pyfric.scene.spread import Spread
 
@@ -46,10 +47,16 @@ def _check_fields(scene: Composed) -> None:
         _check_length(scene, f"interface.{name}", given, mark)
         field = scene.field(name)
         low = (field < 0) | ((field == 0) & (mark.gt is not None))
-        if isinstance(given, Spread) and low.any():
+        if isinstance(given, Spread | Profile) and low.any():
             n, value = int(scene.n_of_i[np.argmax(low)]), float(field[low][0])
-            reason = f"the spread reaches this at block {n} from the trailing edge"
+            kind = type(given).__name__.lower()
+            reason = f"the {kind} reaches this at block {n} from the trailing edge"
             raise SceneError(f"interface.{name}", value, mark.unit, mark.allowed, reason)
+    mark = annotations(type(scene.interface))["contact"]
+    _check_length(scene, "interface.contact", scene.interface.contact, mark)
+    if np.count_nonzero(scene.touches) < 2:
+        reason = "nothing carries the slider"
+        raise SceneError("interface.contact", False, "", "True for at least two blocks", reason)
     mu_s, mu_k = scene.field("mu_s"), scene.field("mu_k")
     above = mu_k > mu_s
     if above.any():
@@ -67,7 +74,16 @@ def _check_length(scene: Composed, name: str, given: Any, mark: Annotation) -> N
 
 
 def _check_height(scene: Composed) -> None:
-    """Check that driven blocks are on rows above the bottom one."""
+    """Check that driven blocks are on rows above the bottom one, and those of the top on it."""
+    if scene.driver.side == "top":
+        for name, given, allowed in (
+            ("h", steps_in(scene.driver.h, scene.slider.l) == scene.N_z - 1, scene.slider.H),
+            ("h_top", scene.driver.h_top is None, None),
+        ):
+            if not given:
+                value, allowed = getattr(scene.driver, name), f"{allowed!r}" + " m" * bool(allowed)
+                raise SceneError(f"driver.{name}", value, "m", allowed, "the top is driven")
+        return
     l, H, lowest = scene.slider.l, scene.slider.H, 1
     for name, least, where in (
         ("h", "l", "not on a row that can be driven"),
@@ -147,19 +163,25 @@ def _check_absent(scene: Composed) -> None:
     absent: dict[str, tuple[str, str]] = {}
     if scene.prescribed:
         absent["top.k_top"] = "0 N/m", "a chain has springs to a rigid top; here walls.top = 'held'"
+        absent["top.V_top"] = "None, or 0 m/s", "a prescribed slab has no springs on its top"
         absent["interface.k_f"] = "None", "a prescribed interface has no foundation"
     else:
         for side in ("left", "right", "top"):
             reason = "walls need top.kind = 'prescribed' and at least two rows"
             absent[f"walls.{side}"] = "'free'", reason
+    if isinstance(scene.top, PrescribedLoad):
+        absent["interface.gap"] = "None", "p is prescribed"
+        absent["interface.contact"] = "None", "p is prescribed; mu_s = 0 lets blocks move freely"
     if scene.N_z == 1:
         reason = "a chain is driven at its only row"
         absent |= {"driver.h": ("0 m", reason), "driver.h_top": ("None, or 0 m", reason)}
+    if not scene.k_top and not scene.rigid:
+        absent["top.V_top"] = "None, or 0 m/s", "only springs, top.k_top > 0, follow a plate"
     for name, (allowed, reason) in absent.items():
         part, _, field = name.partition(".")
         owner = getattr(scene, part)
         value, mark = getattr(owner, field), annotations(type(owner))[field]
-        if value not in (None, 0, "free"):
+        if not (value is None or (value == 0 and value is not False) or value == "free"):
             raise SceneError(name, value, mark.unit, allowed, reason)
     if scene.driver.K == 0 and scene.N_z > 1 and not scene.prescribed:
         reason = "only a prescribed interface, or a chain, goes without a driver"

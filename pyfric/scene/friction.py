@@ -112,9 +112,17 @@ class Law:
         return self.margin(p, f), memory
 
     @property
+    def bare(self) -> Any:
+        """Whether blocks have no friction, mu_s = alpha = 0, although others have some."""
+        if not self.rests:
+            return False
+        none = np.equal(self.mu_s, 0) & np.equal(self.alpha, 0)
+        return none & ~np.all(none)
+
+    @property
     def core_fields(self) -> tuple[Any, ...]:
         """Fields for the core: numbers, or arrays with one number for each column."""
-        return self.mu_s, self.mu_k, self.d_c, self.alpha, 0.0
+        return self.mu_s, self.mu_k, self.d_c, self.alpha, self.bare
 
     @property
     def core_tables(self) -> Tables:

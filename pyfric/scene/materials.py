@@ -41,15 +41,22 @@ MATERIALS: Mapping[str, Known] = MappingProxyType({
 """Materials by name, each with its source."""
 
 
+PLANE_STRAIN = 0.25
+"""Poisson's ratio of a body in plane strain that the lattice is."""
+
+
 @part
 class Material:
     """An elastic, viscous solid and the width of a slab of it, from which a `Slider` follows.
 
-    The lattice has plane stress and a fixed Poisson's ratio of 1/3. Then k = 3 B E/4, the shear
-    modulus is 3 E/8, and waves have speeds sqrt(9 E/(8 rho)) and sqrt(3 E/(8 rho)). In a slab of
-    few blocks they are faster; see `Slider.of_material`. Nearly incompressible solids (rubber,
-    gels) have a ratio near 1/2 and a shear modulus of E/3. For them use E from tension of a strip,
-    or 8/3 of the shear modulus if shear matters. Their pressure waves are not reproduced.
+    The lattice is a thin plate, in plane stress, with a fixed Poisson's ratio of 1/3. Then
+    k = 3 B E/4, the shear modulus is 3 E/8, and waves have speeds sqrt(9 E/(8 rho)) and
+    sqrt(3 E/(8 rho)). With plane = "strain" it is a wide body with a ratio of 1/4: E is replaced by
+    E/(1 - nu^2) = 16 E/15. In a slab of few blocks waves are faster; see `Slider.of_material`.
+
+    Nearly incompressible solids (rubber, gels) have a ratio near 1/2 and a shear modulus of E/3.
+    For them use E from tension of a strip, or 8/3 of the shear modulus if shear matters. Their
+    pressure waves are not reproduced.
 
     Args:
         width: B, width of the slab, m.
@@ -65,6 +72,7 @@ class Material:
             waves 2.5 times as fast. None means the paper's eta = sqrt(0.1 k m), which falls with l.
             With dashpots "full" that is a viscosity of 0.82 l sqrt(E rho), which damps waves of a
             few blocks for every l.
+        plane: "stress" or "strain".
 
     Source: PRL 107, 074301 (2011), model section, for k and eta.
     """
@@ -74,6 +82,7 @@ class Material:
     E: Annotated[float, Positive("Pa", optional=True)] = None  # until it is taken
     density: Annotated[float, Positive("kg/m^3", optional=True)] = None
     viscosity: Annotated[float | None, NotNegative("Pa s", optional=True)] = None
+    plane: Literal["stress", "strain"] = "stress"
 
     _section: ClassVar[str] = "slider.material"
 
@@ -91,8 +100,9 @@ class Material:
 
     @property
     def k(self) -> float:
-        """Stiffness of the nearest-neighbour springs, 3 B E/4, in N/m."""
-        return 0.75 * (self.width * self.E)
+        """Stiffness of the nearest-neighbour springs, 3 B E/4, or 16/15 of it, in N/m."""
+        k = 0.75 * (self.width * self.E)
+        return k if self.plane == "stress" else k / (1 - PLANE_STRAIN**2)
 
     def eta(self, dashpots: Literal["full", "along"]) -> float | None:
         """Return the viscosity of each bond, in N s/m; None means that of the paper.

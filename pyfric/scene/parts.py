@@ -16,6 +16,7 @@ from pyfric.scene.checked import (
     OneOf,
     Positive,
     Quantity,
+    Switches,
     Written,
     annotations,
     from_entries,
@@ -31,6 +32,7 @@ from pyfric.scene.laws import (
     check_tables,
 )
 from pyfric.scene.materials import Material
+from pyfric.scene.profile import Profile
 from pyfric.scene.protocol import Corners, Protocol, Pushed, Pushes
 from pyfric.scene.spread import BLOCKS, FIELD, Field, Spread
 
@@ -38,7 +40,7 @@ MAX_BLOCKS = 20_000_000
 """Largest number of blocks N_x N_z. It prevents a mistyped l from exhausting the memory."""
 MULTIPLE_RTOL = 1e-9
 """Relative tolerance of "L, H and h are multiples of l"."""
-FIELDS = ("mu_s", "mu_k", "d_c", "alpha", "k_f")
+FIELDS = ("mu_s", "mu_k", "d_c", "alpha", "k_f", "gap")
 """Names of the fields of an interface."""
 A_LAW = "a friction law, such as pyfric.laws.Ageing, or [interface.law] in a scene file"
 CHAIN_NOTE = ", or 0 for a chain under a prescribed load"
@@ -84,7 +86,7 @@ class Slider:
     _elsewhere: ClassVar[dict[str, str]] = dict.fromkeys(
         ("E", "nu", "rho", "density", "B", "width", "viscosity", "material"),
         "k and M; Slider.of_material(E=..., density=..., width=..., L=..., H=..., l=...) finds "
-        "them from a material. Poisson's ratio is 1/3 in this lattice",
+        "them from a material. Poisson's ratio is 1/3, or 1/4 with plane='strain', in this lattice",
     )
 
     @classmethod
@@ -96,6 +98,7 @@ class Slider:
         E: float | str | None = None,
         density: float | str | None = None,
         viscosity: float | str | None = None,
+        plane: str = "stress",
         **fields: Any,
     ) -> Self:
         """Return a slab of a material: k = 3 B E/4 and M = rho B L H; see `Material`.
@@ -105,15 +108,15 @@ class Slider:
 
         Args:
             name: a key of `pyfric.MATERIALS`, for values that are not given.
-            width, E, density, viscosity: see `Material`. Which waves decay as the viscosity says
-                depends on `dashpots`.
+            width, E, density, viscosity, plane: see `Material`. Which waves decay as the viscosity
+                says depends on `dashpots`.
             **fields: L, H, l and other fields of the slider, except k and M.
 
         >>> slab = {"L": "140 mm", "H": "75 mm", "l": "2.5 mm"}
         >>> pyfric.Slider.of_material(E="3 GPa", width="6 mm", density=1200.0, **slab).k
         13500000.0
         """
-        values = {"E": E, "density": density, "viscosity": viscosity}
+        values = {"E": E, "density": density, "viscosity": viscosity, "plane": plane}
         return cls._of(Material(name=name, width=width, **values), fields)
 
     @classmethod
@@ -177,7 +180,8 @@ class Slider:
 class Top:
     """Base class of top boundaries, without rod, springs, shear forces and protocols."""
 
-    mass = mattress = k_top = T = 0.0
+    mass = mattress = T = 0.0
+    k_top = V_top = None
     protocol = T_protocol = push = ()
 
     _section: ClassVar[str] = "top"
@@ -231,6 +235,10 @@ class DistributedLoad(Top):
         protocol: breakpoints (t, F_N) of a changing normal force, in s and N, > 0; see `Driver`.
         T_protocol: breakpoints (t, T) of a changing shear force, in s and N.
         push: forces in the drive direction on blocks of the interface; see `PrescribedLoad`.
+        k_top: shear stiffness between each block of the top row and a plate, N/m, >= 0; the springs
+            are relaxed at u_x = 0, before F_N is applied. None means 0.
+        V_top: speed of that plate in the drive direction, m/s; None means 0. The plate is a second
+            drive: its force is a part of T, not of F_T.
 
     F_N = 0 is refused, because no block would be in contact, and F_N is the unit of force.
 
@@ -243,6 +251,8 @@ class DistributedLoad(Top):
     protocol: Annotated[Corners, Protocol("N", gt=0.0)] = ()
     T_protocol: Annotated[Corners, Protocol("N")] = ()
     push: Annotated[Pushed, Pushes()] = ()
+    k_top: Annotated[float | None, NotNegative("N/m", optional=True)] = None
+    V_top: Annotated[float | None, Quantity("m/s", optional=True)] = None
 
     kind: ClassVar[str] = "distributed"
 
@@ -267,6 +277,7 @@ class PrescribedLoad(Top):
         tau: friction force on each block at t = 0, N, positive against the drive direction; one
             number or a sequence of N_x. In a chain |tau_i| <= mu_s p_i.
         k_top: shear stiffness between each block of a chain and a rigid top, N/m, >= 0.
+        V_top: speed of this top; see `DistributedLoad`.
         push: additional forces in the drive direction that start slip. Each push is a block number,
             a force (N), and optionally start and end times (s) and a growth rate (N/s). Examples:
             ((1, 0.2),) without end, ((1, 0.2, 0.0, 1e-3),) for 1 ms, ((1, 0.0, 0.0, inf, 50.0),)
@@ -280,6 +291,7 @@ class PrescribedLoad(Top):
     tau: Annotated[float | tuple[float, ...], Quantity("N", **BLOCKS)] = 0.0
     k_top: Annotated[float, NotNegative("N/m")] = 0.0
     push: Annotated[Pushed, Pushes()] = ()
+    V_top: Annotated[float | None, Quantity("m/s", optional=True)] = None
 
     kind: ClassVar[str] = "prescribed"
 
@@ -322,11 +334,13 @@ class Walls:
 
 @part
 class Driver:
-    """The spring that pushes one side of the slider; its far end moves at a given speed.
+    """The springs that push or pull a side or the top; their far end moves at a given speed.
 
     The spring pushes the block at height h. With h_top, a rigid plate pushes all n blocks from h to
-    h_top by springs of stiffness K/n, which are relaxed after F_N is applied. F_T = K (X - x_h),
-    with X the displacement of the far end and x_h the mean displacement of the driven blocks.
+    h_top by springs of stiffness K/n, which are relaxed after F_N is applied. On the top, or in a
+    chain along all of it, each of the N_x blocks has a spring of stiffness K/N_x to a moving plate.
+    F_T = K (X - x_h), with X the displacement of the far end and x_h the mean displacement of the
+    driven blocks.
 
     The speed is V, or changes linearly from (0, V) through the breakpoints of a protocol, and is
     constant after the last one. Two breakpoints at the same time are a jump:
@@ -335,10 +349,13 @@ class Driver:
 
     Args:
         K: stiffness, N/m, > 0, or 0 for no driver on a prescribed interface.
-        V: speed of the far end towards the slider at t = 0, m/s, >= 0 (0 holds the driver).
+        V: speed of the far end at t = 0, m/s, >= 0 (0 holds the driver); towards the slider, or
+            away from a side that is pulled.
         h: height of the driven block above the interface, or of the plate's lower edge, m; a
-            multiple of l, l <= h <= H; 0 in a chain.
-        side: "left" or "right", the side that is pushed (the trailing edge).
+            multiple of l, l <= h <= H; H on the top; 0 in a chain.
+        side: "left" or "right", the side that is pushed (the trailing edge); "pull left" or "pull
+            right", the side that is pulled; or "top", whose plate moves to the right. Blocks are
+            numbered from the driven side; on the top, from the left.
         protocol: breakpoints (t, V) of a changing speed, in s (in order) and m/s.
         h_top: height of the plate's upper edge, m; a multiple of l, h <= h_top <= H. None means
             one driven block.
@@ -349,7 +366,7 @@ class Driver:
     K: Annotated[float, NotNegative("N/m")]
     V: Annotated[float, NotNegative("m/s")]
     h: Annotated[float, NotNegative("m", note=", a multiple of l up to H")]
-    side: Literal["left", "right"] = "left"
+    side: Literal["left", "right", "pull left", "pull right", "top"] = "left"
     protocol: Annotated[Corners, Protocol("m/s")] = ()
     h_top: Annotated[
         float | None, NotNegative("m", optional=True, note=", a multiple of l from h to H")
@@ -375,9 +392,17 @@ class Interface:
         alpha: viscosity of slip, N s/m, >= 0: a slipping block has the additional force alpha v.
         law: dependence of friction on slip, time and speed; see `pyfric.laws`. The default weakens
             linearly over d_c.
+        gap: height of the undeformed bottom over the foundation, m, >= 0; None means 0. A block
+            carries p = k_f (-u_z - gap) where this is positive.
+        contact: False where blocks never touch the foundation; True or False, or N_x of them from
+            the trailing edge on. None means that all can.
 
-    mu_s, mu_k, k_f, d_c and alpha are fields: a number, N_x numbers from the trailing edge on, or
-    a `Spread`.
+    mu_s, mu_k, k_f, d_c, alpha and gap are fields: a number, N_x numbers from the trailing edge on,
+    a `Spread`, or a `Profile`. A table with a "file" stands for the profile in this file.
+
+    A block without contact is a part of the free surface. A block with mu_s = 0 and alpha = 0
+    carries p and moves freely along the interface; records show it as open. Neither sticks, slips
+    or takes part in events.
 
     With the default law, a block that has slipped by s since it last stuck resists with mu(s) p,
     mu(s) = mu_s - (mu_s - mu_k) min(s/d_c, 1). If slip reverses without sticking, s continues to
@@ -395,6 +420,8 @@ class Interface:
     d_c: Annotated[Field, NotNegative("m", **FIELD)] = 0.0
     alpha: Annotated[Field, NotNegative("N s/m", **FIELD)] = 0.0
     law: Annotated[FrictionLaw, OneOf(FrictionLaw, kinds=KINDS, allowed=A_LAW)] = LinearWeakening()
+    gap: Annotated[Field | None, NotNegative("m", optional=True, **FIELD)] = None
+    contact: Annotated[bool | tuple[bool, ...] | None, Switches()] = None
 
     _section: ClassVar[str] = "interface"
 
@@ -422,7 +449,7 @@ class Interface:
 
 def _mean(field: Field) -> float:
     """Return the mean of a field; 0 for an empty list, which the scene refuses later."""
-    if isinstance(field, Spread):
+    if isinstance(field, Spread | Profile):
         return field.mean
     return 0.0 if field == () else float(np.mean(field))
 

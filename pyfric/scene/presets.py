@@ -23,6 +23,7 @@ from pyfric.scene.parts import (
     Slider,
     Walls,
 )
+from pyfric.scene.profile import Profile
 from pyfric.scene.scene import Scene
 from pyfric.scene.spread import Spread
 from pyfric.scene.units import check_number
@@ -30,7 +31,7 @@ from pyfric.scene.units import check_number
 Number = float | str
 """A number in SI units, text with a unit such as "5 mm", or a quantity of a unit library."""
 Numbers = Number | Sequence[Number]
-Field = Numbers | Spread
+Field = Numbers | Spread | Profile
 Corners = Sequence[tuple[Number, Number]]
 
 
@@ -53,18 +54,21 @@ class Fields(TypedDict, total=False):
     T_protocol: Corners
     p: Numbers
     tau: Numbers
-    k_top: Number
+    k_top: Number | None
+    V_top: Number | None
     push: Any
     K: Number
     V: Number
     h: Number
     h_top: Number | None
-    side: Literal["left", "right"]
+    side: Literal["left", "right", "pull left", "pull right", "top"]
     mu_s: Field | None
     mu_k: Field | None
     k_f: Field | None
     d_c: Field
     alpha: Field
+    gap: Field | None
+    contact: bool | Sequence[bool] | None
     law: FrictionLaw
     left: Literal["free", "mirrored", "absorbing"]
     right: Literal["free", "mirrored", "absorbing"]
@@ -79,7 +83,7 @@ class Fields(TypedDict, total=False):
 
 Changes = Mapping[str, Any] | None
 """Names of fields to values; a name that several parts share needs its part: "driver.protocol"."""
-Rule = Callable[[Slider], float]
+Rule = Callable[[Slider], Any]
 """Function that computes a default value from the slider."""
 
 _PAPER = Interface(mu_s=0.7, mu_k=0.45)
@@ -126,10 +130,29 @@ _CHAIN = Scene(
     name="chain",
 )
 
+_PULLED = Scene(
+    slider=Slider(L=0.2475, H=0.0, l=2.5e-3, k=5.4e8, M=0.0756 * 0.2475 / 0.14),
+    top=PrescribedLoad(p=3500.0 / 57),
+    driver=Driver(K=1.35e10, V=1e-8, h=0.0, side="top"),
+    interface=Interface(mu_s=Spread(mean=0.7, range=0.2, seed=3), mu_k=0.4),
+    name="burridge_knopoff",
+)
+
 
 def _mass(slider: Slider) -> float:
     """Return the mass at the density of the paper's setup 1, 0.54 kg/m, in kg."""
     return 0.0756 * (slider.L / 0.14)
+
+
+def _lands(slider: Slider) -> tuple[bool, ...]:
+    """Return which blocks touch: those on lands of 10 mm between grooves of 10 mm."""
+    return tuple(int(n * slider.l / 10e-3 + 1e-9) % 2 == 0 for n in range(slider.N_x))
+
+
+def _waves(slider: Slider) -> tuple[float, ...]:
+    """Return gaps of a height of 20 um from crest to trough and a wavelength of 35 mm, in m."""
+    wave = 2 * math.pi * slider.l / 35e-3
+    return tuple(10e-6 * (1 - math.cos(wave * n)) for n in range(slider.N_x))
 
 
 def _made(base: Scene, given: Mapping[str, Any], **rules: Rule) -> Scene:
@@ -204,6 +227,28 @@ def rate_and_state(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scen
     return _made(_RATED, joined(changes, fields), slider_M=_mass)
 
 
+def grooves(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
+    """Return setup 1 with grooves across its interface: lands of 10 mm and grooves of 10 mm.
+
+    Blocks less than 10 mm, or 20 to 30 mm and so on, from the trailing edge touch the substrate. l
+    should divide 10 mm. The default l is 2.5 mm; other values are those of `setup1`.
+
+    Changes and errors are those of `preset`.
+    """
+    return _made(_SETUP1, joined(changes, fields), slider_M=_mass, interface_contact=_lands)
+
+
+def wavy(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
+    """Return setup 1 on a wavy interface, g(x) = 10 um (1 - cos(2 pi x/35 mm)).
+
+    x is the distance from the trailing edge, which is a crest. Under F_N = 3500 N blocks between
+    crests do not touch the substrate. Other values are those of `setup1`.
+
+    Changes and errors are those of `preset`.
+    """
+    return _made(_SETUP1, joined(changes, fields), slider_M=_mass, interface_gap=_waves)
+
+
 def setup2(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     """Return setup 2 of the paper: a free top row under a distributed load of slope theta.
 
@@ -238,6 +283,27 @@ def chain(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     given = joined(changes, fields)
     rules: dict[str, Rule] = {"slider_k": lambda slider: 1.35e6 / slider.l, "slider_M": _mass}
     return _made(_CHAIN, given, **rules, top_p=lambda slider: 3500.0 / slider.N_x)
+
+
+def burridge_knopoff(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
+    """Return a chain whose blocks are all pulled by springs from a moving plate.
+
+    100 blocks with l = 2.5 mm, p = 61.4 N, k = 1.35 MN/l and the density of `chain`. Each spring of
+    the plate has k/4, so that K = N_x k/4. V = 10 nm/s. mu_s is spread evenly from 0.5 to 0.9, and
+    mu_k = 0.4: events are small and large. With less spread, all blocks slip in each.
+
+    Changes and errors are those of `preset`.
+
+    Source: R. Burridge, L. Knopoff, Bull. Seismol. Soc. Am. 57, 341 (1967), for the chain.
+    """
+    given = joined(changes, fields)
+    rules: dict[str, Rule] = {
+        "slider_k": lambda slider: 1.35e6 / slider.l,
+        "slider_M": _mass,
+        "top_p": lambda slider: 3500.0 / 57,
+        "driver_K": lambda slider: 1.35e6 / slider.l / 4 * slider.N_x,
+    }
+    return _made(_PULLED, given, **rules)
 
 
 Profile = Numbers | Callable[[float], float]
@@ -282,7 +348,8 @@ def slab(
     base = _made(base, fields, slider_M=lambda s: per_area * (s.L + s.l) * (s.H + s.l))
     if base.slider.eta is None and base.slider.damping is None:
         base = base.replace({"slider.eta": math.sqrt(0.001 * base.slider.k * base.m)})
-    begin = base.slider.l / 2 if getattr(base.walls, base.driver.side) == "mirrored" else 0.0
+    near = "left" if base.ahead > 0 else "right"
+    begin = base.slider.l / 2 if getattr(base.walls, near) == "mirrored" else 0.0
     x = [begin + base.slider.l * i for i in range(base.N_x)]
     forces = {"p": p, "tau": tau}
     return base.replace({n: [*map(f, x)] if callable(f) else f for n, f in forces.items()})
@@ -367,7 +434,10 @@ PRESETS: MappingProxyType[str, Preset] = MappingProxyType(
             ("setup2", setup2, {}, "a slider under a distributed load"),
             ("setup2+", setup2, {"top.theta": 0.833}, "little load on the trailing edge"),
             ("setup2-", setup2, {"top.theta": -0.833}, "much load on the trailing edge"),
+            ("grooves", grooves, {}, "setup 1 with lands and grooves of 10 mm"),
+            ("wavy", wavy, {}, "setup 1 on waves of 35 mm, 20 um high"),
             ("chain", chain, {}, "setup 1 lumped into one row"),
+            ("burridge_knopoff", burridge_knopoff, {}, "a chain under springs from a plate"),
             ("slow", slow, {}, "setup 1 on junctions that break and pin again: slow fronts"),
             ("rate_and_state", rate_and_state, {}, "setup 1 with rate-and-state friction"),
             ("tpv3", tpv3, {}, "a benchmark of earthquake rupture"),

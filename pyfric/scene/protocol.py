@@ -46,6 +46,13 @@ class Piece(NamedTuple):
         since = t - self.t
         return self.integral + (self.value + 0.5 * self.slope * since) * since
 
+    def plus(self, rate: float) -> Piece:
+        """Return the piece with rate t added to the value."""
+        t, value, slope, integral = self
+        if not rate:
+            return self
+        return Piece(t, value + rate * t, slope + rate, integral + 0.5 * rate * t**2)
+
 
 def pieces(first: float, corners: Corners) -> list[Piece]:
     """Return the pieces of a protocol; the last one has no end."""

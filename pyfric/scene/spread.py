@@ -6,14 +6,25 @@ import numpy as np
 
 from pyfric.scene.checked import NotNegative, Whole, part
 from pyfric.scene.errors import SceneError
+from pyfric.scene.profile import Profile
 
 SUMMED = 12
 """Uniform numbers in a sum that approximates a normal number; the sum has variance 1."""
+CELLS = 32
+"""Cells of white noise in a correlation length."""
+MOST_CELLS = 2_000_000
+"""Largest number of cells, a size: half a second."""
 
 
-def uniform(n: int, seed: int) -> np.ndarray:
-    """Return n numbers in [0, 1), multiples of 2^-53, of Philox under the key (seed, 0)."""
-    key = np.array([seed, 0], dtype=np.uint64)
+def stream(name: str) -> int:
+    """Return the number of the stream of a field: that of its letters, counted from mu_s."""
+    of_name, first = (int.from_bytes(text.encode()[:8], "big") for text in (name, "mu_s"))
+    return of_name ^ first
+
+
+def uniform(n: int, seed: int, name: str = "mu_s") -> np.ndarray:
+    """Return n numbers in [0, 1), multiples of 2^-53, of Philox under (seed, stream of a name)."""
+    key = np.array([seed, stream(name)], dtype=np.uint64)
     raw = np.random.Philox(key=key, counter=[0, 0, 0, 0]).random_raw(n)
     return (raw >> np.uint64(11)).astype(float) * 2.0**-53
 
@@ -26,10 +37,15 @@ class Spread:
         mean: mean, in the unit of the field.
         std: standard deviation, for a normal distribution; alternatively
         range: half width of a uniform distribution from mean - range to mean + range.
-        correlation_length: length over which the field is averaged, m; 0 for independent blocks.
-            The correlation of two blocks falls linearly with their distance and is 0 at this
-            length.
+        correlation_length: length over which white noise along the interface is averaged, m; 0 for
+            independent blocks. The correlation of two points falls linearly with their distance and
+            is 0 at this length.
         seed: seed of the generator, a whole number from 0 to 2^64 - 1.
+
+    Each field has a stream of its own: equal seeds of two fields give independent numbers. With a
+    correlation length the field is a function of the distance x from the trailing edge, which
+    depends neither on l nor on L: blocks of l/2 are on the same interface. Without one, each l has
+    another interface.
 
     The normal distribution is that of the sum of twelve uniform numbers minus 6, within
     0.0023. No independent value is further than 6 std from the mean. With `range` there is no
@@ -55,24 +71,54 @@ class Spread:
             allowed = "0 m with a uniform distribution: averages are not uniform"
             raise SceneError("spread.correlation_length", self.correlation_length, "m", allowed)
 
-    def draw(self, n: int, l: float) -> np.ndarray:
-        """Return the field on n blocks with spacing l (m), from the trailing edge on."""
+    @property
+    def in_space(self) -> bool:
+        """Whether the field is a function of x, whatever the blocks are."""
+        return bool(self.correlation_length)
+
+    def draw(self, n: int, l: float, name: str = "mu_s") -> np.ndarray:
+        """Return the field on n blocks with spacing l (m), from the trailing edge on.
+
+        Args:
+            n: number of blocks.
+            l: spacing, in m.
+            name: name of the field, whose stream is used.
+
+        Raises:
+            SceneError: the correlation length is so short that blocks are independent.
+        """
         if self.range is not None:
-            return self.mean + self.range * (2 * uniform(n, self.seed) - 1)
-        over = max(1, round(self.correlation_length / l))
-        normal = np.zeros(n + over - 1)
-        for each in uniform(SUMMED * len(normal), self.seed).reshape(SUMMED, -1):
+            return self.mean + self.range * (2 * uniform(n, self.seed, name) - 1)
+        if self.correlation_length:
+            return self.mean + self.std * self._averaged(n, l, name)
+        normal = np.zeros(n)
+        for each in uniform(SUMMED * n, self.seed, name).reshape(SUMMED, -1):
+            normal += each
+        return self.mean + self.std * (normal - SUMMED / 2)
+
+    def _averaged(self, n: int, l: float, name: str) -> np.ndarray:
+        """Return white noise averaged from each block over a correlation length, of variance 1.
+
+        A window begins at the share f of a cell and ends at that of another one.
+        """
+        x = np.arange(n) * (CELLS * (l / self.correlation_length))
+        if x[-1] > MOST_CELLS:
+            shortest = CELLS * (n - 1) * l / MOST_CELLS
+            length, allowed = self.correlation_length, f"0 m, or at least {shortest:.3g} m"
+            raise SceneError("spread.correlation_length", length, "m", allowed, "far below l")
+        cell = np.floor(x).astype(np.int64)
+        f, normal = x - cell, np.zeros(int(cell[-1]) + CELLS + 1)
+        for each in uniform(SUMMED * len(normal), self.seed, name).reshape(-1, SUMMED).T:
             normal += each
         normal -= SUMMED / 2
-        total = np.zeros(n)
-        for first in range(over):
-            total += normal[first : first + n]
-        return self.mean + (self.std / np.sqrt(float(over))) * total
+        walk = np.concatenate([[0.0], np.cumsum(normal)])
+        begin, end = (walk[c] + f * normal[c] for c in (cell, cell + CELLS))
+        return (end - begin) / np.sqrt(CELLS - 2 * f * (1 - f))
 
 
-Field = float | tuple[float, ...] | Spread
-"""A number, a list with a number for each block from the trailing edge on, or a `Spread`."""
+Field = float | tuple[float, ...] | Spread | Profile
+"""A number, a list of one for each block from the trailing edge on, a `Spread` or `Profile`."""
 BLOCKS = {"listed": True, "each": "block", "note": ", or a list of N_x of them"}
 """What the annotations of values of each block have in common."""
-FIELD = BLOCKS | {"drawn": Spread, "note": BLOCKS["note"] + ", or a Spread"}
+FIELD = BLOCKS | {"drawn": (Spread, Profile), "note": BLOCKS["note"] + ", a Spread or a Profile"}
 """What the annotations of fields have in common."""

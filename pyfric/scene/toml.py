@@ -36,7 +36,7 @@
 A law of kind "table" takes lists or CSV files: slide = "friction.csv", relative to the scene file.
 Numbers without unit are bare. Lengths, forces and so on are text with any unit that fits. A field
 that may vary along the interface is a number, a list, or a table, such as
-mu_s = {mean = 0.7, std = 0.02, correlation_length = "10 mm", seed = 1}.
+mu_s = {mean = 0.7, std = 0.02, correlation_length = "10 mm", seed = 1} or mu_s = {file = "mu.csv"}.
 """
 
 import codecs

@@ -141,7 +141,9 @@ class ContactProblem:
         A[np.diag_indices(N_x)] += self.scene.k_f * closed
         table = np.zeros(at.shape)
         table[at.u_x, at.u_x] = np.eye(N_x)
-        _, u_z, failed = dposv(A, np.column_stack([-S[z, x], self._loads[z]]))
+        loads = self._loads[z].copy()
+        loads[:, 1] -= self.scene.k_f * closed * self.scene.gap
+        _, u_z, failed = dposv(A, np.column_stack([-S[z, x], loads]))
         if failed:
             raise EquilibriumError("the slider is not supported", np.nan, 0.0, 0)
         table[at.u_z] = u_z
@@ -324,12 +326,13 @@ class Contact(States):
         closed, small = self.closed, self.small_rate(rate)
         best = np.inf, 0, STUCK
         margins, rates = self.law.margins(now.p, now.f), self.law.margins(rate.p, rate.f)
-        light = closed & ~stuck & (now.p <= 2 * self.least) & reload
+        light = (self.slip != 0) & (now.p <= 2 * self.least) & reload
+        height = self.k * (now.u_z + self.gap)
         for mode, margin, slope, which in (
             (+1, margins[0], rates[0], stuck),
             (-1, margins[1], rates[1], stuck),
             (OPEN, now.p, rate.p, closed),
-            (STUCK, self.k * now.u_z, self.k * rate.u_z, ~closed),
+            (STUCK, height, self.k * rate.u_z, ~closed & self.scene.touches),
             (STUCK, 2 * self.least - now.p, -rate.p, light),
         ):
             falls = which & (slope < -small)
@@ -407,6 +410,7 @@ class Contact(States):
 
     def put(self, which: np.ndarray, mode: np.ndarray, u_x: np.ndarray) -> None:
         """Put n blocks into states, shape (n,); those that stick are held at u_x (m), (n,)."""
+        mode = self.possible(which, mode)
         opens = (self.mode[which] == OPEN) | (mode == OPEN)
         if opens.any():
             self.column[self.at.u_x] = self.table[self.at.u_x] @ self.column
@@ -425,6 +429,7 @@ class Contact(States):
         if not sticks:
             friction = mode * of(self.law.slide(self.k_f), i)
             row = table[at.f][i] - friction * table[at.u_z][i]
+            row[-1] -= friction * of(self.gap, i)
         pivot = row[i]
         row /= -pivot
         row[i] = 1.0 / pivot
@@ -458,6 +463,7 @@ class Contact(States):
             return
         friction = (self.slip[free] * of(self.law.slide(self.k_f), free))[:, None]
         held = table[self.at.f][free] - friction * table[self.at.u_z][free]
+        held[:, -1] -= friction[:, 0] * of(self.gap, free)
         try:
             inverse = np.linalg.inv(held[:, free])
         except np.linalg.LinAlgError:
@@ -473,15 +479,15 @@ class Contact(States):
     def values(self) -> Values:
         """Return the values of the interface at the present position of the driver."""
         if self._now is None:
-            self._now = self._values_of(self.table @ self.column)
+            self._now = self._values_of(self.table @ self.column, self.gap)
         return self._now
 
     def rates(self) -> Values:
         """Return the derivatives of `values` by the path length of the driver."""
         return self._values_of(self.way * self.table[:, self.at.drive])
 
-    def _values_of(self, v: np.ndarray) -> Values:
+    def _values_of(self, v: np.ndarray, gap: float | np.ndarray = 0.0) -> Values:
         at, u_z = self.at, v[self.at.u_z]
-        p = np.where(self.closed, -self.k_f * u_z, 0.0)
+        p = np.where(self.closed, -self.k_f * (u_z + gap), 0.0)
         f = np.where(self.free, -self.slip * self.law.slide(p), v[at.f])
         return Values(v[at.u_x], f, u_z, p, float(v[at.F_T]))

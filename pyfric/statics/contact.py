@@ -1,10 +1,14 @@
 """Contact states of the interface, and their conditions.
 
-A block of the bottom row is in exactly one state (sigma is its direction of slip):
+A block of the bottom row is in exactly one state (sigma is its direction of slip, z = u_z + gap its
+height over the foundation, p = -k_f z while it touches it):
 
     stuck   u_x held,                 |f| <= mu_s p,  p >= 0
     slip    f = -sigma mu_k p,        sigma du_x >= 0, p >= 0
-    open    p = f = 0,                u_z >= 0
+    bare    f = 0,                    p >= 0
+    open    p = f = 0,                z >= 0
+
+Blocks without friction are bare or open, and those without contact are always open.
 
 Conditions are checked in this order. First, blocks on the wrong side of the foundation open or
 land. Second, blocks that moved along their friction force stick again. Third, the block with the
@@ -63,11 +67,12 @@ class States:
 
     Args:
         scene: the scene.
-        mode: contact states as in the core: STUCK, +1 or -1 (slip), OPEN, shape (N_x,).
+        mode: contact states as in the core: STUCK, +1 or -1 (slip), OPEN, or BARE, shape (N_x,).
         law: the friction law; slipping blocks have their final friction, mu_k.
         driven: whether the driver's spring is attached. Without it F_T = 0.
 
     Attributes:
+        gap: height of the blocks over the foundation at u_z = 0, a number or (N_x,), in m.
         closed: blocks that touch the foundation, shape (N_x,), bool.
         stuck: blocks that are closed and held, shape (N_x,), bool.
         slip: direction of the blocks that slip, 0 elsewhere, shape (N_x,), int8.
@@ -77,22 +82,35 @@ class States:
     def __init__(self, scene: Scene, mode: np.ndarray, law: Law, *, driven: bool = True) -> None:
         self.scene, self.law, self.driven, self.tol = scene, law, driven, 0.0
         self.N_x, self.k, self.k_f = scene.N_x, scene.slider.k, scene.k_f
-        self._gap_k = -np.minimum(self.k, self.k_f)
+        self.gap, self._gap_k = scene.gap, -np.minimum(self.k, self.k_f)
+        self._all_rub = bool((scene.touches & ~scene.bare).all())
         self.mode = np.zeros(self.N_x, dtype=np.int8)
         self.enter(slice(None), mode)
 
     def enter(self, which: np.ndarray | slice | int, mode: np.ndarray | int) -> None:
-        """Put blocks into other states."""
-        self.mode[which] = mode
+        """Put blocks into other states; those without friction or contact into theirs."""
+        self.mode[which] = self.possible(which, mode)
         self.closed, self.stuck = self.mode != OPEN, self.mode == STUCK
-        self.slip = self.mode * self.closed
+        self.slip = self.mode * (np.abs(self.mode) == 1)
+
+    def possible(self, which: np.ndarray | slice | int, mode: np.ndarray | int) -> np.ndarray | int:
+        """Return the states of blocks that are put into states `mode`."""
+        if self._all_rub:
+            return mode
+        mode = np.where(self.scene.bare[which] & (np.asarray(mode) != OPEN), BARE, mode)
+        return np.where(self.scene.touches[which], mode, OPEN)
+
+    @property
+    def logged(self) -> np.ndarray:
+        """The contact states as in the core, shape (N_x,), int32."""
+        return np.where(self.mode == BARE, OPEN, self.mode).astype(np.int32)
 
     def misplaced(self, now: Values, landed: np.ndarray | int, u_x: np.ndarray) -> Unmet | None:
-        """Return closed blocks with u_z > 0, which open, and open ones with u_z < 0, which land.
+        """Return closed blocks with z > 0, which open, and open ones with z < 0, which land.
 
         Blocks that land get the state `landed`, at u_x (m).
         """
-        depth = np.where(self.closed, self.k_f, self._gap_k) * now.u_z
+        depth = np.where(self.closed, self.k_f, self._gap_k) * (now.u_z + self.gap)
         if not depth.max() > self.tol:
             return None
         return Unmet(depth, self.tol, np.where(self.closed, OPEN, landed), u_x)
@@ -137,6 +155,7 @@ def with_free(scene: Scene, closed: np.ndarray, free: np.ndarray) -> np.ndarray:
     Free blocks are open if at least two other blocks support the slider. In a chain they stay
     closed, because each block stands on its own.
     """
+    free = free & ~scene.bare
     stands = scene.N_z > 1 and np.sum(closed & ~free) >= 2
     return np.where(~closed | (free & stands), OPEN, np.where(free, 1, STUCK)).astype(np.int8)
 
@@ -153,6 +172,8 @@ def rounding(scene: Scene, force: float) -> float:
 
 CONTACT_TOL = 1e-11
 """Violation of conditions, over F_N/N_x, below which it is rounding at any displacement."""
+BARE = 3
+"""Contact state of a block that touches the foundation without friction; the core has none."""
 LEAST_DEFINITENESS = 0.01
 """Definiteness below which a state may not be unique."""
 

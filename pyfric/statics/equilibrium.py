@@ -106,6 +106,7 @@ class StaticSolver(System):
             return
         super().__init__(scene, geometry)
         self.loaded = self._load_slider()
+        self.pressed = scene.bare & ~self.loaded.open
         if geometry == "finite":
             self.linearise(self.coordinates(self.loaded.u, self.loaded.rod))
         self.u_drv0 = self.loaded.u_drv0 if u_drv0 is None else u_drv0
@@ -185,8 +186,9 @@ class StaticSolver(System):
         for step in range(JUNCTION_STEPS):
             u_x, u_z = q[at.u_x], q[at.u_z]
             if step:
-                states.enter(slice(None), np.where(u_z < 0, STUCK, OPEN))
-                p = np.where(states.closed, -scene.k_f * u_z, 0.0)
+                height = u_z + scene.gap
+                states.enter(slice(None), np.where(height < 0, STUCK, OPEN))
+                p = np.where(states.closed, -scene.k_f * height, 0.0)
             held = scene.law.stiffness(p)
             forces, F_T = self.forces(q, states, None)
             forces[at.u_x] -= held * u_x
@@ -239,9 +241,10 @@ class StaticSolver(System):
             q, steps = found.copy(), steps + made
             states.tol = rounding(scene, self.largest(q))
             u_x, u_z = q[at.u_x], q[at.u_z]
-            f = states.slip * (states.law.slide(scene.k_f) * u_z)
+            height = u_z + scene.gap
+            f = states.slip * (states.law.slide(scene.k_f) * height)
             f = np.where(states.stuck, -forces[at.u_x], f)
-            p = np.where(states.closed, -scene.k_f * u_z, 0.0)
+            p = np.where(states.closed, -scene.k_f * height, 0.0)
             now = Values(u_x, f, u_z, p, F_T)
             if drive is not None:
                 unmet = states.misplaced(now, STUCK, given)

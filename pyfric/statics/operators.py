@@ -45,8 +45,9 @@ def differences(lattice: Bonds, T: sp.csr_array) -> sp.csr_array:
 
 
 def driven_dofs(scene: Scene) -> np.ndarray:
-    """Return the indices in u_full of u_x of driven blocks, bottom to top, (n_driven,), int."""
-    return 2 * np.arange(scene.j_h, scene.j_h_top + 1) * scene.N_x + scene.i_h
+    """Return the indices in u_full of u_x of driven blocks, row by row, (n_driven,), int."""
+    of_blocks = np.arange(2 * scene.N_x * scene.N_z).reshape(scene.N_z, 2, scene.N_x)
+    return of_blocks[scene.driven].ravel()
 
 
 def mass(scene: Scene) -> np.ndarray:

@@ -48,7 +48,8 @@ class Equilibrium:
         tau: -d f, shape (N_x,), in N, positive against the drive direction. Its sum is F_T + T; in
             a chain it is F_T plus the sum of the prescribed tau minus k_top d sum(u_x).
         p: foundation force on each block, shape (N_x,), in N.
-        open: blocks that do not touch the foundation, p = f = 0, shape (N_x,), bool.
+        open: blocks that do not touch the foundation, p = f = 0, shape (N_x,), bool; blocks
+            without friction (`Scene.bare`) touch it with f = 0.
         slipped: blocks that slipped while F_N was applied, shape (N_x,), bool (`loaded_state`).
         drive: displacement V t of the driver since t = 0, in m.
         u_drv0: u_x of the driven blocks at which drive = 0 gives F_T = 0, in m: see
@@ -102,7 +103,7 @@ class Equilibrium:
         return State(
             y=y,
             rod=rod,
-            mode=np.where(self.open, OPEN, STUCK).astype(np.int32),
+            mode=np.where(self.open | scene.bare, OPEN, STUCK).astype(np.int32),
             corner=np.zeros(N_x, dtype=np.int32),
             margin=margin,
             memory=memory,

@@ -172,7 +172,11 @@ def _reduced(scene: Scene) -> Scene:
     )
     share = n_x / scene.N_x
     on_rod = scene.rigid and scene.j_h == scene.N_z - 1
-    K = scene.driver.K / scene.n_driven * (j_h_top - j_h + 1)
+    side, driven = scene.driver.side, j_h_top - j_h + 1
+    h_top = j_h_top * scene.slider.l
+    if side == "top":
+        on_rod, driven, h_top = False, n_x, None
+    K = scene.driver.K / scene.n_driven * driven
     l, m, top = scene.slider.l, scene.m, scene.top
     if scene.rigid:
         # kappa over the moment of inertia is kept. Its factor 12/L^2 cancels: times this factor,
@@ -185,12 +189,12 @@ def _reduced(scene: Scene) -> Scene:
     elif isinstance(top, PrescribedLoad):
         top = PrescribedLoad(p=1.0, k_top=scene.k_top)
     else:
-        top = DistributedLoad(F_N=1.0)
+        top = DistributedLoad(F_N=1.0, k_top=scene.k_top)
     lengths = {"L": (n_x - 1) * l, "H": (n_z - 1) * l, "M": m * n_x * n_z}
     return Scene(
         slider=dataclasses.replace(scene.slider, **lengths, eta=scene.eta, damping=None),
         top=top,
-        driver=Driver(K=K * (share if on_rod else 1.0), V=0.0, h=j_h * l, h_top=j_h_top * l),
+        driver=Driver(K=K * (share if on_rod else 1.0), V=0.0, h=j_h * l, h_top=h_top, side=side),
         interface=Interface(
             mu_s=0.0,
             mu_k=0.0,

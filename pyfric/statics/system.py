@@ -18,6 +18,7 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from pyfric import core
 from pyfric.core import OPEN, STUCK
+from pyfric.scene import PrescribedLoad
 from pyfric.statics.banded import BandedCholesky
 from pyfric.statics.condensation import LARGE
 from pyfric.statics.lattice import (
@@ -51,12 +52,15 @@ class System:
 
     Attributes:
         u_drv0: u_x of the driven blocks at drive = 0 and F_T = 0, in m: see `Scene.u_driven`.
+        pressed: blocks without friction that touch the foundation, (N_x,), bool; those of the
+            loaded state, once it is known.
     """
 
     u_drv0: OnDriven
 
     def __init__(self, scene: Scene, geometry: Geometry) -> None:
         self.scene, self.geometry, self.u_drv0 = scene, geometry, 0.0
+        self.pressed = scene.bare
         self._lattice, self._T = bonds(scene), coordinates(scene)
         self._springs = functools.partial(spring_forces, self._lattice)
         if geometry == "finite":
@@ -86,7 +90,8 @@ class System:
         other.__dict__.pop("load", None)
         other._loads, other._load = load, self._load * (load[0] / scene.F_N)
         if not scene.rigid:
-            other._load[-1, 0] = scene.d * load[1] / scene.N_x
+            tau = other._load[-1, 0] if isinstance(scene.top, PrescribedLoad) else 0.0
+            other._load[-1, 0] = tau + scene.d * load[1] / scene.N_x
         return other
 
     # --- coordinates -----------------------------------------------------------------------------
@@ -162,14 +167,14 @@ class System:
         force = self._springs(u) + self._load
         if scene.k_top:
             force[-1, 0] -= scene.k_top * u[-1, 0]
-        p = -scene.k_f * u[0, 1] * contact.closed
+        p = -scene.k_f * (u[0, 1] + scene.gap) * contact.closed
         force[0, 1] += p
         force[0, 0] -= contact.slip * contact.law.slide(p)
         if drive is not None:
             moved = scene.u_driven(u) - self.u_drv0
             F_T = scene.driver_force(drive, moved, 0.0)
             each = scene.driver.K / scene.n_driven * (drive - scene.d * moved)
-            force[scene.j_h : scene.j_h_top + 1, 0, scene.i_h] += scene.d * each
+            force[scene.driven] += scene.d * np.reshape(each, force[scene.driven].shape)
         top = force[-1]
         force = self.coordinates(force, np.zeros(3))  # T' force, without the top under a rod
         if scene.rigid:

@@ -110,6 +110,7 @@ def draw(frame: pd.DataFrame, found: pd.DataFrame) -> DataFigure:
         fronts.semilogy(part["tau_over_p_before"], part["front_over_c_S"], marker, ms=4)
     ends = [frame["steady_friction"].min(), frame["steady_friction"].max()]
     arrests.plot(ends, ends, "k--", label="equal")
+    arrests.locator_params("x", nbins=4)
     arrests.set_xlabel("steady friction at the slip speed")
     arrests.set_ylabel(r"$\tau/p$ after the precursor")
     fronts.set_xlabel(r"$\tau/p$ before the precursor")

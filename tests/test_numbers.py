@@ -43,6 +43,7 @@ KINDS = {
     "rounding": {
         "crossing": "GONE",
         "operators": "INDEPENDENT",
+        "system": "LEADING",
         "integration": "ON_GRID",
         "routes": "ROUNDING",
         "slow_slip": "MOVED",

@@ -45,6 +45,7 @@ KINDS = {
     "rounding": {
         "crossing": "GONE",
         "operators": "INDEPENDENT",
+        "system": "LEADING",
         "integration": "ON_GRID",
         "options": "ALMOST",
         "routes": "ROUNDING",

@@ -39,6 +39,9 @@ if TYPE_CHECKING:
     from pyfric.scene import Geometry, OnDriven, Scene
     from pyfric.statics.contact import States
 
+LEADING = 13
+"""Bits that a step keeps below the displacement of its residual force, for the stiffest spring. Few
+bits take more steps; with many, the rounding of LAPACK shows."""
 KEPT = 12
 """Number of factorisations that are kept; on large lattices, one."""
 
@@ -125,6 +128,20 @@ class System:
         """
         return self._stiffest * float(np.max(np.abs(q * self.arm)))
 
+    def leading(self, step: np.ndarray, arm: np.ndarray, residual: float) -> np.ndarray:
+        """Return a step with its leading bits only; the steps that follow make up for the others.
+
+        The kernels of LAPACK round in different orders, which changes the last bits of a step. If
+        those are left out, each step, and so the state, is the same with all kernels.
+
+        Args:
+            step: displacements of unknown coordinates, shape (n,).
+            arm: their arms, shape (n,).
+            residual: largest force that the step removes, in N; it sets the unit.
+        """
+        unit = 2.0 ** (np.frexp(residual / self._stiffest)[1] - LEADING)
+        return np.rint(step * arm / unit) * unit / arm
+
     # --- forces ----------------------------------------------------------------------------------
 
     @functools.cached_property
@@ -178,7 +195,7 @@ class System:
         top = force[-1]
         force = self.coordinates(force, np.zeros(3))  # T' force, without the top under a rod
         if scene.rigid:
-            turning = scene.x @ top[1] - scene.kappa * q[-1]
+            turning = (scene.x * top[1]).sum() - scene.kappa * q[-1]  # not by BLAS
             force[-3:] = top[0].sum(), top[1].sum() + self.load[-2], turning
         return force, F_T
 

@@ -886,6 +886,9 @@ def test_an_output_that_another_command_makes_is_refused(tmp_path):
         assert refused(pyf(*sweep), f"--out {out}: process {os.getpid()}", "writes other results")
     with claimed(tmp_path / "a.nc", "another run"):
         assert refused(run("--out", tmp_path / "a.nc"), "a.nc: process")
+    with claimed(out, "the claims of another process"):
+        assert refused(pyf("reproduce", "fig1a", "--out", out), f"--out {out}: process")
+        assert refused(pyf("claims", "E1", "--out", out), f"--out {out}: process")
     with claimed(file / "sweep.toml", "in no folder"):
         pass  # where nothing can be locked, nobody is refused
     assert {path.name for path in tmp_path.iterdir()} == {"sweep.toml"}

@@ -12,6 +12,7 @@ from pyfric.cli.shared import (
     EXIT_CODES,
     Tell,
     check_folder,
+    claimed,
     folder_option,
     running,
     telling,
@@ -38,7 +39,8 @@ def reproduce(names: tuple[str, ...], out: Path, tell: Tell, **how: Any) -> None
 
     check_folder(out)
     chosen = () if "all" in names else names
-    tell.files(reproduce(chosen, out, progress=tell.progress, **how))
+    with claimed(out, ("figures", sorted(chosen))):
+        tell.files(reproduce(chosen, out, progress=tell.progress, **how))
 
 
 @main.command(section="The paper", epilog=EXIT_CODES)
@@ -55,9 +57,10 @@ def claims(numbers: tuple[str, ...], out: Path | None, tell: Tell, **how: Any) -
     from pyfric.paper import claims, write_index
 
     check_folder(out)
-    found = claims.measure(numbers or None, progress=tell.progress, **how)
-    files = [] if out is None else claims.save(found, out)
-    if out is not None and (out / "index.html").is_file():
-        files.append(write_index(out))
+    with claimed(out, ("claims", sorted(numbers))):
+        found = claims.measure(numbers or None, progress=tell.progress, **how)
+        files = [] if out is None else claims.save(found, out)
+        if out is not None and (out / "index.html").is_file():
+            files.append(write_index(out))
     told = [claims.report(found), *map(str, files)]
     tell.result(claims.table(found), lambda: "\n".join(told))

@@ -27,7 +27,7 @@ from pyfric.engines.cost import (
     work,
     work_so_far,
 )
-from pyfric.planning import expected_cost, plan, simulate, simulation
+from pyfric.planning import expected_cost, plan, plans, simulate, simulation
 from pyfric.planning.levels import (
     ALONE,
     LONGEST,
@@ -444,3 +444,16 @@ def test_more_than_ten_minutes_is_said_with_the_cheaper_way(monkeypatch, capsys)
     monkeypatch.setattr(simulation, "LONG", 600.0)
     notes = simulate(scene, 1e-4, fidelity="dynamic", progress=False).notes
     assert not any("minutes" in note for note in notes)
+
+
+def test_viscosity_which_shortens_steps_makes_events_cost_more():
+    """Seven main events; steps are 12 times shorter than without viscosity."""
+    scene = setup1(L="30 mm", H="15 mm", V=0.05)
+    scene = scene.replace({"slider.eta": 10 * scene.eta})
+    levels = plan(scene, t_end=0.03).levels
+    level = next(level for level in levels if level.engine == "hybrid")
+    how = {"fidelity": "hybrid", "geometry": level.geometry, "stepper": level.stepper}
+    made = simulate(scene, 0.03, dt=level.dt, progress=False, **how)
+    before = simulate(scene, 0.03, fidelity="quasistatic", progress=False)
+    expected = plans.expected_work(scene, level, 0.03, before)
+    assert 1 / 3 < expected / plans.work_done(made) < 3

@@ -36,6 +36,7 @@ from pyfric.engines.options import (
     kept,
     owned,
     rounded_step,
+    step_of_waves,
     step_size,
 )
 from pyfric.engines.pauses import coarser, longest_pause, pause_notes, relaxation_time

@@ -45,8 +45,8 @@ factor, which static solutions read. It includes the calls of the core around th
 SLIDE = (1.4e-2, 6e-8)
 """Additional time of one attempt to jump over slip, in s."""
 EVENT_STEPS = 800.0
-"""Work of the hybrid engine for each main event, in steps: 500 to 2000 in 40 scenes, whatever their
-size and step."""
+"""Work of the hybrid engine for each main event, in steps as long as without viscosity: 500 to 2000
+in 40 scenes, whatever their size. With shorter steps an event takes as many more."""
 POINTS = 5000
 """Default number of points of the loading curve."""
 RUN = 0.015

@@ -500,6 +500,11 @@ def rounded_step(scene: Scene, dt: float) -> float:
     return math.floor(times * 10.0**places) / 10.0**places * unit
 
 
+def step_of_waves(scene: Scene) -> float:
+    """Return the default time step (s) of the scene without viscosity, which shortens steps."""
+    return step_size(scene.replace({"slider.eta": 0.0, "slider.damping": None}))
+
+
 def _check_located(scene: Scene, stepper: str, dt: float) -> None:
     """Raise SceneError if switches cannot be located with this stepper or step."""
     if scene.law.flows:

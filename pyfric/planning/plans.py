@@ -25,6 +25,7 @@ from pyfric.engines import (
     located,
     machine_speed,
     set_up,
+    step_of_waves,
     work,
 )
 from pyfric.planning.levels import Level, alone, as_full, levels, longest_step, of_named
@@ -67,7 +68,9 @@ def expected_work(scene: Scene, level: Level, lasts: float, before: Record | Non
         counts = finer_counts(scene, counts, ratio, stepper, level.stepper)
     else:
         events = int(before.events["is_main"].sum()) if before is not None else 0
-        times = EVENT_STEPS * (1 + events) / max(full["steps"], 1.0)
+        times = 1.0
+        if level.engine == "hybrid":  # an event takes time: viscosity makes more steps of it
+            times = EVENT_STEPS * (1 + events) * step_of_waves(scene) / max(lasts, level.dt)
         counts = {name: count * times for name, count in full.items()}
     return first + work(scene, level.geometry, full if level.engine == "dynamic" else counts)
 

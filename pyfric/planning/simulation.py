@@ -26,6 +26,7 @@ from pyfric.engines import (
     machine_speed,
     multiple,
     owned,
+    step_of_waves,
     step_size,
     work,
 )
@@ -274,7 +275,7 @@ def _short_steps(asked: Asked, progress: object) -> list[str]:
     whole = full_work(scene, "linear", dt, lasts)
     if whole * SLOWEST <= LONG or whole * machine_speed() <= LONG:
         return []
-    of_waves = step_size(scene.replace({"slider.eta": 0.0, "slider.damping": None}))
+    of_waves = step_of_waves(scene)
     if of_waves < SHORT * dt:
         return []
     note = (

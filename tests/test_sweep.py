@@ -573,3 +573,11 @@ def test_results_are_shown_as_their_table(tmp_path):
     )
     assert repr(found).splitlines()[0] == "Results of 2 points"
     assert len(repr(found).splitlines()) == 5  # two lines of head, two rows
+
+
+def test_a_grid_has_each_value_once():
+    for values in (["5 mm", 0.005], [0.005, 0.0025, 0.005]):
+        with pytest.raises(SceneError, match=r"over\.driver\.h.*each value once in a grid"):
+            Sweep(scene="setup1", t_end="10 us", over={"h": values})
+    twice = Sweep(scene="setup1", t_end="10 us", over={"h": ["5 mm"] * 2}, points="list")
+    assert len(twice.jobs) == 2

@@ -186,6 +186,8 @@ class Sweep:
             listed[name] = [_as_in_scene(value, marks[name]) for value in values]
             if not listed[name]:
                 raise SceneError(f"over.{name}", values, "", "at least one value")
+            if self.points == "grid" and len({*map(repr, listed[name])}) < len(listed[name]):
+                raise SceneError(f"over.{name}", values, "", "each value once in a grid")
         if not listed:
             raise SceneError("over", over, "", "at least one field with its values")
         return listed

@@ -36,6 +36,8 @@ SLIPS = {
     "strength grows": ({"law": Ageing(B=0.01, t_c=1e-3)}, {"geometry": "finite"}),
     "in pieces": ({"law": ExponentialWeakening()}, {"geometry": "linear"}),
     "driver speeds up": ({"driver.protocol": FASTER}, {"geometry": "finite"}),
+    "gaps": ({"gap": np.where(np.arange(9) % 3 == 1, 2e-7, 0.0)}, {"geometry": "finite"}),
+    "a block without contact": ({"contact": np.arange(9) != 2}, {"geometry": "linear"}),
     "driver turns back": ({"driver.protocol": BACK}, {"geometry": "linear"}),
 }
 

@@ -74,13 +74,19 @@ def nucleations(record: RecordData) -> pd.DataFrame:
         stays stable, if the driver does not move on, or if loads differ from those at t = 0.
 
     Raises:
-        SceneError: friction does not weaken over a length, or depends on more than slip.
+        SceneError: friction does not weaken over a length, or depends on more than slip; or not
+            all blocks rub on a flat interface.
     """
     scene = record.scene
     if not creeps(scene.law):
         raise SceneError(
             "interface.d_c", scene.interface.d_c, "m", "> 0, and a law of slip alone",
             "slip does not lose stability",
+        )  # fmt: skip
+    if not scene.whole:
+        raise SceneError(
+            "interface.gap", "gaps", "", "a flat interface on which all blocks rub",
+            "static paths of slip leave out gaps and blocks without friction",
         )  # fmt: skip
     problem, begin = _condensed(record)
     rows = []
@@ -99,7 +105,8 @@ def nucleation_lengths(record: RecordData) -> np.ndarray | None:
     lattices of more than `LARGE` unknowns, for which it takes too long to be done unasked.
     """
     scene = record.scene
-    if not creeps(scene.law) or not scene.has_rests or 2 * scene.N_x * scene.N_z > LARGE:
+    known = creeps(scene.law) and scene.has_rests and scene.whole
+    if not known or 2 * scene.N_x * scene.N_z > LARGE:
         return None
     lengths = np.full(len(record.events), np.nan)
     if len(lengths):

@@ -208,8 +208,8 @@ class SlowSlip(NamedTuple):
         goes_on: whether neither a limit nor an error ended it.
         passed: block and what it then is, as in `fast` of `slow_slip`, of each passage through the
             threshold, shape (m, 2), in order of time; some may be after t.
-        passed_at: time since the beginning, in s, normal force of the block, in N, and displacements
-            of all, in m, of each, shape (m, N_x + 2).
+        passed_at: time since the beginning, in s, normal force of the block, in N, and
+            displacements of all, in m, of each, shape (m, N_x + 2).
         sums: time in s and |sum of velocities| in m/s at the ends of steps, shape (steps, 2); none
             without a threshold.
     """

@@ -543,6 +543,28 @@ def test_moving_the_hand_over_changes_events_within_the_accuracy(evolution):
     assert spared[0] > spared[1] > spared[2] > 0
 
 
+@pytest.mark.parametrize("threshold", [2e-5, 1e-4])
+def test_events_by_slip_rate_are_those_of_full_dynamics(threshold):
+    """Most passages lie within slow slip, where events begin and end."""
+    scene, found = cycles(0).scene, []
+    for how in ({"fidelity": "dynamic"}, {"fidelity": "hybrid", "accuracy": 1e-4}):
+        how |= {"threshold": threshold, "sample": 1e-4, "progress": False}
+        found.append(pyfric.simulate(scene, 9e-3, **how))
+    full, run = found
+    for name in ("block", "old", "new", "corner"):
+        np.testing.assert_array_equal(run.crossings[name], full.crossings[name])
+    np.testing.assert_array_equal(run.bursts["kind"], full.bursts["kind"])
+    dt = run.method.dt
+    steps = np.abs(run.crossings["step"] - np.ceil(run.crossings["t"] / dt))
+    assert steps.max() <= 1
+    np.testing.assert_allclose(run.crossings["t"], full.crossings["t"], rtol=0, atol=5 * dt)
+    np.testing.assert_allclose(run.bursts["u_x"], full.bursts["u_x"], rtol=0, atol=1e-9)
+    for name in ("potency", "potency_rate"):
+        np.testing.assert_allclose(run.events[name], full.events[name], rtol=0.01)
+    off = (run.events["F_T_start"] - full.events["F_T_start"]).abs() / scene.F_N
+    assert off.max() < 1e-4
+
+
 def test_a_run_that_goes_on_is_the_whole_run():
     """From the record of a run that ended in a rupture or between two."""
     whole = cycles(0)

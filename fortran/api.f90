@@ -207,17 +207,20 @@ subroutine curve_point(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t
 end subroutine curve_point
 
 !> Slip without inertia under rate-and-state friction.
-subroutine slow_slip(nx, n_counts, n_numbers, n_points, counts, numbers, closed, load, load_u, p, p_u, limits, max_steps, times, &
-                     h, q, v, points, made, t_end, status)
+subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, counts, numbers, closed, load, load_u, p, p_u, limits, &
+                     max_steps, times, threshold, h, q, v, points, fast, passed_i, passed_r, sums, made, t_end, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: model_t, new_model
-  use pyfric_slow_slip, only: condensed_t, limits_t, phase_t, work_t, new_condensed, new_work, advance_phase, velocities
+  use pyfric_slow_slip, only: condensed_t, limits_t, phase_t, passages_t, work_t, new_condensed, new_work, advance_phase, &
+                              velocities
   implicit none
   !f2py threadsafe
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
   integer(c_int), intent(in) :: n_counts                     !! length of counts
   integer(c_int), intent(in) :: n_numbers                    !! length of numbers
   integer(c_int), intent(in) :: n_points                     !! points of the loading curve
+  integer(c_int), intent(in) :: n_passages                   !! room for passages, at least nx
+  integer(c_int), intent(in) :: n_sums                       !! room for sums of velocities
   integer(c_int), intent(in) :: counts(n_counts)             !! the scene, see pyfric_model
   real(c_double), intent(in) :: numbers(n_numbers)           !! the scene, see pyfric_model [SI]
   integer(c_int), intent(in) :: closed(nx)                   !! 1: in contact
@@ -228,16 +231,22 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, counts, numbers, closed,
   real(c_double), intent(in) :: limits(7)                    !! see `limits_t` of pyfric_slow_slip
   integer(c_int), intent(in) :: max_steps                    !! most steps
   real(c_double), intent(in) :: times(n_points)              !! of the points, ascending, since the beginning [s]
+  real(c_double), intent(in) :: threshold                    !! of passages, 0: none is looked for [m/s]
   real(c_double), intent(inout) :: h(1)                      !! next step [s]
   real(c_double), intent(inout) :: q(nx, 2)                  !! u [m], ln theta; then those at t_end
   real(c_double), intent(out) :: v(nx)                       !! velocities at t_end [m/s]
   real(c_double), intent(inout) :: points(nx, 3, n_points)   !! u [m], ln theta, velocities [m/s]
-  integer(c_int), intent(out) :: made(2)                     !! steps made, points filled
+  integer(c_int), intent(in) :: fast(nx)                     !! see `passages_t` of pyfric_slow_slip
+  integer(c_int), intent(inout) :: passed_i(2, n_passages)   !! `of` there
+  real(c_double), intent(inout) :: passed_r(nx + 2, n_passages)  !! `at` there
+  real(c_double), intent(inout) :: sums(2, n_sums)           !! alike
+  integer(c_int), intent(out) :: made(3)                     !! steps made, points filled, passages found
   real(c_double), intent(out) :: t_end                       !! last time on the grid [s]
   integer(c_int), intent(out) :: status                      !! why it ended, see pyfric_slow_slip; -1 without memory
   type(model_t) :: model
   type(condensed_t) :: s
   type(phase_t) :: phase
+  type(passages_t) :: passages
   type(work_t) :: w
   integer :: i
 
@@ -253,12 +262,20 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, counts, numbers, closed,
   phase%h = h(1)
   phase%q = q
   phase%grid = q
+  passages%threshold = threshold
+  passages%fast = fast
+  passages%of = passed_i
+  passages%at = passed_r
+  passages%sums = sums
   call advance_phase(s, limits_t(limits(1), limits(2), limits(3), limits(4:5), limits(6), limits(7), max_steps), n_points, times, &
-                     w, phase, points(:, :2, :), status)
+                     w, phase, points(:, :2, :), passages, status)
   h = phase%h
   q = phase%grid
   t_end = phase%t_grid
-  made = [phase%steps, phase%n_points]
+  made = [phase%steps, phase%n_points, passages%n]
+  passed_i = passages%of
+  passed_r = passages%at
+  sums = passages%sums
   call velocities(s, t_end, q, w, v)
   do i = 1, phase%n_points
     call velocities(s, times(i), points(:, :2, i), w, points(:, 3, i))

@@ -15,7 +15,7 @@ module pyfric_slow_slip
   use pyfric_dense, only: decompose, solve, applied
   implicit none (type, external)
   private
-  public :: condensed_t, limits_t, phase_t, work_t, new_condensed, new_work, advance_phase, velocities
+  public :: condensed_t, limits_t, phase_t, passages_t, work_t, new_condensed, new_work, advance_phase, velocities
   public :: GOES_ON, FINISHED, FAST, ABRUPT
 
   !> Why steps ended: their number, the end of the phase, a limit was reached, the error of a shortest step is too large.
@@ -60,15 +60,16 @@ module pyfric_slow_slip
                          11.419903575922262_dp, 2.8879645146136994_dp, 72.92137995996029_dp, 80.12511834622643_dp, &
                          -52.072871366152654_dp, -59.78993625266729_dp, -0.15582684282751913_dp, 4.883087185713722_dp], [STAGES, 3])
 
-  !> Step control: safety, least and largest change of the step; halvings that locate a limit.
+  !> Step control: safety, least and largest change of the step; halvings that locate a limit; most steps to a passage.
   real(dp), parameter :: SAFE = 0.9_dp, SHORTER = 0.2_dp, LONGER = 6.0_dp
-  integer, parameter :: HALVINGS = 40
+  integer, parameter :: HALVINGS = 40, MOST = 100
 
   type :: condensed_t
     logical :: complete = .false.         !! there was enough memory
     integer :: nx
     type(law_t) :: law
     logical, allocatable :: closed(:)     !! in contact
+    real(dp), allocatable :: unit(:)      !! ln(D_c/V*): the error of y is one beside y without it, in whatever units
     real(dp), allocatable :: load(:, :)   !! on each block along +x: value, rate, its rate [N, N/s, N/s2]
     real(dp), allocatable :: load_u(:, :) !! by the displacements [N/m]
     real(dp), allocatable :: p(:, :)      !! normal force, alike
@@ -94,6 +95,16 @@ module pyfric_slow_slip
     real(dp), allocatable :: q(:, :)     !! u [m] and ln(theta)
     real(dp), allocatable :: grid(:, :)  !! the same on the grid
   end type phase_t
+
+  !> Passages of blocks through a threshold of speed.
+  type :: passages_t
+    real(dp) :: threshold                !! [m/s]
+    integer :: n = 0                     !! passages found
+    integer(ip), allocatable :: fast(:)  !! 1 or -1 for blocks that are fast to the right or left, 0 for others
+    integer(ip), allocatable :: of(:, :) !! block from 0 and what it then is in `fast`, of each passage
+    real(dp), allocatable :: at(:, :)    !! time since the beginning [s], p of the block [N], and u of all [m]
+    real(dp), allocatable :: sums(:, :)  !! ends of the first steps: time [s], |sum of v| [m/s]
+  end type passages_t
 
   type :: slopes_t
     real(dp), allocatable :: by_load(:)  !! of v, see `balanced_speeds`
@@ -200,10 +211,12 @@ contains
 
     s%nx = nx
     s%law = law
-    allocate (s%closed(nx), s%load(nx, 3), s%load_u(nx, nx), s%p(nx, 3), s%p_u(nx, nx), stat=failed)
+    allocate (s%closed(nx), s%unit(nx), s%load(nx, 3), s%load_u(nx, nx), s%p(nx, 3), s%p_u(nx, nx), stat=failed)
     s%complete = failed == 0
     if (.not. s%complete) return
     s%closed(:) = closed
+    s%unit(:) = law%rate_state%d_c/law%rate_state%v_ref
+    call logarithms(nx, s%unit)
     s%load(:, :) = load
     s%load_u(:, :) = load_u
     s%p(:, :) = p
@@ -292,7 +305,7 @@ contains
         w%poly(:, :, j) = w%poly(:, :, j) + INSIDE(i, j)*w%k(:, :, i)
       end do
     end do
-    error = over_allowed(s%nx, limits, q, w%q_new, w%k(:, :, STAGES))
+    error = over_allowed(s, limits, q, w%q_new, w%k(:, :, STAGES))
   end subroutine step
 
   !> The state at a stage, from the one before and the increments of earlier stages.
@@ -315,22 +328,24 @@ contains
   end subroutine stage_state
 
   !> Root mean square of errors over the allowed ones.
-  pure function over_allowed(nx, limits, q, q_new, errors) result(error)
-    integer, intent(in) :: nx
+  pure function over_allowed(s, limits, q, q_new, errors) result(error)
+    type(condensed_t), intent(in) :: s
     type(limits_t), intent(in) :: limits
-    real(dp), intent(in) :: q(nx, 2)
-    real(dp), intent(in) :: q_new(nx, 2)
-    real(dp), intent(in) :: errors(nx, 2)
-    real(dp) :: error
+    real(dp), intent(in) :: q(s%nx, 2)
+    real(dp), intent(in) :: q_new(s%nx, 2)
+    real(dp), intent(in) :: errors(s%nx, 2)
+    real(dp) :: error, extent(s%nx, 2)
     integer :: i, j
 
+    extent(:, U) = max(abs(q(:, U)), abs(q_new(:, U)))
+    extent(:, Y) = max(abs(q(:, Y) - s%unit), abs(q_new(:, Y) - s%unit))
     error = 0.0_dp
     do j = 1, 2
-      do i = 1, nx
-        error = error + (errors(i, j)/(limits%absolute(j) + limits%relative*max(abs(q(i, j)), abs(q_new(i, j)))))**2
+      do i = 1, s%nx
+        error = error + (errors(i, j)/(limits%absolute(j) + limits%relative*extent(i, j)))**2
       end do
     end do
-    error = sqrt(error/(2*nx))
+    error = sqrt(error/(2*s%nx))
   end function over_allowed
 
   !> The state at a share of a step.
@@ -359,8 +374,8 @@ contains
     next = h*min(max(SAFE*change(1), SHORTER), LONGER)
   end function next_length
 
-  !> Makes steps until a limit is reached, and fills points.
-  pure subroutine advance_phase(s, limits, n_points, times, w, phase, points, status)
+  !> Makes steps until a limit is reached or passages have no more room, and fills points and passages.
+  pure subroutine advance_phase(s, limits, n_points, times, w, phase, points, passages, status)
     type(condensed_t), intent(in) :: s
     type(limits_t), intent(in) :: limits
     integer, intent(in) :: n_points                       !! of the curve
@@ -368,6 +383,7 @@ contains
     type(work_t), intent(inout) :: w
     type(phase_t), intent(inout) :: phase
     real(dp), intent(inout) :: points(s%nx, 2, n_points)  !! u [m], y
+    type(passages_t), intent(inout) :: passages
     integer(ip), intent(out) :: status
     real(dp) :: h, planned, error, share
     logical :: within
@@ -375,7 +391,7 @@ contains
     status = FAST
     call look(s, limits, phase%t, phase%q, w%others, within)
     if (.not. within) return
-    do while (phase%steps < limits%steps)
+    do while (phase%steps < limits%steps .and. passages%n + s%nx <= size(passages%of, 2))
       planned = phase%h
       h = min(planned, limits%end - phase%t)
       call step(s, limits, phase%t, h, phase%q, w, error)
@@ -394,6 +410,7 @@ contains
         status = FAST
         call share_within(s, limits, phase%t, h, phase%q, w, share)
       end if
+      if (passages%threshold > 0.0_dp) call find_passages(s, phase, h, share, w, passages)
       call take(s%nx, limits, h, share, w%q_new, w%poly, status == FINISHED, phase, n_points, times, points)
       if (status /= GOES_ON) return
     end do
@@ -422,6 +439,89 @@ contains
       high = merge(high, middle, within)
     end do
   end subroutine share_within
+
+  !> Finds the passages in a share of a step.
+  pure subroutine find_passages(s, phase, h, share, w, passages)
+    type(condensed_t), intent(in) :: s
+    type(phase_t), intent(in) :: phase         !! at the beginning of the step
+    real(dp), intent(in) :: h                  !! [s]
+    real(dp), intent(in) :: share
+    type(work_t), intent(inout) :: w
+    type(passages_t), intent(inout) :: passages
+    real(dp) :: q(s%nx, 2), v(s%nx, 2), at, total
+    integer(ip) :: now
+    integer :: i
+
+    call velocities(s, phase%t, phase%q, w, v(:, 1))
+    q = inside_step(s%nx, share, phase%q, w%q_new, w%poly)
+    call velocities(s, phase%t + share*h, q, w, v(:, 2))
+    total = 0.0_dp
+    do i = 1, s%nx
+      total = total + v(i, 2)
+      now = 0
+      if (abs(v(i, 2)) > passages%threshold) now = merge(1_ip, -1_ip, v(i, 2) > 0.0_dp)
+      if (now == passages%fast(i)) cycle
+      at = 0.0_dp
+      if ((abs(v(i, 1)) > passages%threshold) .neqv. now /= 0) then
+        call pass(s, phase, h, share, i, passages%threshold, [abs(v(i, 1)), abs(v(i, 2))], w, at)
+      end if
+      q = inside_step(s%nx, at, phase%q, w%q_new, w%poly)
+      passages%n = passages%n + 1
+      passages%fast(i) = now
+      passages%of(:, passages%n) = [int(i - 1, ip), now]
+      passages%at(1, passages%n) = phase%t + at*h
+      passages%at(2, passages%n) = normal_force(s, phase%t + at*h, q, i)
+      passages%at(3:, passages%n) = q(:, U)
+    end do
+    if (phase%steps <= size(passages%sums, 2)) passages%sums(:, phase%steps) = [phase%t + share*h, abs(total)]
+  end subroutine find_passages
+
+  !> The share of a step at which a block has this speed: regula falsi, with the end that stays weighted less each time.
+  pure subroutine pass(s, phase, h, share, i, threshold, speeds, w, at)
+    type(condensed_t), intent(in) :: s
+    type(phase_t), intent(in) :: phase         !! at the beginning of the step
+    real(dp), intent(in) :: h                  !! [s]
+    real(dp), intent(in) :: share
+    integer, intent(in) :: i                   !! block
+    real(dp), intent(in) :: threshold          !! [m/s]
+    real(dp), intent(in) :: speeds(2)          !! at the beginning and at the share [m/s]
+    type(work_t), intent(inout) :: w
+    real(dp), intent(out) :: at
+    real(dp) :: ends(2), above(2), found, v(s%nx)
+    integer :: n
+
+    ends = [0.0_dp, share]
+    above = speeds - threshold
+    do n = 1, MOST
+      at = ends(2) - above(2)*(ends(2) - ends(1))/(above(2) - above(1))
+      call velocities(s, phase%t + at*h, inside_step(s%nx, at, phase%q, w%q_new, w%poly), w, v)
+      found = abs(v(i)) - threshold
+      if (abs(found) <= 4*epsilon(found)*threshold .or. abs(ends(2) - ends(1)) <= 4*epsilon(at)*share) return
+      if ((found > 0.0_dp) .neqv. above(2) > 0.0_dp) then
+        ends(1) = ends(2)
+        above(1) = above(2)
+      else
+        above(1) = 0.5_dp*above(1)
+      end if
+      ends(2) = at
+      above(2) = found
+    end do
+  end subroutine pass
+
+  !> Normal force of a block [N].
+  pure function normal_force(s, t, q, i) result(p)
+    type(condensed_t), intent(in) :: s
+    real(dp), intent(in) :: t                 !! [s]
+    real(dp), intent(in) :: q(s%nx, 2)        !! u [m], y
+    integer, intent(in) :: i
+    real(dp) :: p
+    integer :: j
+
+    p = s%p(i, 1) + t*(s%p(i, 2) + 0.5_dp*t*s%p(i, 3))
+    do j = 1, s%nx
+      p = p + s%p_u(i, j)*q(j, U)
+    end do
+  end function normal_force
 
   !> Takes over a share of a step: points up to there, the last time on the grid, and the state.
   pure subroutine take(nx, limits, h, share, q_new, poly, at_end, phase, n_points, times, points)

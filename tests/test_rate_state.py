@@ -87,7 +87,8 @@ def slow(scene, start, load, *, load_1=0.0, spring=0.0, variant=None, **how):
     n, state = scene.N_x, loaded_state(scene).state(scene, 1e-7)
     none, p = np.zeros(n), np.broadcast_to(20.0, n)
     limits = {"end": 1.0, "dt": 1e-7, "relative": 1e-10, "u": 1e-18, "log_theta": 1e-10}
-    options = {name: how.pop(name) for name in ("times", "h", "closed") if name in how}
+    options = "times", "h", "closed", "threshold", "fast"
+    options = {name: how.pop(name) for name in options if name in how}
     return core.slow_slip(
         core.model(scene, "linear", state.u_drv0),
         (np.column_stack([none + load, none + load_1, none]), -np.diag(none + spring)),
@@ -381,6 +382,63 @@ def test_slow_slip_ends_at_a_limit():
     assert not creep(closed=np.array([True, False, True]))[2].v[1]
 
 
+THRESHOLD = 4e-6  # m/s
+
+
+@pytest.mark.parametrize("evolution", EVOLUTIONS)
+def test_passages_of_slow_slip_are_roots(evolution):
+    """Speeds at their times, as points of a second run with the same steps, are the threshold."""
+    how = {"evolution": evolution, "threshold": THRESHOLD, "steps": 1000}
+    found = creep(**how)[2]
+    times = found.passed_at[:, 0]
+    assert (np.diff(times) >= 0).all()
+    assert {int(i) for i, _ in found.passed} == {0, 1, 2}
+    again = creep(times=times, **how)[2]
+    rows = np.arange(len(times))
+    u, _, v = again.points.swapaxes(0, 1)
+    np.testing.assert_allclose(v[rows, found.passed[:, 0]], THRESHOLD, rtol=1e-12)
+    np.testing.assert_array_equal(found.passed_at[:, 1], 20.0)
+    np.testing.assert_allclose(found.passed_at[:, 2:], u, rtol=1e-12)
+    assert len(found.sums) == found.steps
+    assert found.sums[-1].tolist() == [1.0, pytest.approx(found.v.sum(), rel=1e-12)]
+    for i, v_end in enumerate(found.v):
+        new = found.passed[found.passed[:, 0] == i, 1]
+        assert (np.diff([0, *new]) != 0).all()
+        assert new[-1] == (v_end > THRESHOLD)
+    known = np.ones(3, dtype=np.int32)
+    assert creep(fast=known, **how)[2].passed[0, 1] == 0
+    plain = creep(evolution=evolution)[2]
+    assert not len(plain.passed)
+    np.testing.assert_array_equal(plain.u, found.u)
+
+
+def test_slow_slip_ends_where_passages_have_no_more_room():
+    """Oscillations about steady slip on springs a little stiffer than p (b - a)/D_c."""
+    scene, V = row(3, D_c=1e-6), 2e-6
+    law = scene.interface.law
+    spring = 1.05 * 20.0 * (law.b - law.a) / law.D_c
+    load = 20.0 * (law.f_star + (law.a - law.b) * np.log(V / law.V_star))
+    how = {"load_1": spring * V, "spring": spring, "end": 60.0, "threshold": V, "steps": 10**4}
+    found = slow(scene, np.log(law.D_c / V) + 0.01, load, **how, relative=1e-6)
+    assert found.goes_on
+    assert 0 < found.t < 60.0
+    assert 4 * 3 - 3 < len(found.passed) <= 4 * 3
+
+
+def test_slow_slip_has_the_same_steps_in_other_units():
+    """Numbers of 1 m and 1 s are 2^10 and 2^20. Of ln theta other digits are rounded."""
+    found = []
+    for m, s in ((1.0, 1.0), (2.0**10, 2.0**20)):
+        scene = row(3, D_c=1e-6 * m, V_star=1e-6 * m / s, v_slip=1e-2 * m / s)
+        load = 20.0 * float(coefficient(scene.law.kind, 2e-6 * m / s, 0.5 * s))
+        how = {"load_1": 6.0 / s, "spring": 6e5 / m, "end": s, "dt": 1e-7 * s, "u": 1e-13 * m}
+        how |= {"relative": 1e-5, "log_theta": 1e-7, "threshold": THRESHOLD * m / s, "steps": 1000}
+        run = slow(scene, np.log(0.5 * s), load, **how)
+        found.append((run.u / m, run.passed_at[:, 0] / s, run.sums[:, 0] / s))
+    for known, other in zip(*found, strict=True):
+        np.testing.assert_allclose(other, known, rtol=1e-6)
+
+
 def block_of(columns, rows, a, blocks_in_L_b):
     """Return a slider whose p is 10 N on each block, and its condensed elasticity in N/m."""
     k, p, l = 13.5e6, 10.0, 1e-3
@@ -485,6 +543,28 @@ def test_moving_the_hand_over_changes_events_within_the_accuracy(evolution):
     assert spared[0] > spared[1] > spared[2] > 0
 
 
+@pytest.mark.parametrize("threshold", [2e-5, 1e-4])
+def test_events_by_slip_rate_are_those_of_full_dynamics(threshold):
+    """Most passages lie within slow slip, where events begin and end."""
+    scene, found = cycles(0).scene, []
+    for how in ({"fidelity": "dynamic"}, {"fidelity": "hybrid", "accuracy": 1e-4}):
+        how |= {"threshold": threshold, "sample": 1e-4, "progress": False}
+        found.append(pyfric.simulate(scene, 9e-3, **how))
+    full, run = found
+    for name in ("block", "old", "new", "corner"):
+        np.testing.assert_array_equal(run.crossings[name], full.crossings[name])
+    np.testing.assert_array_equal(run.bursts["kind"], full.bursts["kind"])
+    dt = run.method.dt
+    steps = np.abs(run.crossings["step"] - np.ceil(run.crossings["t"] / dt))
+    assert steps.max() <= 1
+    np.testing.assert_allclose(run.crossings["t"], full.crossings["t"], rtol=0, atol=5 * dt)
+    np.testing.assert_allclose(run.bursts["u_x"], full.bursts["u_x"], rtol=0, atol=1e-9)
+    for name in ("potency", "potency_rate"):
+        np.testing.assert_allclose(run.events[name], full.events[name], rtol=0.01)
+    off = (run.events["F_T_start"] - full.events["F_T_start"]).abs() / scene.F_N
+    assert off.max() < 1e-4
+
+
 def test_a_run_that_goes_on_is_the_whole_run():
     """From the record of a run that ended in a rupture or between two."""
     whole = cycles(0)
@@ -519,7 +599,7 @@ def test_a_weakening_patch_between_strengthening_ends():
     def run(V, **how):
         law = rated(D_c=1e-7, v_0=V, a=a, v_slip=0.02)
         scene = chain(L=0.075, V=V, K=2e6, k=2e7, p=20.0, tau=0.0, interface=law)
-        how |= {"sample": 1e-7 / V, "progress": False}
+        how = {"sample": 1e-7 / V, "progress": False} | how
         return pyfric.simulate(scene, 2.5e-4 / V, **how)
 
     V = 4e-3
@@ -534,7 +614,7 @@ def test_a_weakening_patch_between_strengthening_ends():
     ]
     assert off[0] < 1e-4 < off[1] < 5e-3
     assert coarse.counts["steps"] < fine.counts["steps"] < 0.7 * full.counts["steps"]
-    slow = run(V / 100, fidelity="hybrid", accuracy=1e-5)
+    slow = run(V / 100, fidelity="hybrid", accuracy=1e-5, sample=1e-6 / V)
     for record, times in ((full, 2.5), (slow, 20.0)):
         fastest = np.abs(record.motion["v_x"]).max(axis=0) / record.scene.driver.V
         assert fastest[10:20].max() > times > 2.0 > fastest[-5:].max()

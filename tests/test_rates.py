@@ -173,6 +173,8 @@ def test_slow_events_are_found_as_roots_of_slip_without_inertia(rated):
     assert not any(SAMPLED in note for note in rated.notes)
     known = rated.crossings
     assert (np.diff(known["step"]) >= 0).all()
+    sums, seen = (bursts["sum_v"][1::2] for bursts in (rated.bursts, other.bursts))
+    np.testing.assert_allclose(sums, seen, rtol=0.05)
     slow = rated.events.loc[rated.events["n_blocks"].idxmax()]
     fast = rated.with_events()
     assert slow["t_start"] < fast.events["t_start"].iloc[-1]  # before blocks reach v_slip

@@ -206,6 +206,12 @@ class SlowSlip(NamedTuple):
         h: length of the next step, in s.
         steps: number of steps made.
         goes_on: whether neither a limit nor an error ended it.
+        passed: block and what it then is, as in `fast` of `slow_slip`, of each passage through the
+            threshold, shape (m, 2), in order of time; some may be after t.
+        passed_at: time since the beginning, in s, normal force of the block, in N, and
+            displacements of all, in m, of each, shape (m, N_x + 2).
+        sums: time in s and |sum of velocities| in m/s at the ends of steps, shape (steps, 2); none
+            without a threshold.
     """
 
     t: float
@@ -216,6 +222,9 @@ class SlowSlip(NamedTuple):
     h: float
     steps: int
     goes_on: bool
+    passed: np.ndarray
+    passed_at: np.ndarray
+    sums: np.ndarray
 
 
 class SlowLimits(NamedTuple):
@@ -229,7 +238,7 @@ class SlowLimits(NamedTuple):
         log_theta: error of ln theta in addition.
         inertia: largest sum of accelerations over the interface, in m/s^2.
         speed: speed that no block may reach, in m/s.
-        steps: most steps.
+        steps: most steps; with a threshold there is room for all of them.
     """
 
     end: float
@@ -252,6 +261,8 @@ def slow_slip(
     closed: np.ndarray | None = None,
     times: np.ndarray | None = None,
     h: float = 0.0,
+    threshold: float = 0.0,
+    fast: np.ndarray | None = None,
     variant: str = VARIANT,
 ) -> SlowSlip:
     """Slip without inertia under rate-and-state friction (pyfric_slow_slip in Fortran).
@@ -266,6 +277,10 @@ def slow_slip(
         closed: blocks in contact, shape (N_x,), bool; None means all.
         times: times of points, ascending, in s.
         h: length of the first step, in s; 0 means dt.
+        threshold: speed above which a block is fast, in m/s; 0: no passages are looked for. Slip
+            ends early, and may go on, where they have no more room.
+        fast: +1 or -1 for blocks that are fast to the right or left at the beginning, 0 for others,
+            shape (N_x,), int32; None means 0.
         variant: build to use; results do not depend on it.
 
     Raises:
@@ -281,6 +296,9 @@ def slow_slip(
     contact = np.ones(N_x) if closed is None else closed
     q = np.array([np.zeros(N_x), log_theta])
     points, step = np.zeros((max(len(times), 1), 3, N_x)), np.array([h or limits.dt])
+    passed_i = np.zeros((4 * N_x, 2), dtype=np.int32)
+    passed_r = np.zeros((4 * N_x, N_x + 2))
+    sums = np.zeros((limits.steps if threshold else 1, 2))
     v, made, t, status = load_variant(variant).slow_slip(
         *model,
         contact.astype(np.int32),
@@ -288,14 +306,22 @@ def slow_slip(
         np.array(limits[:-1]),
         limits.steps,
         times if len(times) else np.array([np.inf]),
+        threshold,
         step,
         q.T,
         points.T,
+        np.zeros(N_x, dtype=np.int32) if fast is None else fast,
+        passed_i.T,
+        passed_r.T,
+        sums.T,
     )
     if status < 0:
         raise MemoryError(f"the core has no memory for {N_x} blocks")
-    steps, n = made.tolist()
-    return SlowSlip(t, *q, v, points[:n], float(step[0]), steps, status <= SLIP_FINISHED)
+    steps, n, m = made.tolist()
+    order = np.lexsort((passed_i[:m, 0], passed_r[:m, 0]))
+    found = passed_i[order], passed_r[order], sums[: steps if threshold else 0]
+    goes_on = status <= SLIP_FINISHED
+    return SlowSlip(t, *q, v, points[:n], float(step[0]), steps, goes_on, *found)
 
 
 def bond_forces(scene: Scene, geometry: Geometry) -> Callable[[np.ndarray], np.ndarray]:

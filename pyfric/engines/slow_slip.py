@@ -41,8 +41,8 @@ SLOW_STEPS, SLOW_POINTS, SLOW_WORK = 1000, 1000, 4e8
 """Most slow steps, points of the curve, and steps times N_x^3 between two looks at Ctrl-C."""
 OF_STEP = 0.01
 """Error of a slow step over the accuracy, as some hundred steps lead to an event."""
-MOVED = 1e-9
-"""Displacement of the interface over which velocities of the slider are differences, in m."""
+MOVED = 5e-3
+"""Displacement over which velocities of the slider are differences, over D_c (rounding)."""
 
 
 class Interface(NamedTuple):
@@ -92,6 +92,11 @@ def interface_at(
         ),
         (np.array([at.F_T, *rate[rows.F_T]]), held[rows.F_T]),
     )
+
+
+def is_bursting(fast: np.ndarray) -> bool:
+    """Return whether a block is fast that became so with contact; see `core.Log`."""
+    return bool(((fast[0] != 0) & (fast[1] == 0)).any())
 
 
 class RateHybridRun(Run):
@@ -163,11 +168,15 @@ class RateHybridRun(Run):
             closed=closed,
             times=points * state.dt,
             h=state.sub,
+            threshold=self.method.threshold or 0.0,
+            fast=self.log.fast[0],
         )
         self.made["slow_steps"] += found.steps
         self._sample_slip(interface, points, found.points)
         n = round(found.t / state.dt)
         if n:
+            if self.method.threshold:
+                self._log_passages(interface, found, n)
             self._put(found, closed, n)
             state.sub = found.h
         if text and n == n_max:
@@ -201,6 +210,40 @@ class RateHybridRun(Run):
             u_x = state.y[0, 0] + moved
             self.add_motion({"theta": np.exp(log_theta), "u_x": u_x, "v_x": v, "f": -load})
 
+    def _log_passages(self, interface: Interface, found: core.SlowSlip, n: int) -> None:
+        """Log passages through the threshold in the first n steps of a phase, and fast slip."""
+        state, N_x = self.state, self.scene.N_x
+        fast, peak, last = self.log.fast, self.log.speeds[-1], 0.0
+        count = int(np.searchsorted(found.passed_at[:, 0], n * state.dt, side="right"))
+        log = core.Log(N_x, max(count, 1), max(count, 1), 0, self.method.threshold)
+
+        def largest(begin: float, end: float) -> float:
+            t, sums = found.sums.T
+            return float(sums[(begin <= t) & (t <= end)].max(initial=0.0))
+
+        bursting = is_bursting(fast)
+        for (i, new), (s, p, *moved) in zip(found.passed[:count], found.passed_at, strict=False):
+            u_x, old = state.y[0, 0] + moved, fast[0, i]
+            step, t, fast[0, i] = state.step + math.ceil(s / state.dt), state.t + s, new
+            if old == 0:
+                fast[1, i] = p < core.CORNER_SHARE * self.scene.F_N / N_x
+            log.crossing_i[:, log.n_crossing] = i, old, new, fast[1, i]
+            log.crossing_r[:, log.n_crossing] = step, t, u_x[i], p
+            log.n_crossing += 1
+            if bursting:
+                peak, last = max(peak, largest(last, s)), s
+            if is_bursting(fast) != bursting:
+                bursting, last = not bursting, s
+                F_T = interface.at(s, np.array(moved))[2]
+                row = log.burst_r[:, log.n_burst]
+                row[:3], row[-1] = (step, t, F_T), 0.0 if bursting else peak
+                row[2 + core.POINT : -1] = u_x
+                log.burst_i[:, log.n_burst] = 1 if bursting else -1, *state.mode
+                log.n_burst, peak = log.n_burst + 1, 0.0
+        self.log.speeds[N_x] = max(peak, largest(last, n * state.dt)) if bursting else peak
+        if count:
+            self._add_logs({"crossings": log.crossings(), "bursts": log.bursts()})
+
     def _put(self, found: core.SlowSlip, closed: np.ndarray, n: int) -> None:
         """Set the state to that after n steps of a phase."""
         state, scene, v = self.state, self.scene, found.v
@@ -208,7 +251,8 @@ class RateHybridRun(Run):
         state.theta[:] = np.exp(found.log_theta)
         state.step += n
         t, fastest = just_after(state), float(np.abs(v).max())
-        tau = MOVED / max(fastest, scene.driver.fastest, MOVED)
+        fastest = max(fastest, scene.driver.fastest)
+        tau = MOVED * float(np.min(scene.law.D_c)) / fastest if fastest else state.dt
         now = self._at(u_x, t, ~closed, 0.0, v)
         ahead = self._at(u_x, t, ~closed, tau, v)
         state.y[:, :2], state.rod[:3] = now
@@ -218,6 +262,7 @@ class RateHybridRun(Run):
             state.y[-1, 2], state.y[-1, 3] = X, Z + phi * scene.x
         state.y[0, 0, closed], state.y[0, 2, closed] = u_x[closed], v[closed]
         state.margin[:] = scene.law.kind.v_slip - np.abs(v)
+        self.log.speeds[: scene.N_x] = v
         self.good = None
         self.made["jumps"] += 1
         self.made["steps_spared"] += n

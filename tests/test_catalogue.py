@@ -29,12 +29,13 @@ def make_scene(N_x=8, d=1, j_h=2, l=2.5e-3):
         N_z=2,
         top=None,  # no prescribed load
         d=d,
+        ahead=d,
         j_h=j_h,
         m=4e-5,
         law=Law(0.7, 0.45),
         n_of_i=i + 1 if d == 1 else N_x - i,
         slider=SimpleNamespace(l=l, k=1.35e7),
-        driver=SimpleNamespace(V=1e-3),
+        driver=SimpleNamespace(V=1e-3, side="left" if d == 1 else "right"),
         drive=lambda t: 1e-3 * t,
     )
 

@@ -145,7 +145,7 @@ def _moved_up(scene: Callable[[], Scene], *, t_end: float, damps: bool, finer: i
     missing = [note for note in _run(scene(), t_end, **how).notes if "budget misses" in note]
     if damps and not missing:
         return Observed("silence", "the budget is not noted")
-    error, text = budget_error(full.curve), "; ".join([said, *missing])
+    error, text = budget_error(full.curve), "; ".join([said or "full dynamics", *missing])
     return Observed("switch", text, f"budget error at dt/{finer}", error, BUDGET)
 
 
@@ -304,7 +304,7 @@ REGIMES = tuple(
          _same, {"t_end": 1e-3}),
         ("V too high for jumps", rod, {"V": 1.0},
          "the slider is never at rest: full dynamics, and the notes say so",
-         _moved_up, {"t_end": 3e-3, "damps": False, "finer": 4}),
+         _moved_up, {"t_end": 4e-3, "damps": False, "finer": 4}),
         ("V too high for quasi-static states", rod, {"V": 1.0},
          "a note says that the slider does not come to rest between events",
          _noted, {"note": "does not come to rest", **_ladder}),

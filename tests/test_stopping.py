@@ -100,7 +100,7 @@ def test_events_are_counted_as_by_their_catalogue(engine, goes_on, monkeypatch):
         return found
 
     monkeypatch.setattr(Stopping, "ended", checked)
-    scene, how = small(V=0.2), HOW[engine]
+    scene, how = small(V=0.2), HOW[engine] | {"t_gap": 1e-4}
     before = pyfric.simulate(scene, 1.0, stop_when="arrested", **how) if goes_on else None
     t_end = 0.007 + (before.curve["t"].iloc[-1] if goes_on else 0.0)
     conditions = [f"{name} = {n}" for name in COUNTED for n in (1, 2, 99)]

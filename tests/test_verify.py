@@ -113,13 +113,13 @@ def test_all_that_holds_ends_with_code_0(monkeypatch):
     ],
 )
 def test_other_bits_are_noticed(other, monkeypatch):
-    """The last case differs in one bit of one velocity."""
+    """The last case differs in one bit of one displacement."""
     known = verify.digest("linear", "finite", "step_end", core.VARIANT, 1)
     if other == ("linear", "finite", "step_end"):
         advance = core.advance
 
         def off(model, state, *rest, **options):
-            state.y[3, 2, 5] = math.nextafter(state.y[3, 2, 5], math.inf)
+            state.y[3, 0, 5] = math.nextafter(state.y[3, 0, 5], math.inf)
             return advance(model, state, *rest, **options)
 
         monkeypatch.setattr(core, "advance", off)

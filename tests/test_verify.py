@@ -113,14 +113,15 @@ def test_all_that_holds_ends_with_code_0(monkeypatch):
     ],
 )
 def test_other_bits_are_noticed(other, monkeypatch):
-    """The last case differs in one bit of one displacement."""
+    """The last case ends with another bit in one velocity."""
     known = verify.digest("linear", "finite", "step_end", core.VARIANT, 1)
     if other == ("linear", "finite", "step_end"):
         advance = core.advance
 
         def off(model, state, *rest, **options):
-            state.y[3, 0, 5] = math.nextafter(state.y[3, 0, 5], math.inf)
-            return advance(model, state, *rest, **options)
+            status = advance(model, state, *rest, **options)
+            state.y[3, 2, 5] = math.nextafter(state.y[3, 2, 5], math.inf)
+            return status
 
         monkeypatch.setattr(core, "advance", off)
     assert verify.digest(*other, core.VARIANT, 1)[0] != known[0]

@@ -80,11 +80,10 @@ def integrate(
         initial = initial if before is not None else initial.under(scene)
         initial.check_physics(scene)
     t_begin = 0.0 if initial is None else initial.t
-    # A run to t_end ends with the step that reaches it, and may go on to the same t_end.
-    t_end = check_number(
-        "t_end", t_end, "s", ge=t_begin if before is None else t_begin - initial.dt
-    )
-    t_end = max(t_end, t_begin)
+    t_end = check_number("t_end", t_end, "s", ge=0.0)
+    if before is not None and t_begin - initial.dt < t_end < t_begin:
+        t_end = t_begin  # a run to t_end ends with the step that reaches it
+    t_end = check_number("t_end", t_end, "s", ge=t_begin)
     method = options.settled(scene, kind.engine(), t_begin, t_end)
 
     # One BLAS thread from here on: banded matrices and small products get slower with more.

@@ -27,13 +27,13 @@ if hasattr(signal, "SIGHUP"):
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 LAPACK = (
-    *("banded", "chart", "claims", "coarse", "complementarity", "condensation"),
-    *("constants", "contact", "creep", "crossing", "dashpots", "disorder"),
-    *("equilibrium", "fields", "figures", "finer", "fronts", "guard", "hybrid", "jump", "lattice"),
-    *("fits", "laws", "measured_errors", "methods", "nucleation", "off_box", "operators", "pairs"),
-    *("pauses", "prescribed", "protocol", "quasistatic", "rate_state", "reference", "regimes"),
-    *("relaxation", "resolution", "simulation", "slipping", "spacetime", "stability", "stopping"),
-    *("theory", "weakening", "zones"),
+    *("balance", "banded", "chart", "claims", "coarse", "complementarity", "condensation"),
+    *("constants", "contact", "creep", "crossing", "dashpots", "disorder", "drives"),
+    *("equilibrium", "fields", "figures", "finer", "fits", "fronts", "guard", "heights", "hybrid"),
+    *("jump", "lattice", "laws", "measured_errors", "methods", "nucleation", "off_box"),
+    *("operators", "pairs", "pauses", "prescribed", "protocol", "quasistatic", "rate_state"),
+    *("rates", "reference", "regimes", "relaxation", "resolution", "simulation", "sizes"),
+    *("slipping", "spacetime", "stability", "stopping", "theory", "weakening", "zones"),
 )
 """Files of tests that solve or factorise with LAPACK, and so depend on the kernel of BLAS."""
 PORTABLE = ("complementarity", "condensation", "constants", "crossing", "relaxation")

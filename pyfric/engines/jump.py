@@ -32,7 +32,6 @@ control of the defect.
 from __future__ import annotations
 
 import math
-import operator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -466,8 +465,8 @@ class Jump:
         if np.abs(left).sum() > CORRECTED * self.accuracy:  # contact forces change by no more
             first = space.answer(left)
             shift, after, change = space.refined(first, left, stiffer)
-            energies = (x @ space.elastic(x, space.K @ x) for x in (change, first))
-            contraction = math.sqrt(operator.truediv(*energies))
+            changed, whole = (x @ space.elastic(x, space.K @ x) for x in (change, first))
+            contraction = math.sqrt(changed / whole)
             q, v = q + shift, v + 2 / s * shift
         gaps = self.gap_functions.whole(q, forces[space.held] + after, v)
         return q, v, gaps, shift, contraction

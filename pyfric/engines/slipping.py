@@ -108,9 +108,7 @@ class SlipSpace(Space):
 
     def _friction(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return mu' p and sigma mu k_f at q, both of shape (n,), in N/m."""
-        slips = self.slips
-        mu, slope = (np.broadcast_to(a, len(self.stuck))[slips]
-                     for a in self.weakening.friction(q[: len(self.stuck)]))  # fmt: skip
+        mu, slope = (part[self.slips] for part in self.weakening.friction(q[: len(self.stuck)]))
         return -slope * self.k_f * (q[self.lifted] + self.gap), self.way * mu * self.k_f
 
     def frictional(self, w: np.ndarray) -> np.ndarray:
@@ -141,8 +139,8 @@ class SlipSpace(Space):
         """Return second derivatives of resisting forces along q + s rate at s = 0, shape (n_q,)."""
         found = super().bends(q, rate)
         _, slope = self.weakening.friction(q[: len(self.stuck)])
-        slope = np.broadcast_to(slope, len(self.stuck))[self.slips]
-        found[self.slips] -= 2 * slope * self.k_f * rate[self.slips] * rate[self.lifted]
+        along, across = rate[self.slips], rate[self.lifted]
+        found[self.slips] -= 2 * slope[self.slips] * self.k_f * along * across
         return found
 
     def elastic(self, w: np.ndarray, force: np.ndarray) -> np.ndarray:
@@ -155,11 +153,6 @@ class SlipSpace(Space):
     def linear(self) -> bool:
         """False: friction is a product of slip and load."""
         return False
-
-    @property
-    def tangent(self) -> Tangent:
-        """The tangent at this state, except for changes of bond stiffness in finite geometry."""
-        return Tangent(self.K, self.C)
 
     def tangent_at(self, q: np.ndarray) -> Tangent:
         """Return the tangent at coordinates q (m), shape (n_q,), at which it was linearised."""
@@ -176,12 +169,9 @@ class SlipSpace(Space):
 
     def restoring(self, x: np.ndarray, stiffer: Stiffer | None) -> np.ndarray:
         """Return K x, shape (n_q,), with changes of the tangent included."""
-        force = self.K @ x
-        if stiffer is None:
-            return force
-        if stiffer.bonds is not None:
-            force += self.solver.stiffened(x, stiffer.bonds)
-        force[self.slips] += stiffer.weakens * x[self.slips] - stiffer.rubs * x[self.lifted]
+        force = super().restoring(x, None if stiffer is None else stiffer.bonds)
+        if stiffer is not None:
+            force[self.slips] += stiffer.weakens * x[self.slips] - stiffer.rubs * x[self.lifted]
         return force
 
 
@@ -196,8 +186,8 @@ class SlipGaps(GapFunctions):
 
     def __init__(self, space: SlipSpace) -> None:
         super().__init__(space)
-        slider, scene = space.solver.scene.slider, space.solver.scene
-        self._pace, self._near = math.sqrt(slider.k * scene.m), slider.k
+        k, m = space.solver.scene.slider.k, space.solver.scene.m
+        self._pace, self._near = math.sqrt(k * m), k
         self._end = space.weakening.knot()[space.slips]
         self._ends = np.flatnonzero(np.isfinite(self._end))
 
@@ -220,7 +210,11 @@ class SlipGaps(GapFunctions):
 
     @functools.cached_property
     def bound(self) -> np.ndarray:
-        """Largest change of each gap function by a truncated part of 1 J, shape (n_c,), in N."""
+        """Largest change of each gap function by a truncated part of 1 J, shape (n_c,), in N.
+
+        That of slip up to a knot is an estimate, from the bonds of one block: a knot that is passed
+        a little late changes friction to second order only.
+        """
         space, slips = self.space, self.space.slips
         paces = self._pace**2 / space.M[slips]
         slipped = np.full(len(self._ends), self._near)

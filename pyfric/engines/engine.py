@@ -147,7 +147,7 @@ class Engine:
         how = {"initial": initial, "progress": progress, "enough": enough}
         record = self.follow(scene, t_end, options, **how)
         new = [note for note in pause_notes(record) if note not in record.notes]
-        return dataclasses.replace(record, notes=(*record.notes, *new)) if new else record
+        return record.replace(notes=(*record.notes, *new)) if new else record
 
 
 ENGINES: dict[str, Engine] = {}

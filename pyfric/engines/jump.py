@@ -465,8 +465,8 @@ class Jump:
         if np.abs(left).sum() > CORRECTED * self.accuracy:  # contact forces change by no more
             first = space.answer(left)
             shift, after, change = space.refined(first, left, stiffer)
-            changed, whole = (x @ space.elastic(x, space.K @ x) for x in (change, first))
-            contraction = math.sqrt(changed / whole)
+            changed = change @ space.elastic(change, space.K @ change)
+            contraction = math.sqrt(changed / (first @ space.elastic(first, left)))
             q, v = q + shift, v + 2 / s * shift
         gaps = self.gap_functions.whole(q, forces[space.held] + after, v)
         return q, v, gaps, shift, contraction

@@ -18,7 +18,6 @@ Source: PRL 107, 074301 (2011), for the model, and for arrest lengths with mu_s 
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import itertools
 import math
@@ -407,7 +406,7 @@ def static_sequence(
 
         done = run.advance(t_end, ends, show)
         record = run.record(run.ending or "complete" if done else "interrupted")
-    return dataclasses.replace(record, notes=(*kept_notes(initial), *record.notes))
+    return record.replace(notes=(*kept_notes(initial), *record.notes))
 
 
 QUASISTATIC = Engine(

@@ -79,9 +79,10 @@ class Ringing:
             which: indices of the modes that count, shape (m,).
         """
         shapes = np.zeros((len(which), self.modes.space.n_q), dtype=complex)
-        plain = which[~self._corrected[which]]
-        shapes[~self._corrected[which]] = (self.modes.space.B @ self.modes.x[:, plain]).T
-        for i in np.flatnonzero(self._corrected[which]):
+        known = self._corrected[which]
+        if not known.all():
+            shapes[~known] = (self.modes.space.B @ self.modes.x[:, which[~known]]).T
+        for i in np.flatnonzero(known):
             shapes[i] = self.modes.corrected(int(which[i])).shape
         a, rates = (part[which] for part in self.at(s))
         return (np.array([a, a * rates, a * rates**2]) @ shapes).real

@@ -303,7 +303,7 @@ def _said(scene: Scene, engine: str, seconds: float, progress: object) -> list[s
 
 def _with_notes(record: Record, *notes: str) -> Record:
     new = [note for note in notes if note not in record.notes]
-    return dataclasses.replace(record, notes=(*record.notes, *new)) if new else record
+    return record.replace(notes=(*record.notes, *new)) if new else record
 
 
 def _begin(initial: State | Record | None) -> float:
@@ -420,7 +420,7 @@ def _answer(asked: Asked, runs: list[Made], notes: list[str]) -> Record:
         seconds = sum(made.seconds for made in runs) - pair.answer.seconds
         record, notes = pair.answer.record, notes + more
         timings = {**record.timings, "verification": seconds}
-        record = dataclasses.replace(record, errors=errors, timings=timings).with_late_columns()
+        record = record.replace(errors=errors, timings=timings).with_late_columns()
     elif options.verify not in ("none", "shared") and record.done:
         notes.append("errors were not measured: no other level could be made")
     return _with_notes(record.with_late_columns(), *notes)

@@ -87,7 +87,17 @@ class Record(RecordData):
         found = {
             column.name: values for column in missing if (values := column.find(self)) is not None
         }
-        return self.replace(events=events.assign(**found)) if found else self
+        if not found:
+            return self
+        new = self._copied()  # as many events as before: nothing else needs a check
+        object.__setattr__(new, "events", events.assign(**found))
+        return new
+
+    def _copied(self) -> Self:
+        """Return a record with the same attributes, whose tables are not checked again."""
+        new = object.__new__(type(self))
+        new.__dict__.update(self.__dict__)
+        return new
 
     def with_events(self, threshold: Number | None = None, t_gap: Number | None = None) -> Self:
         """Return the record with the events of another criterion; see `pyfric.record.rates`.
@@ -139,7 +149,14 @@ class Record(RecordData):
         arrays = {name: changes.pop(name) for name in found_arrays() if name in changes}
         if arrays:
             changes["arrays"] = changes.get("arrays", self.arrays) | arrays
-        return dataclasses.replace(self, **changes)
+        known = {field.name for field in dataclasses.fields(self)}
+        if strange := changes.keys() - known:
+            raise TypeError(f"a record has no {', '.join(sorted(strange))}")
+        new = self._copied()
+        for name, value in changes.items():
+            object.__setattr__(new, name, value)
+        new.__post_init__()
+        return new
 
     def summary(self) -> str:
         """Return a text: status, events, method, errors, notes."""

@@ -103,7 +103,8 @@ class States:
     @property
     def logged(self) -> np.ndarray:
         """The contact states as in the core, shape (N_x,), int32."""
-        return np.where(self.mode == BARE, OPEN, self.mode).astype(np.int32)
+        mode = self.mode if self._all_rub else np.where(self.mode == BARE, OPEN, self.mode)
+        return mode.astype(np.int32)
 
     def misplaced(self, now: Values, landed: np.ndarray | int, u_x: np.ndarray) -> Unmet | None:
         """Return closed blocks with z > 0, which open, and open ones with z < 0, which land.

@@ -354,7 +354,7 @@ def _made(job: Job | Point, store: Store, key: str, wanted: str) -> Record:
                 start = time.process_time()
                 record = job.made(look)
                 took = {"processor": time.process_time() - start}
-                record = dataclasses.replace(record, timings={**record.timings, **took})
+                record = record.replace(timings={**record.timings, **took})
                 if record.done:
                     store.save(key, record)
     return record

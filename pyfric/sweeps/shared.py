@@ -120,7 +120,7 @@ class Point:
         if self.count != 1:
             return record
         promise = {"want": options.want, "tolerance": options.tolerance}
-        return dataclasses.replace(record, errors=Errors(**promise, chosen_at=self.chosen_at))
+        return record.replace(errors=Errors(**promise, chosen_at=self.chosen_at))
 
     def answered(self, record: Record) -> bool:
         """Return whether a stored record will do: it needs errors, or at least this level."""

@@ -211,3 +211,17 @@ def test_blocks_that_are_drawn_along_are_jumped_over(geometry, monkeypatch):
     np.testing.assert_allclose(made.final_state.y[:, :2], known.final_state.y[:, :2], atol=1e-11)
     monkeypatch.setattr(hybrid, "FAST", 0.0)
     assert run(scene, 0.04, "hybrid", geometry=geometry).counts["slides"] == 0
+
+
+@pytest.mark.usefixtures("free_attempts")
+def test_a_plate_that_moves_on_the_top_draws_slip():
+    """The driver rests: the plate sets what is slow."""
+    size = {"L": 0.02, "H": 0.012, "l": 1e-3, "h": 3e-3, "F_N": 400.0, "d_c": 5e-6}
+    scene = setup2(**size, V=0.0, k_top=5e5, V_top=2e-3)
+    known = run(scene, 0.03, "dynamic", energies=False)
+    made = run(scene, 0.03, "hybrid")
+    assert len(known.switches["t"])
+    assert made.counts["slides"] > 0
+    assert made.counts["steps"] < 0.25 * known.counts["steps"]
+    np.testing.assert_array_equal(made.switches["block"], known.switches["block"])
+    np.testing.assert_allclose(made.switches["t"], known.switches["t"], rtol=0, atol=1e-6)

@@ -267,8 +267,8 @@ class HybridRun(Run):
             return 0
         if not self.slides:  # the core returns when the last block stops, apart from corner slip
             return self.least if state.corner[slips].all() else LONGEST
-        V = self.scene.piece("V", just_after(state)).at(state.t)
-        if np.abs(state.y[0, 2, slips]).max() > FAST * abs(V):
+        V = self.scene.piece("V", just_after(state)).at(state.t), self.scene.V_top
+        if np.abs(state.y[0, 2, slips]).max() > FAST * np.abs(V).max():
             return self.least_slide
         lasts = (state.t - state.t_0[slips].max()) / state.dt
         return max(self.least_slide - math.floor(lasts), 0)

@@ -6,7 +6,7 @@ module pyfric_boundaries
   implicit none (type, external)
   private
   public :: driver_speed, load_share, foundation, foundation_rate, heights, driver_on, driver_force, rod_acceleration, rod_to_row
-  public :: mirror_sum, absorb, absorbed, reflected_row
+  public :: mirror_sum, weights, absorb, absorbed, reflected_row
 
 contains
 
@@ -119,7 +119,7 @@ contains
       l = s%at(s%nx/2 + 1)
       total = total + [fx(l), fz(l), s%x(s%nx/2 + 1)*fz(l)]
     end if
-    a = [total(1)/s%m_top, (total(2) - s%f_n*load_share(s, t))/s%m_top, (total(3) - s%kappa*phi)/s%i_top]
+    a = [total(1)/s%m_top, ((total(2) - s%f_n*load_share(s, t)) - s%m_rod*s%g)/s%m_top, (total(3) - s%kappa*phi)/s%i_top]
   end function rod_acceleration
 
   !> Sets the top row from the rod: u_x = X, u_z = Z + phi x.
@@ -211,6 +211,15 @@ contains
     if (j < s%nz .or. s%top /= ABSORBING) return
     power = power + mirror_sum(s%nx, column_shares(s)*(along_top(s)*q(s%at(:s%nx), VX)**2 + s%z_p*q(s%at(:s%nx), VZ)**2))
   end function absorbed
+
+  !> Weights of the blocks of row j [N].
+  pure function weights(s, j) result(w)
+    type(model_t), intent(in) :: s
+    integer, intent(in) :: j  !! row, from 1 at the bottom
+    real(dp) :: w(s%nx)
+
+    w = s%m*s%g*row_share(s, j)*column_shares(s)
+  end function weights
 
   !> Image of the top row beyond a mirrored top.
   pure function reflected_row(s, q) result(above)

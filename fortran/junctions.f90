@@ -3,7 +3,7 @@
 !> Each block has n_s junctions. Junction j has an anchor a_j, a stretch d_j = u_x - a_j, and bears -k_j d_j. All have the
 !> same share p/n_s of the block's normal force:
 !>
-!>     k_j = sqrt(C p/n_s),   break at |d_j| > u_s,  u_s = mu_s k_j/C,   slip level u_d = mu_d k_j/C
+!>     k_j = sqrt(C p/n_s),   break at |d_j| > c_j u_s,  u_s = mu_s k_j/C,   slip level u_d = mu_d k_j/C
 !>
 !>     pinned     the anchor rests
 !>     slipping   the anchor is dragged so that |d_j| <= u_d; a time t_R after the break it pins at u_x, without force
@@ -35,6 +35,7 @@ module pyfric_junctions
     integer(int64) :: seed                 !! of the times that junctions slip
     logical :: from_right                  !! blocks are counted from the right side, which is driven
     type(curve_t) :: quantiles             !! of t_R over its mean; no knots: a normal distribution
+    real(dp), allocatable :: factors(:)    !! u_s of each junction of a block over that of the block
     real(dp), allocatable :: mu_s(:)       !! coefficient at which a junction breaks [-]
     real(dp), allocatable :: mu_d(:)       !! and that of one that slips [-]
     real(dp), allocatable :: c(:)          !! C [N/m2]
@@ -44,13 +45,14 @@ module pyfric_junctions
 
 contains
 
-  pure function new_junctions(nx, n, seed, from_right, share, quantiles, fields) result(of)
+  pure function new_junctions(nx, n, seed, from_right, share, quantiles, strengths, fields) result(of)
     integer, intent(in) :: nx              !! blocks
     integer, intent(in) :: n               !! junctions of a block
     integer(ip), intent(in) :: seed(2)     !! two words of 32 bits, the lowest first
     logical, intent(in) :: from_right
     real(dp), intent(in) :: share          !! of pinned junctions, below which a block is ruptured
     type(curve_t), intent(in) :: quantiles
+    type(curve_t), intent(in) :: strengths !! `factors` over the number of the junction; no knots: all are 1
     real(dp), intent(in) :: fields(nx, 5)  !! mu_s, mu_d, C, t_R, its standard deviation
     type(junctions_t) :: of
     integer :: failed
@@ -60,7 +62,7 @@ contains
     of%seed = ior(iand(int(seed(1), int64), int(z'FFFFFFFF', int64)), shiftl(int(seed(2), int64), 32))
     of%from_right = from_right
     of%quantiles = quantiles
-    allocate (of%mu_s(nx), of%mu_d(nx), of%c(nx), of%t_r(nx), of%t_r_std(nx), stat=failed)
+    allocate (of%mu_s(nx), of%mu_d(nx), of%c(nx), of%t_r(nx), of%t_r_std(nx), of%factors(n), stat=failed)
     of%complete = failed == 0 .and. quantiles%complete
     if (.not. of%complete) return
     of%mu_s(:) = fields(:, 1)
@@ -68,6 +70,8 @@ contains
     of%c(:) = fields(:, 3)
     of%t_r(:) = fields(:, 4)
     of%t_r_std(:) = fields(:, 5)
+    of%factors(:) = 1.0_dp
+    if (strengths%n == n) of%factors(:) = strengths%y(:n)
   end function new_junctions
 
   !> k_j [N/m].
@@ -230,11 +234,12 @@ contains
     real(dp), intent(inout) :: memory(n_whole(of%n), nx)
     real(dp), intent(out) :: excess(nx)          !! [-]
     real(dp), intent(inout) :: loss(nx)          !! heat of breaks and of pinning so far [J]
-    real(dp) :: k, u, stretch
+    real(dp) :: k, u, stretch, weakest
     logical :: changed
     integer :: i, s
 
     s = n_saved(of%n)
+    weakest = minval(of%factors)
     do i = 1, nx
       u = u_x(at(i))
       k = stiffness(of, i, p(i))
@@ -242,7 +247,7 @@ contains
       if (memory(s + LOOSE, i) > 0.0_dp) call drag(of%n, u, of%mu_d(i)*k/of%c(i), memory(1, i))
       if (p(i) > 0.0_dp) then
         stretch = max(u - memory(s + LEAST, i), memory(s + GREATEST, i) - u)
-        if (stretch > of%mu_s(i)*k/of%c(i)) call break_stretched(of, i, t, u, k, memory(1, i), loss(i), changed)
+        if (stretch > weakest*(of%mu_s(i)*k/of%c(i))) call break_stretched(of, i, t, u, k, memory(1, i), loss(i), changed)
         if (changed .or. memory(s + EARLIEST, i) <= t + soon) call pin_due(of%n, t + soon, u, k, memory(1, i), loss(i), changed)
       else if (memory(s + COUNT, i) > 0.0_dp) then
         call let_go(of%n, t, u, memory(1, i))
@@ -287,7 +292,7 @@ contains
     u_s = of%mu_s(i)*k/of%c(i)
     do j = 1, of%n
       d = u - memory(j, ANCHOR)
-      if (memory(j, PINNED) <= 0.0_dp .or. abs(d) <= u_s) cycle
+      if (memory(j, PINNED) <= 0.0_dp .or. abs(d) <= of%factors(j)*u_s) cycle
       after = within(of%mu_d(i)*k/of%c(i), d)
       memory(j, ANCHOR) = u - after
       memory(j, PINNED) = 0.0_dp
@@ -369,7 +374,7 @@ contains
     u_s = of%mu_s(i)*stiffness(of, i, p)/of%c(i)
     room = huge(room)
     do j = 1, of%n
-      if (memory(j, PINNED) > 0.0_dp) room = min(room, u_s - abs(u - memory(j, ANCHOR)))
+      if (memory(j, PINNED) > 0.0_dp) room = min(room, of%factors(j)*u_s - abs(u - memory(j, ANCHOR)))
     end do
   end function next_break
 

@@ -7,7 +7,7 @@ module pyfric_lattice
   use pyfric_kinds, only: dp
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_bonds, only: weights_t, SPRINGS, DASHPOTS
-  use pyfric_model, only: model_t, MIRRORED, ABSORBING
+  use pyfric_model, only: model_t, half_side, MIRRORED
   implicit none (type, external)
   private
   public :: around_t, gather_forces, halve_bonds, halve_columns
@@ -181,7 +181,7 @@ contains
     integer :: side, o
 
     do side = -1, 1, 2
-      if (merge(s%left, s%right, side < 0) /= ABSORBING) cycle
+      if (.not. half_side(s, merge(s%left, s%right, side < 0))) cycle
       o = merge(1, s%at(s%nx), side < 0)
       d = 0.0_dp
       if (rows(1)) d = dn(o, :) - q(o, :)

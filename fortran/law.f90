@@ -7,6 +7,8 @@
 !>     stuck      |f| <= (mu_s + hold(a)) p
 !>     slipping   f = -(+-1) (mu_k + (mu_s - mu_k) slide(s/d_c)) speed(|v|) age(a) p - alpha v
 !>
+!> A limit, linear in time within a piece of the protocols, bounds all factors of p in both lines.
+!>
 !> A law without tables is Amontons-Coulomb: hold = slide = 0, speed = age = 1. Under the other laws no block comes to rest:
 !> on junctions (pyfric_junctions) f follows from displacements and state variables, with rate-and-state friction
 !> (pyfric_rate_state) from speeds and a state variable.
@@ -32,7 +34,7 @@ module pyfric_law
   !> velocity.
   integer(ip), parameter :: STUCK = 0, OPEN_GAP = 2
   !> Tables, and fields of N_x numbers, in the order in which Python passes them.
-  integer, parameter :: N_TABLES = 4, N_FIELDS = 5
+  integer, parameter :: N_TABLES = 4, N_FIELDS = 7
   !> Event functions of a contact state; those of knots, and what is marked of knots at the start of a sub-step.
   integer, parameter :: N_CONTACT = 2, N_KNOT = 3, N_MARK = 4
   !> State variables of a block: s_0, see `slip_of` [m]; time at which it stuck or began to slip [s].
@@ -53,6 +55,10 @@ module pyfric_law
     real(dp), allocatable :: d_c(:)    !! unit of slip of the table, 0 for at once [m]
     real(dp), allocatable :: alpha(:)  !! viscosity of slip [N s/m]
     logical, allocatable :: bare(:)    !! no friction, also in contact: such a block counts as open
+    logical :: limited                 !! some blocks have a limit
+    real(dp) :: t_0                    !! time of the limits [s]
+    real(dp), allocatable :: limit(:)  !! largest friction coefficient then [-]
+    real(dp), allocatable :: limit_rate(:) !! its rate [1/s]
     type(curve_t), private :: hold     !! gain of mu_s, over time since the block stuck [s]
     type(curve_t), private :: slide    !! share of mu_s - mu_k that is left, over slip/d_c
     type(curve_t), private :: speed    !! factor, over abs(v) [m/s]
@@ -62,9 +68,10 @@ module pyfric_law
 contains
 
   !> The law from its tables, one after another: x and y of each knot; and mu_s, mu_k, d_c, alpha, bare of each block. On
-  !> junctions: quantiles of t_R in the first table; and mu_s, mu_d, C, t_R and its spread. Rate-and-state: a, b, D_c, alpha
-  !> and f*.
-  pure function new_law(nx, n_memory, n_junctions, seed, from_right, share, evolution, speeds, n_knots, knots, fields) result(law)
+  !> junctions: quantiles of t_R in the first table, u_s of each junction over that of the block in the second; and mu_s, mu_d,
+  !> C, t_R and its spread. Rate-and-state: a, b, D_c, alpha and f*. The last two fields are the limit and its rate.
+  pure function new_law(nx, n_memory, n_junctions, seed, from_right, share, evolution, speeds, t_0, n_knots, knots, fields) &
+    result(law)
     integer, intent(in) :: nx                  !! blocks
     integer(ip), intent(in) :: n_memory        !! numbers that are saved of each block
     integer(ip), intent(in) :: n_junctions     !! of each block, 0 for none
@@ -73,6 +80,7 @@ contains
     real(dp), intent(in) :: share              !! of pinned junctions, below which a block is ruptured
     integer(ip), intent(in) :: evolution       !! of rate-and-state friction, see pyfric_rate_state; 0 for other laws
     real(dp), intent(in) :: speeds(3)          !! of it: V* [m/s], V*/V_c, speed from which a block slips [m/s]
+    real(dp), intent(in) :: t_0                !! time of the limits [s]
     integer(ip), intent(in) :: n_knots(N_TABLES)
     real(dp), intent(in) :: knots(:)
     real(dp), intent(in) :: fields(nx, N_FIELDS)
@@ -87,23 +95,27 @@ contains
     law%slide = new_curve(n_knots(2), knots(at(1) + 1:at(2)))
     law%speed = new_curve(n_knots(3), knots(at(2) + 1:at(3)))
     law%age = new_curve(n_knots(4), knots(at(3) + 1:at(4)))
-    allocate (law%mu_s(nx), law%mu_k(nx), law%d_c(nx), law%alpha(nx), law%bare(nx), stat=failed)
+    allocate (law%mu_s(nx), law%mu_k(nx), law%d_c(nx), law%alpha(nx), law%bare(nx), law%limit(nx), law%limit_rate(nx), stat=failed)
     law%complete = failed == 0 .and. law%hold%complete .and. law%slide%complete .and. law%speed%complete .and. law%age%complete
     if (.not. law%complete) return
     law%mu_s(:) = fields(:, 1)
     law%mu_k(:) = fields(:, 2)
     law%d_c(:) = fields(:, 3)
     law%alpha(:) = fields(:, 4)
+    law%t_0 = t_0
+    law%limit(:) = fields(:, 6)
+    law%limit_rate(:) = fields(:, 7)
+    law%limited = any(law%limit < huge(1.0_dp))
     law%n_memory = n_memory
     law%kinked = law%slide%n > 0 .or. law%speed%n > 0
-    law%simple = all(n_knots == 0) .and. all(law%alpha <= 0.0_dp)
+    law%simple = all(n_knots == 0) .and. all(law%alpha <= 0.0_dp) .and. .not. law%limited
     law%flows = evolution /= 0
     law%rests = n_junctions == 0 .and. .not. law%flows
     law%bare(:) = law%rests .and. fields(:, 5) > 0.0_dp
     if (law%rests) return
     if (law%flows) then
       law%simple = .false.
-      law%rate_state = new_rate_state(nx, evolution, speeds, fields)
+      law%rate_state = new_rate_state(nx, evolution, speeds, fields(:, :5))
       law%complete = law%rate_state%complete
       return
     end if
@@ -111,7 +123,7 @@ contains
     law%n_memory = n_whole(n_junctions)
     law%simple = .false.
     law%kinked = .true.
-    law%junctions = new_junctions(nx, n_junctions, seed, from_right, share, law%hold, fields)
+    law%junctions = new_junctions(nx, n_junctions, seed, from_right, share, law%hold, law%slide, fields(:, :5))
     law%complete = law%junctions%complete
   end function new_law
 
@@ -169,6 +181,7 @@ contains
     do i = 1, nx
       if (abs(mode(i)) /= 1) cycle
       mu = sliding(law, i, slip_of(mode(i), memory(SLIP, i), u_x(at(i))), v_x(at(i)), t - memory(SINCE, i))
+      if (law%limited) mu = min(mu, limit_at(law, i, t))
       f(i) = -real(mode(i), dp)*(mu*p(i)) - law%alpha(i)*v_x(at(i))
     end do
   end subroutine friction_force
@@ -191,6 +204,16 @@ contains
     if (law%speed%n > 0) mu = mu*at_x(law%speed, abs(v))
     if (law%age%n > 0) mu = mu*at_x(law%age, age)
   end function sliding
+
+  !> Largest friction coefficient of a block at time t [s].
+  pure function limit_at(law, i, t) result(mu)
+    type(law_t), intent(in) :: law
+    integer, intent(in) :: i
+    real(dp), intent(in) :: t
+    real(dp) :: mu
+
+    mu = max(law%limit(i) + law%limit_rate(i)*(t - law%t_0), 0.0_dp)
+  end function limit_at
 
   !> Friction power above mu_k p, and power of alpha. On junctions: the heat of dragging, and the work of changes of
   !> stiffness.
@@ -254,6 +277,7 @@ contains
     else
       strength = (law%mu_s(i) + at_x(law%hold, merge(t - t_stuck, 0.0_dp, mode == STUCK)))*p
     end if
+    if (law%limited) strength = min(strength, limit_at(law, i, t)*p)
   end function static_strength
 
   !> Slip since the last stick, s = s_0 +- u_x; within a step it follows the displacement of each stage.

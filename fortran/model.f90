@@ -7,7 +7,7 @@ module pyfric_model
   implicit none (type, external)
   private
   public :: model_t, new_model, S_SERIES, close_left, close_row, close_state, reflected
-  public :: FREE, MIRRORED, ABSORBING, HELD, row_share, column_shares, cut_sides, driven_number, driven_u
+  public :: FREE, MIRRORED, ABSORBING, HELD, row_share, column_shares, half_side, cut_sides, driven_number, driven_u
 
   !> Boundary conditions at sides and top. Mirrored: the slider continues half a bond further as its image, with the same u_x
   !> and the opposite u_z. Absorbing: dashpots with the impedances of plane waves. Held: the top row does not move.
@@ -40,6 +40,7 @@ module pyfric_model
     integer(ip) :: n_slide
     integer(ip) :: n_speed
     integer(ip) :: n_age
+    integer(ip) :: halved   !! 1: blocks along free edges are half blocks
   end type counts_t
 
   !> Numbers passed by Python, in this order, with the names of pyfric.core.Constants; `new_model` reads the others.
@@ -69,6 +70,7 @@ module pyfric_model
     real(dp) :: v_ref       !! reference speed V* of rate-and-state friction [m/s]
     real(dp) :: cut         !! V*/V_c, 0 without a cut-off speed V_c [-]
     real(dp) :: v_slip      !! speed from which a block counts as slipping [m/s]
+    real(dp) :: g           !! gravity, downward [m/s2]
   end type constants_t
 
   type, extends(constants_t) :: model_t
@@ -90,6 +92,8 @@ module pyfric_model
     integer :: top
     logical :: along        !! dashpots act along the bonds only
     integer :: j_shear      !! row on which shear acts
+    logical :: halved       !! blocks along free edges are half blocks
+    logical :: has_halves   !! some blocks may be half blocks
     real(dp) :: z_p         !! impedance of a block to longitudinal waves, rho c_P times its face [N s/m]
     real(dp) :: z_s         !! the same for shear waves
     type(law_t) :: law      !! friction under the bottom row
@@ -133,6 +137,8 @@ contains
     s%right = n%right
     s%top = n%top
     s%along = n%along == 1
+    s%halved = n%halved == 1
+    s%has_halves = s%halved .or. s%prescribed
     s%j_shear = merge(1, s%nz, s%prescribed)
     first = storage_size(s%constants_t)/storage_size(s%l)
     s%constants_t = transfer(numbers(:first), s%constants_t)
@@ -169,8 +175,8 @@ contains
     s%gap(:) = numbers(6*nx + 1:7*nx)
     last = (ROWS + N_FIELDS)*nx
     s%law = new_law(nx, n%n_memory, n%n_junctions, [n%seed_low, n%seed_high], s%i_h > 1, s%ruptured, &
-                    n%evolution, [s%v_ref, s%cut, s%v_slip], [n%n_hold, n%n_slide, n%n_speed, n%n_age], numbers(last + 1:), &
-                    numbers(ROWS*nx + 1:last))
+                    n%evolution, [s%v_ref, s%cut, s%v_slip], s%t_seg, [n%n_hold, n%n_slide, n%n_speed, n%n_age], &
+                    numbers(last + 1:), numbers(ROWS*nx + 1:last))
     s%complete = s%law%complete
   end subroutine take_rows
 
@@ -210,23 +216,25 @@ contains
     end do
   end function driven_u
 
-  !> Share of whole blocks in row j: one half at a prescribed interface and at an absorbing top.
+  !> Share of whole blocks in row j: one half at a prescribed interface, at an absorbing top, and at halved edges.
   pure function row_share(s, j) result(c)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j  !! row, from 1 at the bottom
     real(dp) :: c
 
-    c = merge(0.5_dp, 1.0_dp, s%prescribed .and. (j == 1 .or. j == s%nz .and. s%top == ABSORBING))
+    c = 1.0_dp
+    if (j == 1 .and. (s%prescribed .or. s%halved .and. s%nz > 1)) c = 0.5_dp
+    if (j == s%nz .and. s%nz > 1 .and. (s%top == ABSORBING .or. s%halved .and. s%top /= MIRRORED)) c = 0.5_dp
   end function row_share
 
-  !> Share of whole blocks in each column: one half at absorbing sides.
+  !> Share of whole blocks in each column: one half at absorbing sides and at halved edges.
   pure function column_shares(s) result(c)
     type(model_t), intent(in) :: s
     real(dp) :: c(s%nx)
 
     c = 1.0_dp
-    if (s%left == ABSORBING) c(1) = 0.5_dp
-    if (s%right == ABSORBING) c(s%nx) = 0.5_dp
+    if (half_side(s, s%left)) c(1) = 0.5_dp
+    if (half_side(s, s%right)) c(s%nx) = 0.5_dp
   end function column_shares
 
   !> True if a side has half blocks.
@@ -234,8 +242,17 @@ contains
     type(model_t), intent(in) :: s
     logical :: yes
 
-    yes = s%left == ABSORBING .or. s%right == ABSORBING
+    yes = half_side(s, s%left) .or. half_side(s, s%right)
   end function cut_sides
+
+  !> True if a side with this boundary condition has half blocks.
+  pure function half_side(s, side) result(yes)
+    type(model_t), intent(in) :: s
+    integer, intent(in) :: side
+    logical :: yes
+
+    yes = side == ABSORBING .or. s%halved .and. side /= MIRRORED
+  end function half_side
 
   !> Coefficients c_n of k (r - l0)/r = sum of c_n t^n, n = 1..7, in t = r^2 - l0^2 = 2 d.du + |du|^2.
   !>

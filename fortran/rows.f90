@@ -7,8 +7,8 @@ module pyfric_rows
   use pyfric_lattice, only: around_t, gather_forces, halve_bonds, halve_columns
   use pyfric_finite, only: forces_finite
   use pyfric_bond_energy, only: bond_power
-  use pyfric_boundaries, only: foundation, foundation_rate, driver_on, driver_speed, load_share, mirror_sum, absorb, absorbed, &
-                               reflected_row
+  use pyfric_boundaries, only: foundation, foundation_rate, driver_on, driver_speed, load_share, mirror_sum, weights, absorb, &
+                               absorbed, reflected_row
   use pyfric_law, only: friction_force, friction_powers
   implicit none (type, external)
   private
@@ -35,6 +35,7 @@ module pyfric_rows
     real(dp) :: work(2)                     !! of the driver, of the forces on the top and of pushes
     real(dp) :: pushed = 0.0_dp             !! of pushes in this step: another thread may have the top, see `take_shared`
     real(dp), allocatable :: driven(:)      !! of a driver on several blocks in this step, by row: likewise; else not allocated
+    real(dp), allocatable :: fallen(:)      !! of gravity in this step, by row: likewise
   end type budget_t
 
 contains
@@ -84,10 +85,16 @@ contains
     integer :: failed
 
     budget = budget_t(.true., dissipated, radiated, heat, above, viscous, work)
-    if (s%j_h_top == s%j_h) return
-    allocate (budget%driven(s%j_h:s%j_h_top), stat=failed)
-    budget%complete = failed == 0
-    if (budget%complete) budget%driven(:) = 0.0_dp
+    if (s%j_h_top > s%j_h) then
+      allocate (budget%driven(s%j_h:s%j_h_top), stat=failed)
+      budget%complete = failed == 0
+      if (budget%complete) budget%driven(:) = 0.0_dp
+    end if
+    if (s%g > 0.0_dp .and. budget%complete) then
+      allocate (budget%fallen(s%nz), stat=failed)
+      budget%complete = failed == 0
+      if (budget%complete) budget%fallen(:) = 0.0_dp
+    end if
   end function new_budget
 
   !> Forces of all springs and dashpots on row j. In finite geometry, carry is that from the row below, on return that for
@@ -119,7 +126,7 @@ contains
     else
       call gather_forces(s, around_t(0.0_dp, 0.0_dp), w%zeros, q, w%zeros, fx, fz)
     end if
-    if (s%prescribed) call halve_cuts(s, j, dn, q, up, fx, fz)
+    if (s%has_halves) call halve_cuts(s, j, dn, q, up, fx, fz)
     do i = s%nx + 1, s%n
       fx(s%at(i)) = 0.0_dp
       fz(s%at(i)) = 0.0_dp
@@ -163,8 +170,8 @@ contains
     fz(s%at([1, s%nx])) = fz(s%at([1, s%nx]))/c([1, s%nx])
   end subroutine weigh
 
-  !> Adds the external forces on row j: driver, pushes on the bottom row, shear, absorbing sides and top, and on a free top
-  !> row the load and -k_top u_x.
+  !> Adds the external forces on row j: driver, pushes on the bottom row, shear, weight, absorbing sides and top, and on a free
+  !> top row the load and -k_top u_x.
   pure subroutine outer_forces(s, j, t, q, fx, fz, f_t)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                        !! row, from 1 at the bottom
@@ -190,6 +197,7 @@ contains
       end do
     end if
     if (s%prescribed) call absorb(s, j, q, fx, fz)
+    if (s%g > 0.0_dp) fz(s%at(:s%nx)) = fz(s%at(:s%nx)) - weights(s, j)
     if (s%rigid) return
     if (j == s%nz .and. .not. s%prescribed) then
       share = load_share(s, t)
@@ -255,7 +263,7 @@ contains
       fx = 0.0_dp
       fz = 0.0_dp
     end if
-    if (s%prescribed) call weigh(s, j, fx, fz)
+    if (s%has_halves .and. .not. (s%rigid .and. j == s%nz)) call weigh(s, j, fx, fz)
   end subroutine row_forces
 
   !> Adds c times the powers that row j owns to the budget; row_forces has just been called.
@@ -291,6 +299,10 @@ contains
     if (j == 1 .and. s%pushed) then
       budget%pushed = budget%pushed + c*mirror_sum(s%nx, (s%push + s%push_rate*(t - s%t_seg))*q(s%at(:s%nx), VX))
     end if
+    if (allocated(budget%fallen)) then
+      budget%fallen(j) = budget%fallen(j) - c*mirror_sum(s%nx, weights(s, j)*q(s%at(:s%nx), VZ))
+      if (s%rigid .and. j == s%nz) budget%fallen(j) = budget%fallen(j) - c*(s%m_rod*s%g*v_rod)
+    end if
     if (s%rigid) then
       if (j == s%nz) budget%work(2) = budget%work(2) - c*(s%f_n*load_share(s, t)*v_rod)
       return
@@ -303,13 +315,17 @@ contains
                      + c*mirror_sum(s%nx, (s%shear + s%shear_rate*(t - s%t_seg))*q(s%at(:s%nx), VX))
   end subroutine row_powers
 
-  !> Adds the work that involves several rows, after all rows: that of a driver on several blocks, and that of pushes.
+  !> Adds the work that involves several rows, after all rows: that of a driver on several blocks, of gravity and of pushes.
   pure subroutine take_shared(budget)
     type(budget_t), intent(inout) :: budget
 
     if (allocated(budget%driven)) then
       budget%work(1) = budget%work(1) + sum(budget%driven)
       budget%driven = 0.0_dp
+    end if
+    if (allocated(budget%fallen)) then
+      budget%work(2) = budget%work(2) + sum(budget%fallen)
+      budget%fallen = 0.0_dp
     end if
     budget%work(2) = budget%work(2) + budget%pushed
     budget%pushed = 0.0_dp

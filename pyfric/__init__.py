@@ -66,6 +66,7 @@ if TYPE_CHECKING:
         ramped,
         solve_static,
         stability_limit,
+        weakened,
     )
     from pyfric.sweeps import (
         Job,
@@ -151,6 +152,7 @@ __all__ = [
     "stability_limit",
     "step_size",
     "theory",
+    "weakened",
 ]
 
 ROOMS = (

@@ -74,6 +74,48 @@ def test_first_peak_is_twice_steady_friction_without_time_of_slip():
     assert ratio[Dragged.STEPS :].mean() == pytest.approx(MU_S / 2, rel=1.01 / Dragged.STEPS)
 
 
+def test_a_bundle_of_unequal_junctions_breaks_from_the_weakest_on():
+    """F/p = mu_s y S(y) + mu_d (1 - S(y)) at first, with S the share of c_j > y, uniform."""
+    half = 0.5
+    block = Dragged(10.0, n_s=2000, u_s_spread=half)
+    c, y = block.scene.law.kind.factors, np.arange(1, 641) / Dragged.STEPS
+    even = 1 + half * (2 * np.arange(2000) - 1999) / 2000
+    np.testing.assert_allclose(np.sort(c), even, rtol=1e-14)
+    assert abs(np.corrcoef(c, np.arange(2000))[0, 1]) < 0.1  # in random order
+    whole = np.clip((1 + half - y) / (2 * half), 0, 1)
+    ratio = block.slide(1e-3, 1.6, every=1)
+    np.testing.assert_allclose(ratio, MU_S * y * whole + MU_D * (1 - whole), atol=2e-3)
+    assert ratio.max() < 0.8 * MU_S
+
+
+@pytest.mark.parametrize("switching", ["step_end", "located"])
+def test_each_junction_breaks_at_its_own_stretch(switching):
+    """A located break is exact, and one at a step end at most one step late."""
+    block, y = Dragged(10.0, n_s=4, u_s_spread=0.8), np.array([0.4, 0.8, 1.2, 1.6])
+    np.testing.assert_allclose(np.sort(block.scene.law.kind.factors), y)
+    n, state = 100, block.state.with_dt(1e-5)
+    state.y[:, 2] = 2 * U_S / (n * 1e-5)
+    log = core.Log(3, 1000, 1000)
+    how = {"budget": False, "stepper": "rk4", "switching": switching}
+    assert core.advance(block.model, state, log, n, **how) == core.Status.DONE
+    broken = (state.release - 10.0)[0] / (n * 1e-5) * 2  # displacement at the break, over u_s
+    late = np.sort(broken) - y
+    assert (late > -1e-9).all()
+    assert late.max() < (1e-6 if switching == "located" else 1.01 * 2 / n)
+
+
+def test_unequal_junctions_slide_as_their_cycles_say():
+    """F/p = mean of (mu_s c^2/2 + mu_d q)/(c + q): a cycle is c u_s of pull and v t_R of slip."""
+    q, v = 1.0, 1e-3
+    block = Dragged(q * U_S / v, n_s=200, u_s_spread=0.6)
+    block.STEPS = 50
+    c = block.scene.law.kind.factors
+    ratio = block.slide(v, 80.0, every=1)[500:].mean()
+    assert ratio == pytest.approx(np.mean((MU_S * c**2 / 2 + MU_D * q) / (c + q)), rel=0.015)
+    equal = (MU_S / 2 + MU_D * q) / (1 + q)
+    assert abs(ratio / equal - 1) > 0.02
+
+
 def mean_field(moves, cells, pins):
     """Return F/p after each step of the mean field: pinned measure over stretches, slipping by age.
 

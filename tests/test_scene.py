@@ -227,7 +227,8 @@ def test_the_table_of_a_law_replaces_the_coefficients_of_a_preset(name):
 
 def test_numpy_and_integer_scalars_become_plain_floats():
     slider = Slider(L=np.float64(4), H=np.int64(2), l=1, k=np.float32(2), M=Fraction(1, 2))
-    assert dataclasses.astuple(slider) == (4.0, 2.0, 1.0, 2.0, 0.5, None, None, "full")
+    values = (4.0, 2.0, 1.0, 2.0, 0.5, None, None, "full", "whole", 0.0)
+    assert dataclasses.astuple(slider) == values
     assert {type(value) for value in dataclasses.astuple(slider)[:5]} == {float}
 
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers import advance, mirrored_scene, refused, small_free, small_rod
+from helpers import GEOMETRIES, advance, mirrored_scene, refused, small_free, small_rod
+from test_lattice import twin_forces
 
 import pyfric
 from pyfric import core
@@ -237,3 +238,84 @@ def test_refused_starts():
         run = {"fidelity": fidelity}
         refused(lambda run=run: pyfric.simulate(pushed, 1e-3, **run), "top.push", "full dynamics")
     assert pyfric.plan(pushed, t_end=1e-3).alone.engine == "dynamic"
+
+
+# --- slip before the start -----------------------------------------------------------------------
+
+EDGE = (0.0, 2e-7, 4e-7, 6e-7, 6e-7, 4e-7, 2e-7, 0.0)
+
+
+def slipped(scene, slip, scale=1.0):
+    values = [scale * s for s in slip] + [0.0] * (scene.N_x - len(slip))
+    return scene.replace({"interface.slip": values})
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+@pytest.mark.parametrize("make", [small_rod, small_free])
+def test_blocks_rest_where_a_slip_brought_them(make, geometry):
+    """Springs of the twin leave no force above the interface, and friction sums to F_T = 0."""
+    scene = slipped(make(), EDGE)
+    loaded = pyfric.StaticSolver(scene, geometry).loaded
+    np.testing.assert_array_equal(loaded.u[0, 0, :8], EDGE)
+    forces = twin_forces(scene, loaded.u, geometry)
+    unit = scene.F_N / scene.N_x
+    np.testing.assert_allclose(forces[1:-1], 0.0, atol=1e-8 * unit)
+    np.testing.assert_allclose(forces[0, 0], -loaded.f, atol=1e-8 * unit)
+    np.testing.assert_allclose(forces[0, 1], -loaded.p, atol=1e-8 * unit)
+    assert loaded.f.sum() == pytest.approx(0.0, abs=1e-8 * unit)
+    assert np.abs(loaded.tau - pyfric.StaticSolver(make(), geometry).loaded.tau).max() > 0.01 * unit
+    if geometry == "linear":
+        now = pyfric.statics.ContactProblem(scene).loaded().values()
+        np.testing.assert_allclose(now.f, loaded.f, atol=1e-8 * unit)
+
+
+def test_slip_is_linear_and_a_common_slip_moves_the_slider():
+    scene = small_free()
+    tau = [
+        pyfric.StaticSolver(s, "linear").loaded.tau
+        for s in (
+            scene,
+            slipped(scene, EDGE),
+            slipped(scene, EDGE, -1.0),
+            scene.replace({"interface.slip": 1e-3}),
+            mirrored_scene(slipped(scene, EDGE)),
+        )
+    ]
+    size = np.abs(tau[1]).max()
+    np.testing.assert_allclose(tau[1] + tau[2], 2 * tau[0], atol=1e-10 * size)
+    np.testing.assert_allclose(tau[3], tau[0], atol=1e-9 * size)
+    np.testing.assert_allclose(tau[4][::-1], tau[1], atol=1e-10 * size)
+
+
+def test_what_a_slip_overloads_slips_at_once():
+    """The run begins with an event at the ends of the slip; a smaller slip leaves all at rest."""
+    scene = small_free(V=0.0)
+    tau, strength = rest_of(slipped(scene, EDGE, 8.0))
+    over = np.flatnonzero(np.abs(tau) > strength) + 1
+    assert 0 < len(over) < 6
+    records = [run_of(slipped(scene, EDGE, 8.0), 1e-4, fidelity=f) for f in ("dynamic", "hybrid")]
+    first = records[0].episodes.query("t_start < 1e-6")["n"]
+    assert sorted(first) == over.tolist()
+    assert records[1].episodes.equals(records[0].episodes)
+    quiet = run_of(slipped(scene, EDGE, 0.3), 1e-4)
+    assert quiet.episodes.empty
+    assert np.abs(quiet.final_state.y[:, 2:]).max() < 1e-9
+    wrong = slipped(scene, EDGE, 8.0)
+    refused(lambda: pyfric.simulate(wrong, 1.0, fidelity="quasistatic"), "interface.slip", "rest")
+
+
+def test_the_sequence_starts_from_a_slip():
+    scene = slipped(small_free(V=0.02), EDGE, 0.3)
+    how = {"fidelity": "quasistatic", "geometry": "linear", "progress": False}
+    static, exact = pyfric.simulate(scene, 0.01, **how), run_of(scene, 0.01)
+    plain = pyfric.simulate(small_free(V=0.02), 0.01, **how)
+    first = [r.events["F_T_start"].iloc[0] for r in (static, exact, plain)]
+    assert first[0] == pytest.approx(first[1], abs=1e-4 * scene.F_N)
+    assert abs(first[2] - first[0]) > 1e-3 * scene.F_N
+
+
+def test_a_slip_is_refused_where_blocks_do_not_count_from_it():
+    refused(lambda: chain().replace({"interface.slip": 1e-6}), "interface.slip", "tau")
+    slow = pyfric.preset("slow")
+    refused(lambda: slow.replace({"interface.slip": 1e-6}), "interface.slip", "rest")
+    refused(lambda: slipped(small_rod(), (np.inf,)), "interface.slip", "finite")

@@ -42,6 +42,7 @@ class Counts(NamedTuple):
     n_slide: int = 0
     n_speed: int = 0
     n_age: int = 0
+    halved: int = 0
 
 
 class Constants(NamedTuple):
@@ -75,6 +76,7 @@ class Constants(NamedTuple):
     v_ref: float = 0.0
     cut: float = 0.0
     v_slip: float = 0.0
+    g: float = 0.0
 
 
 class Model(NamedTuple):
@@ -85,7 +87,8 @@ class Model(NamedTuple):
         numbers: the following numbers, one after the other. `Constants`; u_drv0 of each driven
             block minus their mean (m). With N_x numbers each: x (m), load (p if it is prescribed)
             and shear (N), pushes on the bottom row at t_seg (N) and their rates (N/s), k_f (N/m),
-            gap (m), the five fields of the friction law. x and y of each knot of its tables.
+            gap (m), the five fields of the friction law, limits of mu at t_seg and their rates
+            (1/s). x and y of each knot of its tables.
     """
 
     counts: np.ndarray
@@ -145,6 +148,7 @@ def _counts(scene: Scene, geometry: Geometry) -> Counts:
         *(BEYOND[getattr(scene.walls, side)] for side in ("left", "right", "top")),
         int(scene.slider.dashpots == "along"),
         scene.law.memory.itemsize // 8,
+        halved=int(scene.slider.edges == "half"),
     )
 
 
@@ -167,7 +171,8 @@ def model(scene: Scene, geometry: Geometry, u_drv0: OnDriven, t: float = 0.0) ->
     slider, home = scene.slider, np.atleast_1d(u_drv0)
     i_rod = scene.M_rod * slider.L**2 / 12
     V, F_N, T = (scene.piece(what, t) for what in ("V", "F_N", "T"))
-    begins = (corner for corner in scene.corners if scene.top.push and corner <= t)
+    changing = scene.top.push or scene.interface.limit
+    begins = (corner for corner in scene.corners if changing and corner <= t)
     begin = max(V.t, F_N.t, T.t, *begins)
     now = F_N.at(begin)
     constants = Constants(
@@ -178,8 +183,8 @@ def model(scene: Scene, geometry: Geometry, u_drv0: OnDriven, t: float = 0.0) ->
         F_N=now,
         m_rod=scene.M_rod,
         i_rod=i_rod,
-        m_top=scene.M_rod + scene.N_x * scene.m,
-        i_top=i_rod + scene.m * np.sum(scene.x**2),
+        m_top=scene.M_rod + scene.m * np.sum(scene.top_shares),
+        i_top=i_rod + scene.m * np.sum(scene.top_shares * scene.x**2),
         kappa=scene.kappa,
         d=scene.d,
         k_drv=scene.driver.K / scene.n_driven,
@@ -192,11 +197,12 @@ def model(scene: Scene, geometry: Geometry, u_drv0: OnDriven, t: float = 0.0) ->
         a_drv=V.slope,
         load_rate=F_N.slope / now,
         shear_rate=scene.d * T.slope / scene.N_x,
+        g=slider.g,
     )
     load = scene.p_prescribed if scene.prescribed else scene.load * (now / scene.F_N)
     shear = scene.shear + scene.d * (T.at(begin) - getattr(scene.top, "T", 0.0)) / scene.N_x
     push = scene.push_at(t, begin)
-    rows, n_knots, knots = _interface(scene)
+    rows, n_knots, knots = _interface(scene, t, begin)
     counts = _counts(scene, geometry)._replace(**n_knots)
     own_counts, own_constants = scene.law.core_numbers
     counts, constants = counts._replace(**own_counts), constants._replace(**own_constants)
@@ -207,10 +213,12 @@ def model(scene: Scene, geometry: Geometry, u_drv0: OnDriven, t: float = 0.0) ->
     return packed
 
 
-def _interface(scene: Scene) -> tuple[list[np.ndarray], dict[str, int], list[np.ndarray]]:
+def _interface(
+    scene: Scene, t: float, begin: float
+) -> tuple[list[np.ndarray], dict[str, int], list[np.ndarray]]:
     """Return the fields of the interface, the numbers of knots of its law, and the knots."""
     law, N_x = scene.law, scene.N_x
-    fields = (scene.k_f, scene.gap, *law.core_fields)
+    fields = (scene.k_f, scene.gap, *law.core_fields, *scene.limit_at(t, begin))
     rows = [np.broadcast_to(np.asarray(field, dtype=float), (N_x,)) for field in fields]
     tables = {name: table for name, table in law.core_tables._asdict().items() if table is not None}
     n_knots = {f"n_{name}": len(table.x) for name, table in tables.items()}
@@ -237,4 +245,4 @@ def springs(
     )
     counts = _counts(scene, geometry)._replace(rigid=0, prescribed=0, left=0, right=0, top=0)
     none = np.zeros(scene.n_driven)
-    return _packed(counts, constants, none, scene.x, np.zeros(11 * scene.N_x))
+    return _packed(counts, constants, none, scene.x, np.zeros(13 * scene.N_x))

@@ -26,6 +26,7 @@ from pyfric.engines.dynamic import Run
 from pyfric.engines.engine import Engine
 from pyfric.engines.integration import integrate, just_after
 from pyfric.engines.jump import LONGEST, Jump, Landing, Outside, Stale, Wait, at, path_from, rest
+from pyfric.engines.limits import Limits
 from pyfric.engines.modes import Modes, modes_at, modes_of
 from pyfric.engines.options import Options, owned
 from pyfric.engines.slipping import SlipGaps, SlipSpace, slides
@@ -250,7 +251,7 @@ class HybridRun(Run):
         self.least_slide = math.ceil(self._as_steps({"slides": 1}))
         self.worth = self.state.step
         self.begun = self.worth - self.counts["steps"] - self.counts["steps_spared"]
-        self.slides = slides(self.scene.law)
+        self.slides, self.limits = slides(self.scene.law), Limits(self.known)
 
     def _way(self) -> np.ndarray:
         """Return the direction of blocks that slip, 0 elsewhere, shape (N_x,)."""
@@ -331,6 +332,11 @@ class HybridRun(Run):
         touches = state.y[0, 1] + self.scene.gap < 0
         if not closed.any() or (self.scene.bare & (touches != self.known.pressed)).any():
             return least
+        known = self.limits.solver(just_after(state), state.t, way.any())
+        if known is None:
+            return n_max
+        if known is not self.rests.known:
+            self.rests = RestStates(known, state.dt, self.method.stepper, self.made)
         self.made["attempts"] += 1
         outside = Outside(self.known, state.t, just_after(state))
         found = (

@@ -202,9 +202,11 @@ class Guard:
 
     def _potential(self, state: State) -> float:
         """Return the potential of the load, in J."""
-        if self.scene.rigid:
-            return float(self.scene.F_N * state.rod[1])
-        return float(self.scene.load @ state.y[-1, 1])
+        scene = self.scene
+        weight = float(np.sum(scene.weights * state.y[:, 1])) if scene.slider.g else 0.0
+        if scene.rigid:
+            return float((scene.F_N + scene.M_rod * scene.slider.g) * state.rod[1]) + weight
+        return float(scene.load @ state.y[-1, 1]) + weight
 
     def energy(self, state: State, model: core.Model | None = None) -> Energy:
         """Return the energy of a state; `model` is that of its time if loads changed since."""

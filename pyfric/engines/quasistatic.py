@@ -45,7 +45,7 @@ from pyfric.record import (
     versions,
     zone_notes,
 )
-from pyfric.scene import check_number
+from pyfric.scene import SceneError, check_number
 from pyfric.signals import answered
 from pyfric.statics import (
     LEAST_DEFINITENESS,
@@ -64,7 +64,7 @@ if TYPE_CHECKING:
     from pyfric.engines.options import Options
     from pyfric.engines.stopping import Stopping
     from pyfric.scene import Scene
-    from pyfric.statics import Values
+    from pyfric.statics import Contact, Values
 
 GROWTH = 60
 """Largest number of changes of contact state while a slipping zone grows, over N_x."""
@@ -78,6 +78,18 @@ BENDS = 32
 def _columns(rows: list[tuple[Any, ...]], kinds: Mapping[str, np.dtype]) -> dict[str, np.ndarray]:
     columns = zip(kinds.items(), zip(*rows, strict=True), strict=True)
     return {name: np.array(values, dtype=kind) for (name, kind), values in columns}
+
+
+def _check_slip(scene: Scene, contact: Contact) -> None:
+    """Refuse a slip before the start after which a block exceeds its strength."""
+    now = contact.values()
+    excess = np.where(contact.stuck, -contact.law.margin(now.p, now.f), -np.inf)
+    i = int(np.argmax(excess))
+    if scene.interface.slip is not None and excess[i] > contact.tol:
+        n, slip = scene.n_of_i[i], float(scene.field("slip")[i])
+        reason = f"block {n} from the trailing edge then bears {excess[i]:.3g} N more than mu_s p"
+        allowed = "a slip after which all blocks rest, or fidelity = 'hybrid' or 'dynamic'"
+        raise SceneError("interface.slip", slip, "m", allowed, reason)
 
 
 class QuasistaticRun:
@@ -101,6 +113,7 @@ class QuasistaticRun:
         self.t_gap = longest_pause(scene) if t_gap is None else t_gap
         self.problem = ContactProblem(scene)
         self.contact = self.problem.loaded()
+        _check_slip(scene, self.contact)
         self.drive_0 = self.contact.drive
         self.history = History(["t", "F_T"])
         self.mode = self.contact.logged

@@ -199,7 +199,7 @@ curve     t       elastic_mattress?   f8 J   elastic energy of the mattress, in 
 curve     t       elastic_driver?     f8 J   elastic energy of the driver's spring
 curve     t       elastic_junctions?  f8 J   elastic energy of the junctions of the interface
 curve     t       work_driver?        f8 J   work of the driver's motion
-curve     t       work_load?          f8 J   work of the forces on the top and of pushes
+curve     t       work_load?          f8 J   work of the forces on the top, of weights and of pushes
 curve     t       dissipated_bonds?   f8 J   heat of the dashpots of the bonds, and radiated
 curve     t       friction_heat?      f8 J   heat of friction
 curve     t       switching_loss?     f8 J   kinetic energy removed where a switch stops a block

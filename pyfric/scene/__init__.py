@@ -14,7 +14,7 @@ from pyfric.scene.checked import (
     annotations,
     part,
 )
-from pyfric.scene.composed import OnDriven
+from pyfric.scene.composed import NO_LIMIT, OnDriven
 from pyfric.scene.consistency import Geometry, check_geometry, check_push, default_geometry
 from pyfric.scene.ends import Conditions, condition
 from pyfric.scene.errors import SceneError, naming, unknown

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 import typing
 import unicodedata
 from collections.abc import Mapping
@@ -25,6 +26,8 @@ from pyfric.scene.units import (
     range_text,
 )
 
+FOR_EVER = (math.inf, "inf s")
+"""Values that mean no end, or never, in Python and in files."""
 MAX_LISTED = 10_000
 """Largest number of values in a list."""
 
@@ -77,6 +80,7 @@ class Quantity(Annotation):
     each: str = "number"  # what one of them is called
     drawn: tuple[type, ...] = ()  # or an object of these classes, a table in a scene file
     note: str = ""
+    endless: bool = False  # inf is allowed
 
     @property
     def _limits(self) -> dict[str, float | None]:
@@ -99,8 +103,10 @@ class Quantity(Annotation):
         if self.listed and isinstance(value, list | tuple):
             if len(value) > MAX_LISTED:
                 raise SceneError("", value, "", f"at most {MAX_LISTED} numbers", "too many")
-            number = Quantity(self.unit, **self._limits)
+            number = Quantity(self.unit, **self._limits, endless=self.endless)
             return numbered(self.each, lambda entry: number.check(entry, written), value)
+        if self.endless and isinstance(value, float | str) and value in FOR_EVER:
+            return math.inf
         if written and self.unit:
             value = parse_quantity("", value, self.unit, allowed=self.allowed)
         return check_number("", value, self.unit, **self._limits, note=self.note)

@@ -1,5 +1,6 @@
 """What follows from the parts of a scene: blocks, springs, friction, loads, path of the driver."""
 
+import bisect
 import functools
 import math
 from dataclasses import replace
@@ -13,6 +14,7 @@ from pyfric.scene.errors import naming
 from pyfric.scene.friction import Law
 from pyfric.scene.parts import (
     FIELDS,
+    OPTIONAL,
     PARTS,
     DistributedLoad,
     Driver,
@@ -27,6 +29,8 @@ from pyfric.scene.restless import WITHOUT_REST
 
 OnDriven = float | np.ndarray
 """A number for one driven block, or an array for several."""
+NO_LIMIT = float(np.finfo(float).max)
+"""Limit of the friction coefficient of a block that has none."""
 MAX_NAME = 200
 """Largest number of characters in the name of a scene."""
 
@@ -62,8 +66,8 @@ class Composed:
 
     @property
     def m_interface(self) -> float:
-        """Mass of a block of the bottom row, in kg: m, or m/2 on a prescribed interface."""
-        return self.m / 2 if self.prescribed else self.m
+        """Mass of a block of the bottom row, in kg: m, or m/2 where it consists of half blocks."""
+        return self.m * float(self.shares[0][0])
 
     @property
     def resolving_step(self) -> float:
@@ -74,16 +78,30 @@ class Composed:
     def shares(self) -> tuple[np.ndarray, np.ndarray]:
         """Share of whole blocks in each row, shape (N_z,), and in each column, shape (N_x,).
 
-        It is 1, or 1/2 along a prescribed interface and along absorbing walls. The share of a block
-        is the product of both. Bonds along such a row or column have half of their strength.
+        It is 1, or 1/2 along a prescribed interface, along absorbing walls and, if the slider has
+        half blocks, along all edges that are not mirrored. The share of a block is the product of
+        both. Bonds along such a row or column have half of their strength.
         """
         rows, columns = np.ones(self.N_z), np.ones(self.N_x)
-        if self.prescribed:
+        half = self.slider.edges == "half"
+        cut = ("absorbing", "free", "held") if half else ("absorbing",)
+        ends = [("left", columns, 0), ("right", columns, -1), ("top", rows, -1)]
+        for name, of, end in ends[: 3 if self.N_z > 1 else 2]:
+            if getattr(self.walls, name) in cut:
+                of[end] = 0.5
+        if self.prescribed or (half and self.N_z > 1):
             rows[0] = 0.5
-            for name, of, end in (("left", columns, 0), ("right", columns, -1), ("top", rows, -1)):
-                if getattr(self.walls, name) == "absorbing":
-                    of[end] = 0.5
         return rows, columns
+
+    @property
+    def top_shares(self) -> np.ndarray:
+        """Share of whole blocks in the top row, shape (N_x,)."""
+        return self.shares[0][-1] * self.shares[1]
+
+    @functools.cached_property
+    def weights(self) -> np.ndarray:
+        """Weights of the blocks, shape (N_z, N_x), in N."""
+        return self.m * self.slider.g * np.outer(*self.shares)
 
     @property
     def eta(self) -> float:
@@ -102,6 +120,8 @@ class Composed:
         if self.prescribed:
             return 0.0
         given = self.given_field("k_f")
+        if self.slider.edges == "half":
+            given = given * self.shares[1]
         return given if self.touches.all() else np.where(self.touches, given, 0.0)
 
     @functools.cached_property
@@ -114,6 +134,12 @@ class Composed:
     def gap(self) -> float | np.ndarray:
         """Height of the undeformed blocks over the foundation, a number or (N_x,), in m."""
         return 0.0 if self.interface.gap is None else self.given_field("gap")
+
+    @functools.cached_property
+    def home(self) -> np.ndarray:
+        """Positions u_x of the blocks at which they stick at the start, shape (N_x,), in m."""
+        slip = self.interface.slip
+        return np.zeros(self.N_x) if slip is None else self.d * self.field("slip")
 
     @functools.cached_property
     def bare(self) -> np.ndarray:
@@ -143,8 +169,8 @@ class Composed:
         """Return a field of the interface, left to right, shape (N_x,).
 
         Args:
-            name: "mu_s", "mu_k", "d_c" (m), "alpha" (N s/m), "k_f" (N/m) or "gap" (m), or a field
-                of the friction law.
+            name: "mu_s", "mu_k", "d_c" (m), "alpha" (N s/m), "k_f" (N/m), "gap" (m), "slip" (m) or
+                "limit_from" (s), or a field of the friction law.
         """
         return np.broadcast_to(np.asarray(self.given_field(name), dtype=float), (self.N_x,))
 
@@ -185,13 +211,15 @@ class Composed:
     @property
     def fields(self) -> tuple[str, ...]:
         """Names of the fields that may vary along the interface."""
-        given = (n for n in ("gap", *self.interface.law.fields) if self._given(n) is not None)
-        return (*FIELDS[:-1], *given)
+        given = (n for n in (*OPTIONAL, *self.interface.law.fields) if self._given(n) is not None)
+        return (*FIELDS[: -len(OPTIONAL)], *given)
 
     @property
     def varied(self) -> tuple[str, ...]:
         """Names of the fields that vary along the interface."""
-        return tuple(name for name in self.fields if np.ptp(self.field(name)) > 0)
+        return tuple(
+            name for name in self.fields if self.field(name).min() < self.field(name).max()
+        )
 
     def _given(self, name: str) -> Any:
         """Return a field as given in the interface or its friction law."""
@@ -254,6 +282,7 @@ class Composed:
         """Times of the breakpoints of protocols and pushes, in s, in order."""
         lists = self.driver.protocol, self.top.protocol, self.top.T_protocol
         times = {t for corners in lists for t, _ in corners}
+        times |= {t + t_0 for t, _ in self.interface.limit for t_0 in self._limits_from.tolist()}
         times |= {t for push in self.top.push for t in (push.begin, push.end)}
         return tuple(sorted(t for t in times if 0 < t < math.inf))
 
@@ -269,6 +298,36 @@ class Composed:
     def piece(self, what: Literal["V", "F_N", "T"], t: float) -> Piece:
         """Return the piece of a protocol that begins at or before t (s): V, F_N or T."""
         return piece_at(self._pieces[what], t)
+
+    @functools.cached_property
+    def _limits_from(self) -> np.ndarray:
+        """Times from which the limits of friction count, left to right, shape (N_x,), in s."""
+        given = self.interface.limit_from
+        return np.zeros(self.N_x) if given is None else self.field("limit_from")
+
+    def limit_at(self, t: float, now: float | None = None) -> np.ndarray:
+        """Return the largest friction coefficients of the blocks, left to right, and their rates.
+
+        Args:
+            t: time that selects the pieces of `Interface.limit`, in s.
+            now: time at which they are evaluated, in s; None means t.
+
+        Returns:
+            Coefficients, `NO_LIMIT` where there is none, and rates (1/s), shape (2, N_x).
+        """
+        found = np.array([np.full(self.N_x, NO_LIMIT), np.zeros(self.N_x)])
+        corners = self.interface.limit
+        if not corners:
+            return found
+        path = pieces(corners[0][1], corners)
+        now = t if now is None else now
+        for i, t_0 in enumerate(self._limits_from.tolist()):
+            if t >= corners[0][0] + t_0:
+                # a breakpoint is t + t_0, rounded: pieces begin there
+                n = bisect.bisect_right([at + t_0 for at, _ in corners], t)
+                piece = piece_at(path, corners[n - 1][0])
+                found[:, i] = piece.at(now - t_0), piece.slope
+        return found
 
     def load_at(self, t: float) -> tuple[float, float] | None:
         """Return F_N and T (N) at t (s), or None if no protocol changes them."""
@@ -332,16 +391,18 @@ class Composed:
         if isinstance(self.top, PrescribedLoad):
             return self._by_column(self.top.p)
         slope = (2 * self.n_of_i - self.N_x - 1) / (self.N_x - 1)
-        return self.F_N / self.N_x * (1 + self.top.theta * slope)
+        columns = self.shares[1]
+        return self.F_N / columns.sum() * (1 + self.top.theta * slope) * columns
 
     @property
     def shear(self) -> np.ndarray:
         """Forces in +x on blocks of row j_shear at t = 0, left to right, shape (N_x,), in N.
 
         They are d tau_i for a `PrescribedLoad`, and d T/N_x for a `DistributedLoad`. A half block
-        at an absorbing side has half of this force.
+        at a side has half of this force.
         """
-        tau = self.top.tau if isinstance(self.top, PrescribedLoad) else self.top.T / self.N_x
+        prescribed, columns = isinstance(self.top, PrescribedLoad), self.shares[1].sum()
+        tau = self.top.tau if prescribed else self.top.T / columns
         return self.d * self._by_column(tau) * self.shares[1] + 0.0  # no -0.0
 
     def push_at(self, t: float, now: float | None = None) -> np.ndarray:
@@ -379,7 +440,7 @@ class Composed:
     def p_prescribed(self) -> np.ndarray:
         """Prescribed p of the bottom blocks, left to right, shape (N_x,), in N.
 
-        It is 0 without a `PrescribedLoad`. A half block at an absorbing side has half of p.
+        It is 0 without a `PrescribedLoad`. A half block at a side has half of p.
         """
         if not isinstance(self.top, PrescribedLoad):
             return np.zeros(self.N_x)

@@ -26,6 +26,9 @@ def check(scene: Composed) -> None:
     """
     _check_fields(scene)
     _check_pushed(scene)
+    _check_starts(scene)
+    if scene.slider.edges == "half":
+        _check_half(scene)
     if isinstance(scene.top, PrescribedLoad):
         _check_prescribed(scene)
     elif scene.N_z == 1:
@@ -46,7 +49,7 @@ def _check_fields(scene: Composed) -> None:
         mark, given = annotations(type(owner))[name], getattr(owner, name)
         _check_length(scene, f"interface.{name}", given, mark)
         field = scene.field(name)
-        low = (field < 0) | ((field == 0) & (mark.gt is not None))
+        low = ((field < 0) & (mark.ge is not None)) | ((field <= 0) & (mark.gt is not None))
         if isinstance(given, Spread | Profile) and low.any():
             n, value = int(scene.n_of_i[np.argmax(low)]), float(field[low][0])
             kind = type(given).__name__.lower()
@@ -136,6 +139,33 @@ def _check_pushed(scene: Composed) -> None:
             raise SceneError("top.push", push.force, "N", "a force that is not 0", "pushes nothing")
 
 
+def _check_starts(scene: Composed) -> None:
+    """Check that slip before the start and limits of friction have what they act on."""
+    interface = scene.interface
+    for name in ("slip", "limit"):
+        given = getattr(interface, name)
+        if not scene.law.rests and given not in (None, ()):
+            reason = f"of a law whose blocks can rest, not of {interface.law.kind!r}"
+            mark = annotations(type(interface))[name]
+            raise SceneError(f"interface.{name}", given, mark.unit, "none", reason)
+    if interface.limit_from is not None and not interface.limit:
+        raise SceneError("interface.limit", (), "", "breakpoints (t, mu)", "limit_from needs them")
+
+
+def _check_half(scene: Composed) -> None:
+    """Refuse what is not known on half blocks: forces that are given for each block."""
+    top, driver = scene.top, scene.driver
+    for name, given, allowed, unit in (
+        ("top.k_top", scene.k_top, 0.0, "N/m"),
+        ("top.T_protocol", top.T_protocol, (), "N"),
+        ("driver.side", driver.side == "top" and driver.side, "a side", ""),
+        ("interface.law", scene.law.junctions and scene.interface.law.kind, "another law", ""),
+    ):
+        if given:
+            reason = "slider.edges = 'half' does not divide it among whole and half blocks"
+            raise SceneError(name, given, unit, repr(allowed), reason)
+
+
 def check_push(scene: Composed, push: Push, f: np.ndarray, strength: np.ndarray) -> None:
     """Check that a push is large enough to make its block slip.
 
@@ -171,6 +201,8 @@ def _check_absent(scene: Composed) -> None:
             absent[f"walls.{side}"] = "'free'", reason
     if isinstance(scene.top, PrescribedLoad):
         absent["interface.gap"] = "None", "p is prescribed"
+        absent["interface.slip"] = "None", "displacements count from t = 0; give tau instead"
+        absent["slider.g"] = "0 m/s^2", "p is prescribed"
         absent["interface.contact"] = "None", "p is prescribed; mu_s = 0 lets blocks move freely"
     if scene.N_z == 1:
         reason = "a chain is driven at its only row"
@@ -194,18 +226,20 @@ def _check_absent(scene: Composed) -> None:
 
 
 def check_geometry(geometry: str, scene: Composed | None = None) -> None:
-    """Check that `geometry` is "linear" or "finite", and "linear" if the load is prescribed.
+    """Check that `geometry` is "linear" or "finite", and "linear" where no other is known.
 
     Raises:
-        SceneError: unknown geometry, or finite geometry for a prescribed load.
+        SceneError: unknown geometry, or finite geometry for a prescribed load or half blocks.
     """
     with naming("geometry"):
         Words(get_args(Geometry)).check(geometry)
     if geometry == "finite" and scene is not None and default_geometry(scene) == "linear":
         what = "a chain" if scene.N_z == 1 else "a prescribed interface"
+        what = what if scene.N_z == 1 or scene.prescribed else "a slider with half blocks"
         raise SceneError("geometry", geometry, "", "'linear'", f"{what} has linear geometry only")
 
 
 def default_geometry(scene: Composed) -> Geometry:
-    """Return "finite", as in the paper, or "linear" for a prescribed load."""
-    return "linear" if scene.N_z == 1 or scene.prescribed else "finite"
+    """Return "finite", as in the paper, or "linear" for a prescribed load or half blocks."""
+    half = scene.slider.edges == "half"
+    return "linear" if half or scene.N_z == 1 or scene.prescribed else "finite"

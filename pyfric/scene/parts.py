@@ -40,8 +40,9 @@ MAX_BLOCKS = 20_000_000
 """Largest number of blocks N_x N_z. It prevents a mistyped l from exhausting the memory."""
 MULTIPLE_RTOL = 1e-9
 """Relative tolerance of "L, H and h are multiples of l"."""
-FIELDS = ("mu_s", "mu_k", "d_c", "alpha", "k_f", "gap")
-"""Names of the fields of an interface."""
+OPTIONAL = ("gap", "slip", "limit_from")
+FIELDS = ("mu_s", "mu_k", "d_c", "alpha", "k_f", *OPTIONAL)
+"""Names of the fields of an interface; those that few interfaces have."""
 A_LAW = "a friction law, such as pyfric.laws.Ageing, or [interface.law] in a scene file"
 CHAIN_NOTE = ", or 0 for a chain under a prescribed load"
 
@@ -69,6 +70,12 @@ class Slider:
         dashpots: "full", as in the paper: the dashpot of a bond resists the full relative velocity
             of its blocks, including rotation. "along": it resists only the component along the
             bond, so that rotation is free.
+        edges: "whole", as in the paper: M/(N_x N_z) in each block and springs of full stiffness
+            along the edges. "half": blocks along free edges are half blocks, quarters in corners,
+            with half of the mass, of the springs along the edge, and of what foundation and loads
+            give to a column. Mass and stiffness then converge to second order in l. Linear geometry
+            only; in a chain it halves both ends.
+        g: gravity, m/s^2, >= 0, downward on all blocks and the rod, in addition to F_N.
 
     Source: PRL 107, 074301 (2011), model section.
     """
@@ -81,6 +88,8 @@ class Slider:
     eta: Annotated[float | None, NotNegative("N s/m", optional=True)] = None
     damping: Annotated[float | None, NotNegative("", optional=True)] = None
     dashpots: Literal["full", "along"] = "full"
+    edges: Literal["whole", "half"] = "whole"
+    g: Annotated[float, NotNegative("m/s^2")] = 0.0
 
     _section: ClassVar[str] = "slider"
     _elsewhere: ClassVar[dict[str, str]] = dict.fromkeys(
@@ -104,7 +113,8 @@ class Slider:
         """Return a slab of a material: k = 3 B E/4 and M = rho B L H; see `Material`.
 
         Blocks at the edges are whole blocks, so that M/(N_x N_z) is less than rho B l^2. Waves are
-        therefore faster than in the material, by the factor sqrt((1 + l/L)(1 + l/H)).
+        therefore faster than in the material, by the factor sqrt((1 + l/L)(1 + l/H)); not so with
+        edges="half".
 
         Args:
             name: a key of `pyfric.MATERIALS`, for values that are not given.
@@ -173,8 +183,10 @@ class Slider:
 
     @property
     def m(self) -> float:
-        """Mass of one block, M / (N_x N_z), in kg."""
-        return self.M / (self.N_x * self.N_z)
+        """Mass of a whole block in kg: M / (N_x N_z), or M l^2 / (L H) with half blocks."""
+        if self.edges == "whole":
+            return self.M / (self.N_x * self.N_z)
+        return self.M / ((self.N_x - 1) * max(self.N_z - 1, 1))
 
 
 class Top:
@@ -396,9 +408,21 @@ class Interface:
             carries p = k_f (-u_z - gap) where this is positive.
         contact: False where blocks never touch the foundation; True or False, or N_x of them from
             the trailing edge on. None means that all can.
+        slip: slip along the drive before the start, m, also negative. Blocks stick where it brings
+            them, and the slider above is in equilibrium. None means 0.
+        limit: breakpoints (t, mu), in s and >= 0, of the largest friction coefficient, whether a
+            block sticks or slips. It is linear between breakpoints and constant after the last one;
+            before the first one there is no limit.
+        limit_from: time from which t of `limit` counts, s, >= 0; inf where there is no limit. None
+            means 0.
 
-    mu_s, mu_k, k_f, d_c, alpha and gap are fields: a number, N_x numbers from the trailing edge on,
-    a `Spread`, or a `Profile`. A table with a "file" stands for the profile in this file.
+    mu_s, mu_k, k_f, d_c, alpha, gap, slip and limit_from are fields: a number, N_x numbers from the
+    trailing edge on, a `Spread`, or a `Profile`. A table with a "file" stands for the profile in
+    this file.
+
+    With limit = ((0, mu_s), (t_0, mu_k)) friction weakens over slip or over the time t_0 after
+    `limit_from`, whichever is sooner: the forced rupture of the benchmarks of SCEC. Blocks whose
+    |tau| exceeds mu_s p after a given slip begin to slip at t = 0.
 
     A block without contact is a part of the free surface. A block with mu_s = 0 and alpha = 0
     carries p and moves freely along the interface; records show it as open. Neither sticks, slips
@@ -411,7 +435,8 @@ class Interface:
     resolve weakening if dt sqrt((mu_s - mu_k) p/(m d_c)) is below 1, with p = F_N/N_x; otherwise
     the record carries a note.
 
-    Source: PRL 107, 074301 (2011), interface law, and its remark on slip weakening.
+    Source: PRL 107, 074301 (2011), interface law, and its remark on slip weakening; R. A. Harris et
+    al., Seismol. Res. Lett. 89, 1146 (2018), benchmarks with forced rupture.
     """
 
     mu_s: Annotated[Field, NotNegative("", optional=True, **FIELD)] = None  # set by __post_init__
@@ -422,6 +447,11 @@ class Interface:
     law: Annotated[FrictionLaw, OneOf(FrictionLaw, kinds=KINDS, allowed=A_LAW)] = LinearWeakening()
     gap: Annotated[Field | None, NotNegative("m", optional=True, **FIELD)] = None
     contact: Annotated[bool | tuple[bool, ...] | None, Switches()] = None
+    slip: Annotated[Field | None, Quantity("m", optional=True, **FIELD)] = None
+    limit: Annotated[Corners, Protocol("", ge=0.0)] = ()
+    limit_from: Annotated[Field | None, NotNegative("s", optional=True, endless=True, **FIELD)] = (
+        None
+    )
 
     _section: ClassVar[str] = "interface"
 
@@ -439,7 +469,8 @@ class Interface:
 
     def coulomb(self) -> Self:
         """Return the interface with Amontons-Coulomb friction, as used for static states."""
-        return dataclasses.replace(self, law=LinearWeakening(), d_c=0.0, alpha=0.0)
+        plain = {"law": LinearWeakening(), "d_c": 0.0, "alpha": 0.0}
+        return dataclasses.replace(self, **plain, limit=(), limit_from=None)
 
     @property
     def tables(self) -> Tables:

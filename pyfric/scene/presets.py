@@ -46,6 +46,8 @@ class Fields(TypedDict, total=False):
     eta: Number | None
     damping: float | None
     dashpots: Literal["full", "along"]
+    edges: Literal["whole", "half"]
+    g: Number
     F_N: Number
     mass: Number
     mattress: Number
@@ -69,6 +71,9 @@ class Fields(TypedDict, total=False):
     alpha: Field
     gap: Field | None
     contact: bool | Sequence[bool] | None
+    slip: Field | None
+    limit: Corners
+    limit_from: Field | None
     law: FrictionLaw
     left: Literal["free", "mirrored", "absorbing"]
     right: Literal["free", "mirrored", "absorbing"]

@@ -14,14 +14,12 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from pyfric.scene.checked import Annotation, Quantity, Whole, Written
+from pyfric.scene.checked import FOR_EVER, Annotation, Quantity, Whole, Written
 from pyfric.scene.errors import SceneError, numbered
 from pyfric.scene.units import as_list
 
 MOST = 1000
 """Largest number of breakpoints of one protocol, and of pushes of one scene."""
-FOR_EVER = (math.inf, "inf s")
-"""Values that mean no end of a push, in Python and in files."""
 
 Corners = tuple[tuple[float, float], ...]
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from pyfric.scene.errors import SceneError
 from pyfric.scene.friction import Law
-from pyfric.scene.laws import FrictionLaw, Junctions, RateAndState, Tables
+from pyfric.scene.laws import FrictionLaw, Junctions, RateAndState, Table, Tables
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,8 +83,8 @@ class JunctionLaw(Law):
 
     @property
     def apart(self) -> bool:
-        """Whether stretches or slip times of junctions differ."""
-        return bool(np.any(self.t_R_std) or self.kind.stretch)
+        """Whether stretches, strengths or slip times of junctions differ."""
+        return bool(np.any(self.t_R_std) or self.kind.stretch or self.kind.u_s_spread)
 
     @property
     def slowest(self) -> float:
@@ -116,7 +116,7 @@ class JunctionLaw(Law):
         whole = np.where(closed, self.stiffness(p), 1.0)
         even = (2 * np.arange(1, n + 1) - n - 1) / n
         stretch = (-f / whole)[:, None] + d * self.kind.stretch * u_s[:, None] * even
-        over = np.abs(stretch) - u_s[:, None]
+        over = np.abs(stretch) - self.kind.factors * u_s[:, None]
         worst = int(np.argmax(np.where(closed, over.max(axis=1), -np.inf)))
         if closed.any() and over[worst].max() > 0:
             number = worst + 1 if d > 0 else len(p) - worst
@@ -146,7 +146,11 @@ class JunctionLaw(Law):
     def core_tables(self) -> Tables:
         mean = float(np.mean(self.t_R))
         cv = float(np.mean(self.t_R_std)) / mean if mean else 0.0
-        return Tables(hold=self.kind.quantiles_of_t_R(cv))
+        strengths = None
+        if self.kind.u_s_spread:
+            numbers = tuple(range(1, self.kind.n_s + 1))
+            strengths = Table(numbers, tuple(self.kind.factors.tolist()))
+        return Tables(hold=self.kind.quantiles_of_t_R(cv), slide=strengths)
 
     def budget(self, heat: Any = 0.0, loss: Any = 0.0, parts: Any = (0.0, 0.0)) -> dict[str, Any]:
         """Return heat of dragging, heat of breaks and pinning, and work of stiffness changes."""

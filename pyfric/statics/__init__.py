@@ -26,6 +26,6 @@ from pyfric.statics.routes import (
 )
 from pyfric.statics.rows import ends, table_rows
 from pyfric.statics.stability import stability_limit
-from pyfric.statics.starts import check_pushes, forced, overstressed, ramped
+from pyfric.statics.starts import check_pushes, forced, overstressed, ramped, weakened
 from pyfric.statics.system import System
 from pyfric.statics.weakening import Weakening

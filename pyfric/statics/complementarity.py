@@ -159,9 +159,12 @@ class ContactProblem:
     @functools.cached_property
     def _applied(self) -> Contact:
         """The slider without its driver under F_N."""
-        home = np.zeros(self.scene.N_x)
-        applied = Contact(self.undriven(), home, 0.0, home, driven=False)
-        applied.load(home)
+        home, none = self.scene.home, np.zeros(self.scene.N_x, dtype=bool)
+        applied = Contact(self.undriven(), home, 0.0, np.zeros(len(home)), driven=False)
+        if self.scene.interface.slip is None:
+            applied.load(home)
+        else:
+            applied.hold_at(home, none)
         return applied
 
     @functools.cached_property

@@ -8,8 +8,8 @@ v = (u_x, u_z) and of driver and loads w = (drive, 1, F_N, T). With matrices S, 
 
 The driver spring is relaxed at drive = 0 if the driven block is at u_x = 0, so that
 drive = V t + d u_drv0. For a plate u_drv0 is the mean over its blocks. The second component of w
-stands for the constant forces: those of differences between the blocks of a plate, and the
-prescribed shear of a chain.
+stands for the constant forces: those of differences between the blocks of a plate, weights, and
+the prescribed shear of a chain.
 
 The lattice couples only neighbouring rows. Elimination of row j + 1 therefore changes only row j:
 
@@ -116,11 +116,15 @@ def _condensed(scene: Scene) -> Condensed:
     n = stiff.shape[0]
     unit = coordinates(scene)[driven_dofs(scene)].toarray().T  # forces of 1 N on driven blocks
     r, c = np.hstack([np.zeros((n, 4)), unit]), np.zeros((n_driven, 4 + n_driven))
+    if scene.slider.g:
+        weights = np.stack([0 * scene.weights, scene.weights], axis=1)
+        r[:, 1] = -(coordinates(scene).T @ weights.ravel())
     if scene.rigid:
         r[-2, 2] = -1.0
+        r[-2, 1] -= scene.M_rod * scene.slider.g
     else:
         *_, top_x, top_z = ends(N_x)
-        r[top_z, 2], r[top_x, 3] = -scene.load / scene.F_N, scene.d / N_x
+        r[top_z, 2], r[top_x, 3] = -scene.load / scene.F_N, scene.d / scene.shares[1].sum()
         if isinstance(scene.top, PrescribedLoad):
             r[top_x, 1] = scene.shear
 

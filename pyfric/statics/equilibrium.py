@@ -165,12 +165,19 @@ class StaticSolver(System):
         return self._rest(q, states, given, drive, loose)
 
     def _load_slider(self) -> Equilibrium:
-        """Return the loaded state. Bottom blocks slip only if they exceed their strength."""
-        scene, home = self.scene, np.zeros(self.scene.N_x)
+        """Return the loaded state. Bottom blocks slip only if they exceed their strength.
+
+        After a given slip they are held where it brought them, by any friction.
+        """
+        scene, home = self.scene, self.scene.home
         if scene.law.junctions and not isinstance(scene.top, PrescribedLoad):
             return self._load_on_junctions()
-        states = States(scene, home, scene.law, driven=False)
-        return self._rest(np.zeros(len(self.arm)), states, home, None)
+        states, q = (
+            States(scene, np.zeros(scene.N_x), scene.law, driven=False),
+            np.zeros(len(self.arm)),
+        )
+        held = None if scene.interface.slip is None else np.zeros(scene.N_x, bool)
+        return self._rest(q, states, home, None, held)
 
     def _load_on_junctions(self) -> Equilibrium:
         """Return the loaded state on junctions, which are pinned at u_x = 0 before F_N is applied.
@@ -230,9 +237,9 @@ class StaticSolver(System):
             q: initial coordinates, shape (n_q,).
             states: initial contact states, changed in place.
             given: positions of held blocks, shape (N_x,), in m.
-            drive: displacement of the driver since t = 0, in m; None means proportional loading,
-                without a driver.
-            loose: blocks without friction, shape (N_x,), bool; not for loading.
+            drive: displacement of the driver since t = 0, in m; None means no driver.
+            loose: blocks without friction, shape (N_x,), bool; all others are held. None means
+                proportional loading, with friction.
         """
         scene, at, steps = self.scene, ends(self.scene.N_x), 0
         for _ in range(CORRECTIONS):
@@ -246,14 +253,14 @@ class StaticSolver(System):
             f = np.where(states.stuck, -forces[at.u_x], f)
             p = np.where(states.closed, -scene.k_f * height, 0.0)
             now = Values(u_x, f, u_z, p, F_T)
-            if drive is not None:
+            if loose is not None:
                 unmet = states.misplaced(now, STUCK, given)
             else:
                 unmet = states.unmet_in_loading(now, given) if scene.N_z > 1 else None
             if unmet is None:
                 return self._result(found, states, now, drive, residual, steps)
             contact = self._contact(states, now, given, drive)
-            if drive is not None:
+            if loose is not None:
                 contact.hold_at(given, loose | (contact.slip != 0))
             else:
                 try:

@@ -95,8 +95,8 @@ def bonds(scene: Scene) -> Bonds:
     dx, dz, factor = np.repeat(np.array([pair[2] for pair in pairs]), size, axis=0).T
     image = np.arange(len(a)) >= sum(size[: len(inside)])
     share = np.where(image & (a == b), 0.5, 1.0)
-    if scene.prescribed:  # within a row or a column of half blocks
-        rows, columns = scene.shares
+    rows, columns = scene.shares
+    if min(rows.min(), columns.min()) < 1:  # within a row or a column of half blocks
         share *= np.where(dz == 0, rows[a // N_x], 1.0) * np.where(dx == 0, columns[a % N_x], 1.0)
     d, l = scene.slider.l * np.column_stack([dx, dz]), scene.slider.l * np.hypot(dx, dz)
     return Bonds(a, b, d, l, factor * scene.slider.k * share, (N_z, N_x), image, share)

@@ -57,14 +57,15 @@ def mass(scene: Scene) -> np.ndarray:
     M_rod L^2/12 + sum m x_i^2 in kg m^2. Blocks on a plane of symmetry count as half or quarter
     blocks (`Scene.shares`).
     """
-    N_x, m = scene.N_x, scene.m
+    m = scene.m
     if not scene.rigid:
         rows, columns = scene.shares
         moving = scene.N_z - (scene.walls.top == "held")
         return m * np.outer(np.repeat(rows[:moving], 2), columns).ravel()
-    total = scene.M_rod + N_x * m
-    inertia = scene.M_rod * scene.slider.L**2 / 12 + m * np.sum(scene.x**2)
-    return np.concatenate([np.full(2 * N_x * (scene.N_z - 1), m), [total, total, inertia]])
+    top, below = scene.top_shares, np.outer(np.repeat(scene.shares[0][:-1], 2), scene.shares[1])
+    total = scene.M_rod + m * np.sum(top)
+    inertia = scene.M_rod * scene.slider.L**2 / 12 + m * np.sum(top * scene.x**2)
+    return np.concatenate([m * below.ravel(), [total, total, inertia]])
 
 
 def ground(scene: Scene, T: sp.csr_array, closed: np.ndarray, *, driver: bool = True) -> np.ndarray:
@@ -131,7 +132,8 @@ def _absorbing(scene: Scene) -> np.ndarray:
             c[-1, 1, i] *= not top  # in corners only normal dashpots act
     if top:
         c[-1] += np.outer([z_s, z_p], columns)
-        c[-1, 0, columns < 1] -= z_s / 2
+        for name, i in (("left", 0), ("right", -1)):
+            c[-1, 0, i] -= z_s / 2 * (getattr(walls, name) == "absorbing")
     return c.ravel()
 
 

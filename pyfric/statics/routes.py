@@ -66,6 +66,9 @@ def beyond_ladder(scene: Scene) -> SceneError | None:
     if np.any(law.alpha):
         reason, alpha = "the quasi-static sequence cannot follow viscosity", np.max(law.alpha)
         return SceneError("interface.alpha", float(alpha), "N s/m", f"0, {instead}", reason)
+    if scene.interface.limit:
+        reason = "the quasi-static sequence cannot follow limits of friction that change with time"
+        return SceneError("interface.limit", scene.interface.limit, "", f"none, {instead}", reason)
     load = float(np.max(scene.F_N / scene.N_x))
     if law.weakens and (soft := scene.slider.k / law.steepness(load)) > SOFTEST:
         reason = (

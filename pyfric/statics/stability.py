@@ -177,20 +177,23 @@ def _reduced(scene: Scene) -> Scene:
     if side == "top":
         on_rod, driven, h_top = False, n_x, None
     K = scene.driver.K / scene.n_driven * driven
-    l, m, top = scene.slider.l, scene.m, scene.top
+    l, m, top, half = scene.slider.l, scene.m, scene.top, scene.slider.edges == "half"
     if scene.rigid:
         # kappa over the moment of inertia is kept. Its factor 12/L^2 cancels: times this factor,
-        # m sum x_i^2 of a row of n blocks is m n (n + 1)/(n - 1).
+        # m sum x_i^2 of a row of n blocks is m n (n + 1)/(n - 1), and half of
+        # m ((n - 1) + 2/(n - 1)) with half blocks.
         rod = top.mass * share
         inertia, whole = (
-            mass + m * n * (n + 1) / (n - 1) for mass, n in ((rod, n_x), (top.mass, scene.N_x))
+            mass + m * (0.5 * (n - 1 + 2 / (n - 1)) if half else n * (n + 1) / (n - 1))
+            for mass, n in ((rod, n_x), (top.mass, scene.N_x))
         )
         top = Rod(F_N=1.0, mass=rod, mattress=top.mattress * (inertia / whole))
     elif isinstance(top, PrescribedLoad):
         top = PrescribedLoad(p=1.0, k_top=scene.k_top)
     else:
         top = DistributedLoad(F_N=1.0, k_top=scene.k_top)
-    lengths = {"L": (n_x - 1) * l, "H": (n_z - 1) * l, "M": m * n_x * n_z}
+    blocks = (n_x - 1) * max(n_z - 1, 1) if half else n_x * n_z
+    lengths = {"L": (n_x - 1) * l, "H": (n_z - 1) * l, "M": m * blocks}
     return Scene(
         slider=dataclasses.replace(scene.slider, **lengths, eta=scene.eta, damping=None),
         top=top,

@@ -1,8 +1,9 @@
-"""Nucleation of ruptures at a chosen place, by forces on blocks (`push`), for any interface.
+"""Nucleation of ruptures at a chosen place, for any interface.
 
-There are three ways: a patch stressed beyond its strength, a rupture forced to run at a given
-speed, and a growing force on one block. Each function takes a scene and returns it with pushes. The
-forces follow from the static state of the slider.
+There are three ways by forces on blocks (`push`): a patch stressed beyond its strength, a rupture
+forced to run at a given speed, and a growing force on one block. Their forces follow from the
+static state of the slider. The fourth way is friction that is forced to fall (`limit`), on a patch
+or behind a front. Each function takes a scene and returns it with what starts the rupture.
 """
 
 from __future__ import annotations
@@ -161,11 +162,64 @@ def _stressed(
     for n in _patch(scene, x, length):
         times = [begin]
         if speed is not None:
-            steps = abs(n - 1 - x / l)
-            steps = round(steps) if math.isclose(steps, round(steps), abs_tol=1e-9) else steps
+            steps = _steps_from(n, x, l)
             times = [begin + step * (l / speed) for step in (steps, steps + 1)]
         pushes.append(Push(n, needed[order[n - 1]], *times))
     return scene.replace({"top.push": (*scene.top.push, *pushes)})
+
+
+def _steps_from(n: int, x: float, l: float) -> float:
+    """Return the distance of block n from x (m), over l (m); whole numbers are exact."""
+    steps = abs(n - 1 - x / l)
+    return round(steps) if math.isclose(steps, round(steps), abs_tol=1e-9) else steps
+
+
+def weakened(
+    scene: SceneLike,
+    *,
+    x: Any,
+    length: Any,
+    speed: Any = None,
+    mu: Any = None,
+    over: Any = 0.0,
+    begin: Any = 0.0,
+) -> Scene:
+    """Return a scene whose friction is forced to fall, on a patch or behind two fronts from x.
+
+    The friction coefficient of the block at a distance s from x is limited from the time
+    begin + s/speed on. The limit falls linearly from the largest mu_s to mu over the time `over`
+    (`Interface.limit`). Beyond the patch there is no limit, so that a rupture stops there, or runs
+    on by itself.
+
+    Args:
+        scene: the scene, the name of a preset, or the path of a scene file.
+        x: centre of the patch from the trailing edge, in m.
+        length: length of the patch, in m; it contains blocks up to length/2 from x.
+        speed: speed of the two fronts, in m/s; None means that the whole patch weakens at once.
+        mu: the last limit, >= 0; None means the smallest mu_k.
+        over: time in which the limit falls, in s; 0 means at once.
+        begin: start time, in s.
+
+    Raises:
+        SceneError: a value is refused, or the scene has limits.
+
+    Source: R. A. Harris et al., Seismol. Res. Lett. 89, 1146 (2018), for forced rupture.
+    """
+    scene = as_scene(scene)
+    x, length = check_number("x", x, "m", ge=0.0), check_number("length", length, "m", ge=0.0)
+    over, begin = check_number("over", over, "s", ge=0.0), check_number("begin", begin, "s", ge=0.0)
+    speed = math.inf if speed is None else check_number("speed", speed, "m/s", gt=0.0)
+    largest = float(scene.field("mu_s").max())
+    mu = float(scene.field("mu_k").min()) if mu is None else check_number("mu", mu, "", ge=0.0)
+    if mu > largest:
+        raise SceneError("mu", mu, "", f"at most mu_s = {largest!r}", "limits nothing")
+    if scene.interface.limit:
+        raise SceneError("interface.limit", scene.interface.limit, "", "none", "given already")
+    times, l = [math.inf] * scene.N_x, scene.slider.l
+    for n in _patch(scene, x, length):
+        times[n - 1] = begin + _steps_from(n, x, l) * (l / speed)
+    limit = ((0.0, largest), (over, mu)) if over else ((0.0, mu),)
+    return scene.replace({"interface.limit": limit, "interface.limit_from": times})
 
 
 def ramped(scene: SceneLike, *, x: Any, rate: Any, begin: Any = 0.0) -> Scene:

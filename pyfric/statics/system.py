@@ -72,6 +72,7 @@ class System:
         self._loads: tuple[float, float] | None = None
         self._load = np.zeros((scene.N_z, 2, scene.N_x))
         self._load[-1] = scene.shear, -scene.load
+        self._load[:, 1] -= scene.weights
         # phi times arm is the displacement of the end of the rod; a torque over arm is a force.
         self.arm = np.ones(n)
         if scene.rigid:
@@ -92,9 +93,11 @@ class System:
         scene, other = self.scene, copy.copy(self)
         other.__dict__.pop("load", None)
         other._loads, other._load = load, self._load * (load[0] / scene.F_N)
+        other._load[:, 1] += scene.weights * (load[0] / scene.F_N - 1)
         if not scene.rigid:
             tau = other._load[-1, 0] if isinstance(scene.top, PrescribedLoad) else 0.0
-            other._load[-1, 0] = tau + scene.d * load[1] / scene.N_x
+            columns = scene.shares[1]
+            other._load[-1, 0] = tau + scene.d * load[1] / columns.sum() * columns
         return other
 
     # --- coordinates -----------------------------------------------------------------------------
@@ -149,8 +152,14 @@ class System:
         """Constant forces on the coordinates, shape (n_q,), in N."""
         load = self._T.T @ self._load.ravel()
         if self.scene.rigid:
-            load[-2] -= self.scene.F_N if self._loads is None else self._loads[0]
+            load[-2] -= self._on_rod
         return load
+
+    @property
+    def _on_rod(self) -> float:
+        """Downward force on the rod, F_N and its weight, in N."""
+        F_N = self.scene.F_N if self._loads is None else self._loads[0]
+        return F_N + self.scene.M_rod * self.scene.slider.g
 
     @functools.cached_property
     def _driven(self) -> sp.csr_array:
@@ -196,7 +205,7 @@ class System:
         force = self.coordinates(force, np.zeros(3))  # T' force, without the top under a rod
         if scene.rigid:
             turning = (scene.x * top[1]).sum() - scene.kappa * q[-1]  # not by BLAS
-            force[-3:] = top[0].sum(), top[1].sum() + self.load[-2], turning
+            force[-3:] = top[0].sum(), top[1].sum() - self._on_rod, turning
         return force, F_T
 
     # --- tangents --------------------------------------------------------------------------------

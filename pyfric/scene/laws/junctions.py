@@ -44,8 +44,13 @@ class Junctions(FrictionLaw):
         t_R_distribution: "normal", cut at 0, or "gamma", whose shape parameter follows from the
             means of t_R and t_R_std over the interface.
         stretch: half width, over u_s, of the uniform distribution of initial stretches, in [0, 1].
+        u_s_spread: half width, over u_s, of the uniform distribution of the stretches at which the
+            junctions of a block break, in [0, 1].
         ruptured: share of pinned junctions below which a block is ruptured, in (0, 1].
         seed: seed of the random numbers, a whole number from 0 to 2^64 - 1.
+
+    With `u_s_spread`, junction j breaks at c_j u_s. The c_j of a block are evenly spread about 1,
+    the same in each block; their order is random.
 
     u_s, C, t_R and t_R_std are fields, like mu_s and mu_k. Junctions are initially pinned at their
     positions before F_N was applied. On a prescribed interface, the given shear stretches them.
@@ -66,6 +71,7 @@ class Junctions(FrictionLaw):
     t_R_std: Annotated[Field, NotNegative("s", **FIELD)] = 0.0
     t_R_distribution: Literal["normal", "gamma"] = "normal"
     stretch: Annotated[float, Quantity("", ge=0.0, le=1.0)] = 0.0
+    u_s_spread: Annotated[float, Quantity("", ge=0.0, le=1.0)] = 0.0
     ruptured: Annotated[float, Quantity("", gt=0.0, le=1.0)] = 0.3
     seed: Annotated[int, Whole(2**64 - 1)] = 0
 
@@ -84,6 +90,16 @@ class Junctions(FrictionLaw):
             reason = "junctions say how friction falls"
             raise SceneError("interface.d_c", of.d_c, "m", f"0 m with {self.kind}", reason)
         return super().tables(of._replace(d_c=0.0))
+
+    @property
+    def factors(self) -> np.ndarray:
+        """The c_j: stretch at which each junction of a block breaks, over u_s, shape (n_s,)."""
+        n = self.n_s
+        if not self.u_s_spread:
+            return np.ones(n)
+        drawn = np.random.Philox(key=[self.seed, 1]).random_raw(n)
+        order = np.argsort(np.argsort(drawn, kind="stable"), kind="stable")
+        return 1 + self.u_s_spread * (2 * order + 1 - n) / n
 
     def quantiles_of_t_R(self, cv: float) -> Table | None:
         """Return the quantiles of t_R over its mean as a table; None for a normal distribution.

@@ -371,6 +371,16 @@ def test_slow_slip_has_the_same_bits_with_each_variant_and_after_a_cut(evolution
     assert 0 < cut.h != 1e-7
 
 
+def test_no_slow_step_hangs_on_the_time_asked_for():
+    first = creep()[2]
+    asked = creep(last=0.2, times=np.array([0.1, 0.2]))[2]
+    assert asked.goes_on
+    assert asked.t == 0.2
+    assert asked.steps < first.steps
+    np.testing.assert_array_equal(asked.points, first.points[:2])
+    np.testing.assert_array_equal([asked.u, asked.log_theta, asked.v], first.points[1])
+
+
 def test_slow_slip_ends_at_a_limit():
     """At a speed, and where contact ends; on the grid of steps."""
     for name, value in (("speed", 8e-6), ("inertia", 2.5e-4)):
@@ -620,18 +630,45 @@ def test_a_weakening_patch_between_strengthening_ends():
         assert fastest[10:20].max() > times > 2.0 > fastest[-5:].max()
 
 
-def test_a_run_cut_in_a_rupture_goes_on_exactly():
-    """A cut in slow slip changes its steps, and forces of events by far less than the accuracy."""
-    whole = cycles(1e-4)
+@pytest.mark.parametrize("threshold", [None, 1e-4])
+def test_a_run_that_was_cut_is_the_whole_run(threshold, tmp_path):
+    """Twice in slow slip, in one phase of it, and twice in a rupture; from a file."""
     how = {"fidelity": "hybrid", "accuracy": 1e-4, "sample": 1e-4, "progress": False}
-    start, arrest = whole.events["t_start"].iloc[1], whole.events["t_stop"].iloc[1]
-    for t, exact in ((0.5 * (start + arrest), True), (5e-4, False)):
-        first = pyfric.simulate(whole.scene, t, **how)
-        rest = pyfric.simulate(whole.scene, 9e-3, initial=first, progress=False)
-        assert (bits(rest.final_state) == bits(whole.final_state)) is exact
-        for name in ("F_T_start", "F_T_arrest"):
-            off = np.abs(rest.events[name] - whole.events[name]).dropna() / whole.scene.F_N
-            assert (off < 1e-6).all()
+    how["threshold"] = threshold
+    whole = pyfric.simulate(cycles(1e-4).scene, 9e-3, **how)
+    start, arrest = cycles(1e-4).events[["t_start", "t_stop"]].iloc[1]
+    record, slow = None, []
+    for t in (1.2345e-3, 3e-3, start + 1e-4, 0.5 * (start + arrest)):
+        again = how if record is None else {"initial": record, "progress": False}
+        record = pyfric.simulate(whole.scene, t, **again)
+        slow.append(record.final_state.since > 0)
+        record = pyfric.load(record.save(tmp_path / f"{len(slow)}.nc"))
+        rest = pyfric.simulate(whole.scene, 9e-3, initial=record, progress=False)
+        assert bits(rest.final_state) == bits(whole.final_state)
+        assert rest.curve.equals(whole.curve)
+        assert rest.events.equals(whole.events)
+        for log in ("motion", "crossings", "bursts"):
+            found, known = getattr(rest, log), getattr(whole, log)
+            assert found.keys() == known.keys()
+            assert all(np.array_equal(found[name], known[name]) for name in known)
+        assert rest.counts["steps_spared"] == whole.counts["steps_spared"]
+    assert slow == [True, True, False, False]
+
+
+def test_a_slow_phase_belongs_to_its_scene_and_step():
+    """A state alone goes on without it, from where it stands."""
+    how = {"fidelity": "hybrid", "accuracy": 1e-4, "sample": 1e-4, "progress": False}
+    scene = cycles(1e-4).scene
+    state = pyfric.simulate(scene, 3e-3, **how).final_state
+    assert state.since > 0 < np.abs(state.phase).max()
+    for other in (state.under(scene), state.with_dt(0.5 * state.dt)):
+        assert other.since == 0 == np.abs(other.phase).max()
+    rest = pyfric.simulate(scene, 9e-3, initial=state, **how)
+    whole = cycles(1e-4)
+    assert rest.curve["t"].iloc[0] == state.t
+    for name in ("F_T_start", "F_T_arrest"):
+        off = np.abs(rest.events[name] - whole.events[name]).dropna() / scene.F_N
+        assert (off < 1e-6).all()
 
 
 def test_a_run_has_no_note_of_junctions():

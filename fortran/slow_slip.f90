@@ -77,12 +77,13 @@ module pyfric_slow_slip
   end type condensed_t
 
   type :: limits_t
-    real(dp) :: end             !! end of the phase [s]
+    real(dp) :: end             !! end of the phase: its last step is shortened [s]
     real(dp) :: dt              !! grid of times, and the shortest step that is tried again [s]
     real(dp) :: relative        !! error of a step over u and y
     real(dp) :: absolute(2)     !! and in addition: of u [m], of y
     real(dp) :: inertia         !! largest sum of accelerations [m/s2]
     real(dp) :: speed           !! largest speed [m/s]
+    real(dp) :: last            !! time at which the state is asked for: steps end with the first that reaches it [s]
     integer :: steps            !! most steps
   end type limits_t
 
@@ -412,6 +413,7 @@ contains
       end if
       if (passages%threshold > 0.0_dp) call find_passages(s, phase, h, share, w, passages)
       call take(s%nx, limits, h, share, w%q_new, w%poly, status == FINISHED, phase, n_points, times, points)
+      if (phase%t >= limits%last) status = FINISHED
       if (status /= GOES_ON) return
     end do
   end subroutine advance_phase
@@ -545,7 +547,7 @@ contains
       phase%n_points = phase%n_points + 1
       points(:, :, phase%n_points) = inside_step(nx, min((on_grid - phase%t)/h, 1.0_dp), phase%q, q_new, poly)
     end do
-    on_grid = merge(limits%end, aint(t_new/limits%dt)*limits%dt, at_end)
+    on_grid = min(merge(limits%end, aint(t_new/limits%dt)*limits%dt, at_end), limits%last)
     if (on_grid >= phase%t .and. on_grid > phase%t_grid) then
       phase%t_grid = on_grid
       phase%grid = inside_step(nx, min((on_grid - phase%t)/h, 1.0_dp), phase%q, q_new, poly)

@@ -33,7 +33,16 @@ LAPACK = (
     *("jump", "lattice", "laws", "measured_errors", "methods", "nucleation", "off_box"),
     *("operators", "pairs", "pauses", "prescribed", "protocol", "quasistatic", "rate_state"),
     *("rates", "reference", "regimes", "relaxation", "resolution", "simulation", "sizes"),
-    *("slipping", "spacetime", "stability", "stopping", "theory", "weakening", "zones"),
+    *(
+        "slipping",
+        "slow_slip",
+        "spacetime",
+        "stability",
+        "stopping",
+        "theory",
+        "weakening",
+        "zones",
+    ),
 )
 """Files of tests that solve or factorise with LAPACK, and so depend on the kernel of BLAS."""
 PORTABLE = ("complementarity", "condensation", "constants", "crossing", "relaxation")

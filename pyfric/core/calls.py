@@ -231,13 +231,15 @@ class SlowLimits(NamedTuple):
     """What ends slip without inertia, and its accuracy.
 
     Attributes:
-        end: time since the beginning, in s.
+        end: time since the beginning, in s; the last step is shortened to end there.
         dt: grid of times, and shortest step, in s.
         relative: error of a step over displacements and ln theta.
         u: error of displacements in addition, in m.
         log_theta: error of ln theta in addition.
         inertia: largest sum of accelerations over the interface, in m/s^2.
         speed: speed that no block may reach, in m/s.
+        last: time at which the state is asked for, in s, on the grid. Steps end with the first that
+            reaches it, and none is shortened for it.
         steps: most steps; with a threshold there is room for all of them.
     """
 
@@ -248,6 +250,7 @@ class SlowLimits(NamedTuple):
     log_theta: float
     inertia: float = np.inf
     speed: float = np.inf
+    last: float = np.inf
     steps: int = 2**31 - 1
 
 

@@ -26,7 +26,7 @@ STUCK, OPEN = 0, 2
 """Contact states; a slipping block has the sign of its motion, +1 or -1."""
 
 
-NUMBERS = ("step", "t0", "dt", "drive", "sub")
+NUMBERS = ("step", "t0", "dt", "drive", "sub", "since")
 REAL, WHOLE = np.dtype(np.float64), np.dtype(np.int32)
 
 
@@ -78,6 +78,10 @@ class State:
             pushes, shape (4,). None stands for zeros, which mean that the driver is not known.
         radiated: part of `dissipated` that absorbing walls take, shape (N_z,), in J. None means 0.
         sub: longest sub-step that the error of the adaptive stepper allows, in s; 0 means dt.
+        since: number of steps since a phase of slow slip began that goes on, or 0. `sub` is then
+            the first slow step of this phase.
+        phase: u_x (m), theta (s) and v_x (m/s) where this phase began, shape (3, N_x). None means
+            0.
 
     Laws given by tables have two state variables. t_0 (s) is the time at which the block stuck, or
     began to slip after a stick. s_0 (m) is its slip since it last stuck, minus mode u_x while it
@@ -107,6 +111,8 @@ class State:
     parts: np.ndarray | None = None
     spring: np.ndarray | None = None
     radiated: np.ndarray | None = None
+    since: int = 0
+    phase: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if self.parts is None:
@@ -115,6 +121,8 @@ class State:
             self.spring = np.zeros(4)
         if self.radiated is None:
             self.radiated = np.zeros(len(self.y))
+        if self.phase is None:
+            self.phase = np.zeros((3, len(self.mode)))
 
     def __getattr__(self, name: str) -> np.ndarray:
         """Return a state variable of the law, as a view of `memory`."""
@@ -169,7 +177,7 @@ class State:
             KeyError: a value is missing.
         """
         own = {field.name for field in dataclasses.fields(cls)} - {"memory"}
-        own -= {"spring", "radiated"} - values.keys()
+        own -= {"spring", "radiated", "since", "phase"} - values.keys()
         law = {name: np.asarray(values[name]) for name in values if name not in own}
         types = [(name, float, value.shape[1:]) for name, value in law.items()]
         memory = np.empty(len(values["mode"]), types)
@@ -189,7 +197,12 @@ class State:
         new = self.copy()
         if dt != self.dt:
             new.t0, new.step, new.dt, new.sub = self.t, 0, float(dt), 0.0
+            new.out_of_phase()
         return new
+
+    def out_of_phase(self) -> None:
+        """Forget the phase of slow slip, which belongs to its scene and step."""
+        self.since, self.phase = 0, np.zeros_like(self.phase)
 
     def under(self, scene: Scene) -> Self:
         """Return a copy for a run under another protocol or driver, with the same F_T.
@@ -203,6 +216,7 @@ class State:
         """
         self.check(scene.N_x, scene.N_z)
         new, drive = self.copy(), scene.drive(self.t)
+        new.out_of_phase()
         if drive != self.drive:
             new.u_drv0, new.drive = self.u_drv0 + scene.d * (self.drive - drive), drive
         new.spring = spring_of(scene)
@@ -256,11 +270,15 @@ class State:
             ("heat", blocks, REAL),
             ("work", (2,), REAL),
             ("spring", (4,), REAL),
+            ("phase", (3, N_x), REAL),
         ):
             array = getattr(self, name)
             right = isinstance(array, np.ndarray) and array.shape == shape and array.dtype == dtype
             if not (right and array.flags.carray) or np.ma.is_masked(array):
                 raise StateError(f"state.{name}: expected a contiguous {dtype} {shape}")
+        for name in NUMBERS:
+            if np.ndim(getattr(self, name)):
+                raise StateError(f"state.{name}: expected a number")
         low, high = self.spring[2:]
         if self.spring[1] and not (
             0 <= low <= high < N_z
@@ -269,7 +287,7 @@ class State:
             raise StateError(f"state.spring: rows {low:g} to {high:g} are not in the lattice")
         if not (
             self.dt > 0
-            and self.step >= 0
+            and self.step >= self.since >= 0
             and all(map(math.isfinite, (self.t0, self.drive, *np.atleast_1d(self.u_drv0))))
         ):
             raise StateError(
@@ -345,7 +363,7 @@ class State:
         try:
             with np.load(io.BytesIO(inside)) as archive:
                 values = dict(archive)
-            numbers = {name: values[name].item() for name in NUMBERS}
+            numbers = {name: values[name].item() for name in NUMBERS if name in values}
             if not values["u_drv0"].ndim:
                 numbers["u_drv0"] = values["u_drv0"].item()
             return cls.of(values | numbers)

@@ -212,7 +212,8 @@ class Run:
             log.fast[0] = np.where(closed & (np.abs(v) > threshold), np.sign(v), 0)
             if self.before is not None and len(self.before.crossings):
                 known = self.before.crossings
-                log.fast[1, known["block"]] = known["corner"]  # the last one of a block counts
+                past = known["step"] <= self.state.step
+                log.fast[1, known["block"][past]] = known["corner"][past]  # the last one counts
                 begun = self.before.bursts["t"][self.before.bursts["kind"] > 0].max(initial=0.0)
                 sums = self.before.motion["v_x"][self.before.curve["t"] >= begun].sum(axis=1)
                 log.speeds[N_x] = np.abs(sums).max(initial=0.0) * log.fast[0].any()

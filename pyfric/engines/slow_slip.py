@@ -21,6 +21,7 @@ Source of the equations: J. R. Rice, J. Geophys. Res. 98, 9885 (1993), without r
 from __future__ import annotations
 
 import math
+import sys
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -108,7 +109,7 @@ class RateHybridRun(Run):
         super().__init__(*args)
         self.made |= {"jumps": 0, "steps_spared": 0, "slow_steps": 0}
         self.worth = self.state.step  # the step at which inertia is looked at next
-        if not self.state.sub:
+        if not (self.state.sub or self.state.since):
             self.worth += -self.worth % LOOK
         self.limit = self.method.accuracy * self.scene.F_N
 
@@ -122,7 +123,7 @@ class RateHybridRun(Run):
         while state.step < last and state.step >= self.worth and not self.ending:
             begin = state.step
             again = not (np.abs(state.mode) == 1).any() and self.inertia() < self.limit
-            if not (again and self.slip(last)):
+            if not ((state.since or again) and self.slip(last)):
                 state.sub = 0.0
                 self.worth = state.step + LOOK - state.step % LOOK
             if state.step > begin:
@@ -136,16 +137,24 @@ class RateHybridRun(Run):
         return force + self.scene.M_rod * float(np.abs(found.a_rod[:2]).sum())
 
     def slip(self, last: int) -> bool:
-        """Leave out inertia up to step `last` at most; return whether that may go on."""
+        """Leave out inertia up to step `last` at most; return whether that may go on.
+
+        No slow step is shortened to end at `last`. A run that goes on from there repeats the slow
+        steps of this phase, so that it has the bits of the whole run.
+        """
         state, scene, law, N_x = self.state, self.scene, self.scene.law, self.scene.N_x
-        n_max, closed = self.piece_ends(last) - state.step, state.mode != OPEN
-        if n_max <= 0:
+        every, closed, cut = self.method.sample, state.mode != OPEN, self._moving()
+        done, phase = state.since, state.phase
+        state.out_of_phase()
+        last, text = self._due(self.piece_ends(last))
+        if last <= state.step:
             return False
-        n_max, text = self._due(n_max)
-        every = self.method.sample
+        if done:
+            self._put_back(state.step - done, phase)
         first = every - state.step % every
-        points = np.arange(first, n_max + 1, every)[:SLOW_POINTS]
-        n_end = int(points[-1]) if len(points) == SLOW_POINTS else n_max
+        n_end = min(first + (SLOW_POINTS - 1) * every, self.piece_ends(sys.maxsize) - state.step)
+        n_last = min(last - state.step, n_end)
+        points = np.arange(first, n_last + 1, every)
         interface = interface_at(scene, self.known, state.y[0, 0], closed, just_after(state))
         tolerance, unit = OF_STEP * self.method.accuracy, scene.F_N / N_x
         of_column = (scene.M_rod + scene.slider.M) / N_x  # kg
@@ -157,6 +166,7 @@ class RateHybridRun(Run):
             log_theta=tolerance / float(np.max(law.b + law.a)),
             inertia=self.limit / of_column,
             speed=law.kind.v_slip,
+            last=n_last * state.dt,
             steps=int(min(max(SLOW_WORK / N_x**3, 10), SLOW_STEPS)),
         )
         self._follow(just_after(state))
@@ -172,49 +182,71 @@ class RateHybridRun(Run):
             fast=self.log.fast[0],
         )
         self.made["slow_steps"] += found.steps
-        self._sample_slip(interface, points, found.points)
         n = round(found.t / state.dt)
+        if n < done:  # on a processor that rounds in another way
+            self._put_back(state.step + done, cut)
+            return self.slip(last)
+        self._sample_slip(interface, points, found.points, done)
         if n:
             if self.method.threshold:
-                self._log_passages(interface, found, n)
+                self._log_passages(interface, found, n, done)
+            begin = self._moving()
             self._put(found, closed, n)
-            state.sub = found.h
-        if text and n == n_max:
+            self.made["steps_spared"] -= done
+            if found.goes_on and n == n_last < n_end:
+                state.phase, state.since = begin, n
+            else:
+                state.sub = found.h
+        if text and state.step == last:
             self.ending = self.stopping.named(text)
         return found.goes_on and n > 0
 
-    def _due(self, n_max: int) -> tuple[int, str]:
-        """Return after how many steps a condition ends the run if none slips, and its text.
+    def _moving(self) -> np.ndarray:
+        """Return u_x (m), theta (s) and v_x (m/s) of the interface, shape (3, N_x)."""
+        return np.array([self.state.y[0, 0], self.state.theta, self.state.y[0, 2]])
 
-        The run ends at a point of the curve. If that is beyond n_max steps, n_max and "" are
-        returned.
+    def _put_back(self, step: int, moving: np.ndarray) -> None:
+        """Set the interface to what `_moving` returned at this step."""
+        self.state.step = step
+        self.state.y[0, 0], self.state.theta[:], self.state.y[0, 2] = moving
+        if self.method.threshold:
+            self.log = self.new_log()
+
+    def _due(self, last: int) -> tuple[int, str]:
+        """Return the step at which a condition ends the run if none slips, and its text.
+
+        The run ends at a point of the curve. If that is beyond step `last`, it and "" are returned.
         """
         if self.stopping is None:
-            return n_max, ""
+            return last, ""
         self.look()
         state, every = self.state, self.method.sample
         due, text = self.stopping.due()
-        points = state.step // every + 1  # number of the next point
-        if due > state.t0 + (state.step + n_max) * state.dt:
-            return n_max, ""
-        points = max(points, math.ceil((due - state.t0) / state.dt / every))
-        n = points * every - state.step
-        return (n, text) if n <= n_max else (n_max, "")
+        if due > state.t0 + last * state.dt:
+            return last, ""
+        points = max(state.step // every + 1, math.ceil((due - state.t0) / state.dt / every))
+        return (points * every, text) if points * every <= last else (last, "")
 
-    def _sample_slip(self, interface: Interface, steps: np.ndarray, points: np.ndarray) -> None:
-        """Add points of the curve after these numbers of steps since the phase began."""
-        state = self.state
-        for n, (moved, log_theta, v) in zip(steps.tolist(), points, strict=False):
+    def _sample_slip(
+        self, interface: Interface, steps: np.ndarray, points: np.ndarray, done: int
+    ) -> None:
+        """Add points of the curve after these numbers of steps of a phase, beyond `done`."""
+        state, known = self.state, np.count_nonzero(steps <= done)
+        for n, (moved, log_theta, v) in zip(steps[known:].tolist(), points[known:], strict=False):
             load, _, F_T = interface.at(n * state.dt, moved)
             self.history.add(np.array([[state.t0 + (state.step + n) * state.dt, F_T]]))
             u_x = state.y[0, 0] + moved
             self.add_motion({"theta": np.exp(log_theta), "u_x": u_x, "v_x": v, "f": -load})
 
-    def _log_passages(self, interface: Interface, found: core.SlowSlip, n: int) -> None:
-        """Log passages through the threshold in the first n steps of a phase, and fast slip."""
+    def _log_passages(self, interface: Interface, found: core.SlowSlip, n: int, done: int) -> None:
+        """Log passages through the threshold in steps of a phase, and fast slip, up to step n.
+
+        Those of the first `done` steps are in the logs.
+        """
         state, N_x = self.state, self.scene.N_x
         fast, peak, last = self.log.fast, self.log.speeds[-1], 0.0
-        count = int(np.searchsorted(found.passed_at[:, 0], n * state.dt, side="right"))
+        ends = np.array([done, n]) * state.dt
+        known, count = np.searchsorted(found.passed_at[:, 0], ends, side="right")
         log = core.Log(N_x, max(count, 1), max(count, 1), 0, self.method.threshold)
 
         def largest(begin: float, end: float) -> float:
@@ -222,14 +254,16 @@ class RateHybridRun(Run):
             return float(sums[(begin <= t) & (t <= end)].max(initial=0.0))
 
         bursting = is_bursting(fast)
-        for (i, new), (s, p, *moved) in zip(found.passed[:count], found.passed_at, strict=False):
+        for number in range(count):
+            (i, new), (s, p, *moved) = found.passed[number], found.passed_at[number]
             u_x, old = state.y[0, 0] + moved, fast[0, i]
             step, t, fast[0, i] = state.step + math.ceil(s / state.dt), state.t + s, new
             if old == 0:
                 fast[1, i] = p < core.CORNER_SHARE * self.scene.F_N / N_x
-            log.crossing_i[:, log.n_crossing] = i, old, new, fast[1, i]
-            log.crossing_r[:, log.n_crossing] = step, t, u_x[i], p
-            log.n_crossing += 1
+            if number >= known:
+                log.crossing_i[:, log.n_crossing] = i, old, new, fast[1, i]
+                log.crossing_r[:, log.n_crossing] = step, t, u_x[i], p
+                log.n_crossing += 1
             if bursting:
                 peak, last = max(peak, largest(last, s)), s
             if is_bursting(fast) != bursting:
@@ -239,9 +273,9 @@ class RateHybridRun(Run):
                 row[:3], row[-1] = (step, t, F_T), 0.0 if bursting else peak
                 row[2 + core.POINT : -1] = u_x
                 log.burst_i[:, log.n_burst] = 1 if bursting else -1, *state.mode
-                log.n_burst, peak = log.n_burst + 1, 0.0
+                log.n_burst, peak = log.n_burst + (number >= known), 0.0
         self.log.speeds[N_x] = max(peak, largest(last, n * state.dt)) if bursting else peak
-        if count:
+        if count > known:
             self._add_logs({"crossings": log.crossings(), "bursts": log.bursts()})
 
     def _put(self, found: core.SlowSlip, closed: np.ndarray, n: int) -> None:

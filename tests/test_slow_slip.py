@@ -1,0 +1,494 @@
+"""Slip without inertia: own integrations, linear theory, the hand-over, runs that were cut."""
+
+import functools
+
+import numpy as np
+import pytest
+from helpers import bits
+from rate_state import EVOLUTIONS, LAW, coefficient, rated, row, slow
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+import pyfric
+from pyfric import core
+from pyfric.engines.slow_slip import interface_at
+from pyfric.scene import chain, setup1, setup2
+from pyfric.statics import StaticSolver, loaded_state
+
+
+@pytest.mark.parametrize("geometry", ["linear", "finite"])
+def test_condensed_loads_are_those_of_static_states(geometry):
+    """Exactly in linear geometry; in finite geometry but for how strains change the stiffness."""
+    scene = setup1(L=0.03, H=0.015, h=0.005, l=0.0025, F_N=200.0).replace({"interface": rated()})
+    known = StaticSolver(scene, geometry)
+    closed = ~known.loaded.open
+    u_x = known.loaded.u[0, 0] + 1e-7 * np.sin(np.arange(scene.N_x))
+    interface = interface_at(scene, known, u_x, closed, 0.01)
+    moved = 1e-6 * np.cos(np.arange(scene.N_x))
+    s = 1e-6 / scene.driver.V
+    load, p, force = interface.at(s, moved)
+    there = known.solve(u_x + moved, scene.drive(0.01 + s), free=~closed)
+    changed = np.abs(load - interface.load[0][:, 0]).max()
+    error = max(np.abs(load + there.f).max(), np.abs(p - there.p).max())
+    error = max(error, abs(force - there.F_T)) / changed
+    assert error < (1e-9 if geometry == "linear" else 3e-3)
+    assert geometry == "linear" or error > 1e-6
+
+
+def creep(**how):
+    """Slow slip of three blocks, each on its spring, from 2 to 10 um/s."""
+    scene = row(3, evolution=how.pop("evolution", "ageing"), D_c=1e-6)
+    load = 20.0 * float(coefficient(scene.law.kind, 2e-6, 0.5)) + np.array([0.0, -0.01, 0.01])
+    how = {"load_1": 6.0, "spring": 6e5, "times": np.array([0.1, 0.2, 1.0]), "end": 1.0} | how
+    return scene, load, slow(scene, np.log(0.5), load, **how)
+
+
+def by_radau(rates, start, times, atol):
+    """Return a solution of SciPy's Radau, a row for each time."""
+    how = {"method": "Radau", "rtol": 1e-10, "atol": atol}
+    return solve_ivp(rates, (0, times[-1]), start, t_eval=times, **how).y.T
+
+
+def by_cvode(rates, start, times, atol):
+    """Return a solution of CVODE of SUNDIALS, a row for each time."""
+    cvode = pytest.importorskip("sksundae.cvode", reason="needs scikit-sundae")
+
+    def into(t, y, yp):
+        yp[:] = rates(t, y)
+
+    solver = cvode.CVODE(into, rtol=1e-12, atol=0.01 * atol, max_num_steps=10**5)
+    return solver.solve(np.append(0.0, times), start).y[1:]
+
+
+@pytest.mark.parametrize("other", [by_radau, by_cvode])
+@pytest.mark.parametrize("evolution", EVOLUTIONS)
+def test_slow_slip_is_that_of_another_method(evolution, other):
+    """Against SciPy's Radau and CVODE; the error follows the tolerance."""
+    scene, load, found = creep(evolution=evolution)
+    law = scene.interface.law
+
+    def rates(t, y):
+        u, x = y[:3], y[3:]
+        psi = np.log(law.V_star / law.D_c) + x
+        v = np.sinh((load + 6.0 * t - 6e5 * u) / (20.0 * law.a))
+        v *= 2 * law.V_star * np.exp(-(law.f_star + law.b * psi) / law.a)
+        rate = v / law.D_c
+        evolves = np.exp(-x) - rate if evolution == "ageing" else -rate * (np.log(rate) + x)
+        return np.concatenate([v, evolves])
+
+    start = np.append(np.zeros(3), np.full(3, np.log(0.5)))
+    atol = np.repeat([1e-16, 1e-10], 3)
+    exact = other(rates, start, np.array([0.1, 0.2, 1.0]), atol)
+
+    def error(run):
+        return np.abs(run.points[:, :2].reshape(3, 6) / exact - 1).max()
+
+    loose = creep(evolution=evolution, relative=1e-5, u=1e-13, log_theta=1e-5)[2]
+    assert exact[-1, 0] > 3 * law.D_c
+    assert error(found) < 1e-9
+    assert 1e-6 < error(loose) < 1e-4
+    assert loose.steps < found.steps / 5
+
+
+@pytest.mark.parametrize("evolution", EVOLUTIONS)
+def test_slow_slip_has_the_same_bits_with_each_variant_and_after_a_cut(evolution):
+    """A phase that is cut goes on with its last step."""
+    first = creep(evolution=evolution)[2]
+    for variant in (name for name, runs in core.variants().items() if runs):
+        other = creep(evolution=evolution, variant=variant)[2]
+        assert all(np.array_equal(a, b) for a, b in zip(first, other, strict=True))
+    cut = creep(evolution=evolution, steps=5)[2]
+    assert cut.goes_on
+    assert cut.t < first.t
+    assert 0 < cut.h != 1e-7
+
+
+def test_no_slow_step_hangs_on_the_time_asked_for():
+    first = creep()[2]
+    asked = creep(last=0.2, times=np.array([0.1, 0.2]))[2]
+    assert asked.goes_on
+    assert asked.t == 0.2
+    assert asked.steps < first.steps
+    np.testing.assert_array_equal(asked.points, first.points[:2])
+    np.testing.assert_array_equal([asked.u, asked.log_theta, asked.v], first.points[1])
+
+
+def test_slow_slip_ends_at_a_limit():
+    """At a speed, and where contact ends; on the grid of steps."""
+    for name, value in (("speed", 8e-6), ("inertia", 2.5e-4)):
+        found = creep(**{name: value})[2]
+        assert not found.goes_on
+        assert 0 < found.t < 1
+        assert round(found.t / 1e-7) * 1e-7 == pytest.approx(found.t, rel=1e-12)
+        assert found.v.max() < 8e-6 + 1e-12
+    assert not creep(closed=np.array([True, False, True]))[2].v[1]
+
+
+THRESHOLD = 4e-6  # m/s
+
+
+@pytest.mark.parametrize("evolution", EVOLUTIONS)
+def test_passages_of_slow_slip_are_roots(evolution):
+    """Speeds at their times, as points of a second run with the same steps, are the threshold."""
+    how = {"evolution": evolution, "threshold": THRESHOLD, "steps": 1000}
+    found = creep(**how)[2]
+    times = found.passed_at[:, 0]
+    assert (np.diff(times) >= 0).all()
+    assert {int(i) for i, _ in found.passed} == {0, 1, 2}
+    again = creep(times=times, **how)[2]
+    rows = np.arange(len(times))
+    u, _, v = again.points.swapaxes(0, 1)
+    np.testing.assert_allclose(v[rows, found.passed[:, 0]], THRESHOLD, rtol=1e-12)
+    np.testing.assert_array_equal(found.passed_at[:, 1], 20.0)
+    np.testing.assert_allclose(found.passed_at[:, 2:], u, rtol=1e-12)
+    assert len(found.sums) == found.steps
+    assert found.sums[-1].tolist() == [1.0, pytest.approx(found.v.sum(), rel=1e-12)]
+    for i, v_end in enumerate(found.v):
+        new = found.passed[found.passed[:, 0] == i, 1]
+        assert (np.diff([0, *new]) != 0).all()
+        assert new[-1] == (v_end > THRESHOLD)
+    known = np.ones(3, dtype=np.int32)
+    assert creep(fast=known, **how)[2].passed[0, 1] == 0
+    plain = creep(evolution=evolution)[2]
+    assert not len(plain.passed)
+    np.testing.assert_array_equal(plain.u, found.u)
+
+
+def test_slow_slip_ends_where_passages_have_no_more_room():
+    """Oscillations about steady slip on springs a little stiffer than p (b - a)/D_c."""
+    scene, V = row(3, D_c=1e-6), 2e-6
+    law = scene.interface.law
+    spring = 1.05 * 20.0 * (law.b - law.a) / law.D_c
+    load = 20.0 * (law.f_star + (law.a - law.b) * np.log(V / law.V_star))
+    how = {"load_1": spring * V, "spring": spring, "end": 60.0, "threshold": V, "steps": 10**4}
+    found = slow(scene, np.log(law.D_c / V) + 0.01, load, **how, relative=1e-6)
+    assert found.goes_on
+    assert 0 < found.t < 60.0
+    assert 4 * 3 - 3 < len(found.passed) <= 4 * 3
+
+
+def test_slow_slip_has_the_same_steps_in_other_units():
+    """Numbers of 1 m and 1 s are 2^10 and 2^20. Of ln theta other digits are rounded."""
+    found = []
+    for m, s in ((1.0, 1.0), (2.0**10, 2.0**20)):
+        scene = row(3, D_c=1e-6 * m, V_star=1e-6 * m / s, v_slip=1e-2 * m / s)
+        load = 20.0 * float(coefficient(scene.law.kind, 2e-6 * m / s, 0.5 * s))
+        how = {"load_1": 6.0 / s, "spring": 6e5 / m, "end": s, "dt": 1e-7 * s, "u": 1e-13 * m}
+        how |= {"relative": 1e-5, "log_theta": 1e-7, "threshold": THRESHOLD * m / s, "steps": 1000}
+        run = slow(scene, np.log(0.5 * s), load, **how)
+        found.append((run.u / m, run.passed_at[:, 0] / s, run.sums[:, 0] / s))
+    for known, other in zip(*found, strict=True):
+        np.testing.assert_allclose(other, known, rtol=1e-6)
+
+
+def block_of(columns, rows, a, blocks_in_L_b):
+    """Return a slider whose p is 10 N on each block, and its condensed elasticity in N/m."""
+    k, p, l = 13.5e6, 10.0, 1e-3
+    D_c = blocks_in_L_b * 3 * LAW["b"] * p / (4 * k)
+    law = {"a": a, "D_c": D_c, "theta_0": 1.0, "v_0": None, "f_star": 0.6}
+    size = {"L": (columns - 1) * l, "H": rows * l, "l": l, "k": k, "F_N": p * columns}
+    scene = setup2(V=0.0, K=1.0, **size).replace({"interface": rated(**law)})
+    known = StaticSolver(scene, "linear")
+    at = known.loaded.u[0, 0]
+    return scene, interface_at(scene, known, at, ~known.loaded.open, 0.0).load[1]
+
+
+def slide(scene, elastic, start, load, **limits):
+    """Return slip without inertia under this load and its rate (N, N/s), at p = 10 N."""
+    none = np.zeros(scene.N_x)
+    return core.slow_slip(
+        core.model(scene, "linear", loaded_state(scene).state(scene, 1e-7).u_drv0),
+        (np.column_stack([none + load[0], none + load[1], none]), elastic),
+        (np.column_stack([none + 10.0, none, none]), 0 * elastic),
+        start,
+        core.SlowLimits(**limits),
+    )
+
+
+@pytest.mark.parametrize("evolution", EVOLUTIONS)
+def test_perturbations_of_steady_slip_grow_as_in_linear_theory(evolution):
+    """Each mode of the lattice with stiffness K: (p a/V) s^2 + (K - k_c) s + K V/D_c = 0.
+
+    Modes with K < k_c = p (b - a)/D_c grow: those of up to three half waves, the longer ones.
+    """
+    V, p, a, b = 1e-6, 10.0, LAW["a"], LAW["b"]
+    scene, elastic = block_of(41, 20, a, 2.0)
+    scene = scene.replace({"interface.law.evolution": evolution})
+    D_c, grew = scene.interface.law.D_c, []
+    stiffness, modes = np.linalg.eigh(-elastic)
+    critical = p * (b - a) / D_c
+    steady = p * (LAW["f_star"] + (a - b) * np.log(V / 1e-6))
+    for n in (1, 2, 3, 4, 5, 7, 10, 20):
+        K, shape = stiffness[n], modes[:, n]
+        # d/dt of u and ln theta beyond steady slip: v = -(V/(p a)) (K u + p b y)
+        rate = np.array([[-K, -p * b], [K / D_c, p * b / D_c - p * a / D_c]]) * V / (p * a)
+        t = 0.3 * D_c / V
+        small = 1e-5
+        limits = {"end": t, "dt": 1e-9, "relative": 1e-11, "u": 1e-11 * D_c * small}
+        limits["log_theta"] = 1e-11 * small
+        start = np.log(D_c / V) + small * shape
+        found = slide(scene, elastic, start, (steady, 0.0), **limits)
+        expected = expm(rate * t) @ [0.0, small]
+        u, y = shape @ (found.u - V * t), shape @ (found.log_theta - np.log(D_c / V))
+        np.testing.assert_allclose([u, y], expected, rtol=0.01)
+        roots = np.linalg.eigvals(rate)
+        grew.append(roots.real.max() > 0)
+        assert grew[-1] == (K < critical)
+    assert grew == [True] * 3 + [False] * 5
+
+
+def test_nucleation_is_wider_the_closer_a_is_to_b():
+    """Half-width of nucleation over L_b (ageing law), with 8 blocks in L_b.
+
+    1.3774 for a/b < 0.378, and towards 1/(pi (1 - a/b)^2) above a/b = 0.5 (Rubin and Ampuero, J.
+    Geophys. Res. 110, B11312, 2005), as far as slip speeds up to 0.1 m/s let it grow. The width
+    is counted where v is above 5 % of its largest value.
+    """
+    halves = []
+    for ratio in (0.2, 0.35, 0.7, 0.8):
+        scene, elastic = block_of(121, 50, ratio * LAW["b"], 8.0)
+        law, V = scene.interface.law, 1e-9
+        start = np.log(law.D_c / V) + np.zeros(121)
+        start[57:64] += np.log(0.9)
+        load = 10.0 * (law.f_star + (law.a - law.b) * np.log(V / law.V_star)), 0.01
+        limits = {"end": 1e4, "dt": 1e-9, "relative": 1e-6, "u": 1e-6 * law.D_c, "log_theta": 1e-6}
+        found = slide(scene, elastic, start, load, speed=0.1, **limits)
+        assert found.v.max() > 0.09
+        halves.append(np.count_nonzero(found.v > 0.05 * found.v.max()) / 2 / 8)
+    assert halves[0] == pytest.approx(1.3774, rel=0.25)
+    assert halves[1] == pytest.approx(halves[0], abs=1 / 16)
+    assert 1.2 * halves[1] < halves[2] < halves[3]
+    assert halves[3] > 1.5 * halves[0]
+
+
+@functools.cache
+def cycles(accuracy, evolution="ageing"):
+    """Return a run of some stick-slip cycles: full dynamics for accuracy 0."""
+    law = {"D_c": 1e-6, "v_0": 0.02, "evolution": evolution}
+    scene = chain(L=0.02, V=0.02, K=1e6, p=20.0, tau=0.0, interface=rated(**law))
+    how = {"accuracy": accuracy, "fidelity": "hybrid"} if accuracy else {"fidelity": "dynamic"}
+    return pyfric.simulate(scene, 9e-3, sample=1e-4, progress=False, **how)
+
+
+@pytest.mark.parametrize("evolution", EVOLUTIONS)
+def test_moving_the_hand_over_changes_events_within_the_accuracy(evolution):
+    exact = cycles(0, evolution).events
+    spared = []
+    for accuracy in (1e-3, 1e-4, 1e-5):
+        run = cycles(accuracy, evolution)
+        assert len(run.events) == len(exact)
+        spared.append(run.counts["steps_spared"])
+        F_N = run.scene.F_N
+        for name in ("F_T_start", "F_T_arrest"):
+            off = np.abs(run.events[name] - exact[name]).dropna() / F_N  # the last goes on
+            assert (off < accuracy).all()
+    assert spared[0] > spared[1] > spared[2] > 0
+
+
+@pytest.mark.parametrize("threshold", [2e-5, 1e-4])
+def test_events_by_slip_rate_are_those_of_full_dynamics(threshold):
+    """Most passages lie within slow slip, where events begin and end."""
+    scene, found = cycles(0).scene, []
+    for how in ({"fidelity": "dynamic"}, {"fidelity": "hybrid", "accuracy": 1e-4}):
+        how |= {"threshold": threshold, "sample": 1e-4, "progress": False}
+        found.append(pyfric.simulate(scene, 9e-3, **how))
+    full, run = found
+    for name in ("block", "old", "new", "corner"):
+        np.testing.assert_array_equal(run.crossings[name], full.crossings[name])
+    np.testing.assert_array_equal(run.bursts["kind"], full.bursts["kind"])
+    dt = run.method.dt
+    steps = np.abs(run.crossings["step"] - np.ceil(run.crossings["t"] / dt))
+    assert steps.max() <= 1
+    np.testing.assert_allclose(run.crossings["t"], full.crossings["t"], rtol=0, atol=5 * dt)
+    np.testing.assert_allclose(run.bursts["u_x"], full.bursts["u_x"], rtol=0, atol=1e-9)
+    for name in ("potency", "potency_rate"):
+        np.testing.assert_allclose(run.events[name], full.events[name], rtol=0.01)
+    off = (run.events["F_T_start"] - full.events["F_T_start"]).abs() / scene.F_N
+    assert off.max() < 1e-4
+
+
+def test_a_run_that_goes_on_is_the_whole_run():
+    """From the record of a run that ended in a rupture or between two."""
+    whole = cycles(0)
+    for t in (2e-3, 5.4e-3):
+        first = pyfric.simulate(whole.scene, t, sample=1e-4, fidelity="dynamic", progress=False)
+        rest = pyfric.simulate(whole.scene, 9e-3, initial=first, progress=False)
+        assert bits(rest.final_state) == bits(whole.final_state)
+        assert rest.events.equals(whole.events)
+
+
+@pytest.mark.parametrize("condition", ["main_events = 1", "arrested", "slow = 1 mm/s, 0.4 ms"])
+def test_a_condition_ends_slow_slip_where_it_ends_full_dynamics(condition):
+    """At the same point of the curve, before the next event."""
+    scene, found = cycles(0).scene, []
+    for fidelity in ("dynamic", "hybrid"):
+        how = {"accuracy": 1e-4} if fidelity == "hybrid" else {}
+        how |= {"sample": 1e-4, "progress": False, "stop_when": condition}
+        found.append(pyfric.simulate(scene, 9e-3, fidelity=fidelity, **how))
+    assert found[0].status == found[1].status
+    assert condition in found[0].status
+    assert found[0].curve["t"].iloc[-1] == found[1].curve["t"].iloc[-1] < 9e-3
+    assert found[1].counts["steps_spared"] > 0
+
+
+def test_a_weakening_patch_between_strengthening_ends():
+    """Slip events of the patch, as in full dynamics, and at a hundredth of that driver's speed.
+
+    An accuracy of 1e-3 moves events in time, which shows in the curve where it is steep.
+    """
+    a = [0.025] * 8 + [0.005] * 15 + [0.025] * 8
+
+    def run(V, **how):
+        law = rated(D_c=1e-7, v_0=V, a=a, v_slip=0.02)
+        scene = chain(L=0.075, V=V, K=2e6, k=2e7, p=20.0, tau=0.0, interface=law)
+        how = {"sample": 1e-7 / V, "progress": False} | how
+        return pyfric.simulate(scene, 2.5e-4 / V, **how)
+
+    V = 4e-3
+    full, fine, coarse = (
+        run(V, fidelity="dynamic"),
+        run(V, fidelity="hybrid", accuracy=1e-5),
+        run(V, fidelity="hybrid", accuracy=1e-3),
+    )
+    off = [
+        np.abs(one.curve["F_T"] - full.curve["F_T"]).max() / full.scene.F_N
+        for one in (fine, coarse)
+    ]
+    assert off[0] < 1e-4 < off[1] < 5e-3
+    assert coarse.counts["steps"] < fine.counts["steps"] < 0.7 * full.counts["steps"]
+    slow = run(V / 100, fidelity="hybrid", accuracy=1e-5, sample=1e-6 / V)
+    for record, times in ((full, 2.5), (slow, 20.0)):
+        fastest = np.abs(record.motion["v_x"]).max(axis=0) / record.scene.driver.V
+        assert fastest[10:20].max() > times > 2.0 > fastest[-5:].max()
+
+
+@pytest.mark.parametrize("threshold", [None, 1e-4])
+def test_a_run_that_was_cut_is_the_whole_run(threshold, tmp_path):
+    """Twice in slow slip, in one phase of it, and twice in a rupture; from a file."""
+    how = {"fidelity": "hybrid", "accuracy": 1e-4, "sample": 1e-4, "progress": False}
+    how["threshold"] = threshold
+    whole = pyfric.simulate(cycles(1e-4).scene, 9e-3, **how)
+    start, arrest = cycles(1e-4).events[["t_start", "t_stop"]].iloc[1]
+    record, slow = None, []
+    for t in (1.2345e-3, 3e-3, start + 1e-4, 0.5 * (start + arrest)):
+        again = how if record is None else {"initial": record, "progress": False}
+        record = pyfric.simulate(whole.scene, t, **again)
+        slow.append(record.final_state.since > 0)
+        record = pyfric.load(record.save(tmp_path / f"{len(slow)}.nc"))
+        rest = pyfric.simulate(whole.scene, 9e-3, initial=record, progress=False)
+        assert bits(rest.final_state) == bits(whole.final_state)
+        assert rest.curve.equals(whole.curve)
+        assert rest.events.equals(whole.events)
+        for log in ("motion", "crossings", "bursts"):
+            found, known = getattr(rest, log), getattr(whole, log)
+            assert found.keys() == known.keys()
+            assert all(np.array_equal(found[name], known[name]) for name in known)
+        assert rest.counts["steps_spared"] == whole.counts["steps_spared"]
+    assert slow == [True, True, False, False]
+
+
+def test_a_slow_phase_belongs_to_its_scene_and_step():
+    """A state alone goes on without it, from where it stands."""
+    how = {"fidelity": "hybrid", "accuracy": 1e-4, "sample": 1e-4, "progress": False}
+    scene = cycles(1e-4).scene
+    state = pyfric.simulate(scene, 3e-3, **how).final_state
+    assert state.since > 0 < np.abs(state.phase).max()
+    for other in (state.under(scene), state.with_dt(0.5 * state.dt)):
+        assert other.since == 0 == np.abs(other.phase).max()
+    rest = pyfric.simulate(scene, 9e-3, initial=state, **how)
+    whole = cycles(1e-4)
+    assert rest.curve["t"].iloc[0] == state.t
+    for name in ("F_T_start", "F_T_arrest"):
+        off = np.abs(rest.events[name] - whole.events[name]).dropna() / scene.F_N
+        assert (off < 1e-6).all()
+
+
+def pulled(K=1e5 / 3, V=1e-6):
+    """Return three equal blocks, each on a spring K (N/m) from a plate at V (m/s)."""
+    law = rated(D_c=1e-6, v_0=None, theta_0=0.5)
+    size = {"L": 5e-3, "l": 2.5e-3, "k": 1e7, "M": 2.7e-3, "K": 3 * K, "top.p": 20.0}
+    return pyfric.preset("burridge_knopoff", {**size, "V": V, "interface": law})
+
+
+def stick_slip(scene, push):
+    """Return the equations of one of such blocks, u, v and ln theta, and their Jacobian."""
+    law, p, K, V = scene.interface.law, 20.0, scene.driver.K / 3, scene.driver.V
+
+    def strength(x):
+        psi = x + np.log(law.V_star / law.D_c)
+        return np.exp((law.f_star + law.b * psi) / law.a) / (2 * law.V_star)
+
+    def rates(t, y):
+        u, v, x = y
+        friction = p * law.a * np.arcsinh(v * strength(x))
+        return [v, (push + K * (V * t - u) - friction) / scene.m, np.exp(-x) - abs(v) / law.D_c]
+
+    def slopes(t, y):
+        _, v, x = y
+        one = p * law.a * strength(x) / np.hypot(1, v * strength(x)) / scene.m
+        evolves = [0, -np.sign(v) / law.D_c, -np.exp(-x)]
+        return [[0, 1, 0], [-K / scene.m, -one, -one * v * law.b / law.a], evolves]
+
+    return rates, slopes
+
+
+def test_stick_slip_of_a_block_is_that_of_an_own_integration():
+    """Against SciPy's Radau: start, arrest and force of two events, 80 s apart, to 1e-6.
+
+    F_T of events is that of the end of a step, in which it changes by K v_slip dt at most.
+    """
+    scene, t_end, dt = pulled(), 100.0, 4e-7
+    law, K, V = scene.interface.law, scene.driver.K / 3, scene.driver.V
+    push = law.f_star * 20.0
+    rates, slopes = stick_slip(scene, push)
+
+    def passes(t, y):
+        return abs(y[1]) - law.v_slip
+
+    how = {"method": "Radau", "rtol": 1e-9, "atol": [1e-17, 1e-17, 1e-9], "events": passes}
+    own = solve_ivp(rates, (0, t_end), [0.0, V, np.log(0.5)], jac=slopes, **how)
+    t, u = own.t_events[0], own.y_events[0][:, 0]
+    force = 3 * (push + K * (V * t - u))
+    state = loaded_state(scene).state(scene, dt)
+    state.y[0, 2], state.u_drv0 = V, state.u_drv0 * 0 + push / K
+    how = {"fidelity": "hybrid", "accuracy": 1e-7, "dt": dt, "sample": 1.0, "progress": False}
+    found = pyfric.simulate(scene, t_end, initial=state, **how).events
+    assert len(found) == 2
+    times = found[["t_start", "t_stop"]].to_numpy().ravel()
+    forces = found[["F_T_start", "F_T_arrest"]].to_numpy().ravel()
+    np.testing.assert_allclose(times, t, rtol=0, atol=1e-6 * t[2])
+    np.testing.assert_allclose(forces, force, rtol=0, atol=1e-6 * scene.F_N)
+    drops, own_drops = forces[::2] - forces[1::2], force[::2] - force[1::2]
+    assert (own_drops > 0.05 * scene.F_N).all()
+    np.testing.assert_allclose(drops, own_drops, rtol=1e-5)
+
+
+def test_cvode_finds_the_same_stick_slip():
+    """Where Radau finds start and arrest of the first event, CVODE finds the same motion."""
+    scene = pulled()
+    law = scene.interface.law
+    rates, slopes = stick_slip(scene, law.f_star * 20.0)
+
+    def passes(t, y):
+        return abs(y[1]) - law.v_slip
+
+    start, atol = [0.0, scene.driver.V, np.log(0.5)], np.array([1e-17, 1e-17, 1e-9])
+    how = {"method": "Radau", "rtol": 1e-9, "atol": atol, "events": passes}
+    own = solve_ivp(rates, (0, 1.0), start, jac=slopes, **how)
+    other = by_cvode(rates, np.array(start), own.t_events[0], atol)
+    assert len(other) == 2
+    np.testing.assert_allclose(other, own.y_events[0], rtol=1e-4)
+    np.testing.assert_allclose(other[:, 0], own.y_events[0][:, 0], rtol=1e-6)
+
+
+def test_a_run_has_no_note_of_junctions():
+    assert not any("junction" in note for run in (cycles(0), cycles(1e-3)) for note in run.notes)
+
+
+def test_plans_measure_their_errors():
+    scene = cycles(0).scene
+    run = pyfric.simulate(scene, 6e-3, tolerance=0.01, sample=1e-4, progress=False)
+    assert run.method.engine == "hybrid"
+    assert run.errors.holds is True
+    exact = cycles(0).events["F_T_start"].iloc[0]
+    assert abs(run.events["F_T_start"].iloc[0] - exact) < 1e-3 * scene.F_N

@@ -35,6 +35,7 @@ def table(peaks, drops, error=1e-3, threshold=0.0, rate=None):
     found = pd.DataFrame({"peak": peaks, "drop": drops, "valley": peaks - drops})
     found["t_start"] = found["t_stop"] = np.arange(len(peaks), dtype=float)
     found["peak_error"] = found["valley_error"] = error
+    found["drop_error"] = np.sqrt(2) * error
     found["rate"] = np.nan if rate is None else rate
     found.attrs["threshold"] = threshold
     return found

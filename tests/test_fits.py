@@ -14,8 +14,8 @@ import pyfric
 from pyfric.cli.commands import main
 from pyfric.figures import fit_page, tornado
 from pyfric.fitting import QUANTITIES, fits, misfit
-from pyfric.fitting.fits import _interval
 from pyfric.fitting.misfits import CAP, onset, overview
+from pyfric.fitting.profiles import _interval
 from pyfric.measured import events, sampled
 from pyfric.scene import SceneError
 

@@ -112,9 +112,7 @@ def misfit(
     )
 
 
-def _off(
-    measured: pd.DataFrame, model: pd.DataFrame, tolerance: float
-) -> dict[str, np.ndarray]:
+def _off(measured: pd.DataFrame, model: pd.DataFrame, tolerance: float) -> dict[str, np.ndarray]:
     """Return how far ends of events are apart, in standard deviations, each of shape (n, m).
 
     Errors of both ends share that of the time of the event, whose variance is

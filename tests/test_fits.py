@@ -14,8 +14,8 @@ import pyfric
 from pyfric.cli.commands import main
 from pyfric.figures import fit_page, tornado
 from pyfric.fitting import QUANTITIES, fits, misfit
-from pyfric.fitting.fits import _interval
 from pyfric.fitting.misfits import CAP, onset, overview
+from pyfric.fitting.profiles import _interval
 from pyfric.measured import events, sampled
 from pyfric.scene import SceneError
 
@@ -35,6 +35,7 @@ def table(peaks, drops, error=1e-3, threshold=0.0, rate=None):
     found = pd.DataFrame({"peak": peaks, "drop": drops, "valley": peaks - drops})
     found["t_start"] = found["t_stop"] = np.arange(len(peaks), dtype=float)
     found["peak_error"] = found["valley_error"] = error
+    found["drop_error"] = np.sqrt(2) * error
     found["rate"] = np.nan if rate is None else rate
     found.attrs["threshold"] = threshold
     return found

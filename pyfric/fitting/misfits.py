@@ -6,7 +6,7 @@ there were, as functions of the load, which is the force of an event and the dro
 
 Near them, events are matched in their order. Their times do not count: in stick-slip, a small
 difference of a period would become a large one of times. What is compared are the forces at both
-ends of each event, whose errors are independent, and the rate of loading between events. The
+ends of each event, with what their errors share, and the rate of loading between events. The
 matching minimises the sum of squares (dynamic programming). An event without a partner counts as
 the part of its drop that would have been seen, but as no more than `CAP` standard deviations; so
 does a pair, and no less than `ALONE`, so that noise parts no pair. Events of the model before the
@@ -84,18 +84,10 @@ def misfit(
         tolerance: standard deviation of forces that is added to the errors, over F_N.
     """
     n, m = len(measured), len(model)
-    errors = {
-        name: np.hypot(measured[f"{name}_error"].to_numpy(), tolerance)
-        for name in ("peak", "valley")
-    }
-    smallest = np.finfo(float).tiny
-    off = {
-        name: (model[name].to_numpy()[None, :] - measured[name].to_numpy()[:, None])
-        / np.maximum(error, smallest)[:, None]
-        for name, error in errors.items()
-    }
+    off = _off(measured, model, tolerance)
     threshold = measured.attrs.get("threshold", 0.0)
-    of_drop = np.maximum(np.hypot(errors["peak"], errors["valley"]), smallest)
+    of_drop = np.hypot(measured["drop_error"].to_numpy(), np.sqrt(2) * tolerance)
+    of_drop = np.maximum(of_drop, np.finfo(float).tiny)
     alone = np.clip((measured["drop"].to_numpy() - threshold) / of_drop, ALONE, CAP)
     typical = float(np.median(of_drop)) if n else 1.0
     unseen = np.clip((model["drop"].to_numpy() - threshold) / typical, 0.0, CAP)
@@ -118,6 +110,29 @@ def misfit(
         partner=partner,
         extra=int((extra > 1).sum()),
     )
+
+
+def _off(measured: pd.DataFrame, model: pd.DataFrame, tolerance: float) -> dict[str, np.ndarray]:
+    """Return how far ends of events are apart, in standard deviations, each of shape (n, m).
+
+    Errors of both ends share that of the time of the event, whose variance is
+    c = (s_peak^2 + s_valley^2 - s_drop^2)/2. The second residual is what is left of that of the
+    valley if c/s_peak^2 of that of the peak is taken away, so that both are independent.
+    """
+    variances = {
+        name: measured[f"{name}_error"].to_numpy()[:, None] ** 2
+        for name in ("peak", "valley", "drop")
+    }
+    shared = 0.5 * (variances["peak"] + variances["valley"] - variances["drop"])
+    peak, valley = (variances[name] + tolerance**2 for name in ("peak", "valley"))
+    peak = np.maximum(peak, np.finfo(float).tiny)
+    own = np.maximum(valley - shared**2 / peak, np.finfo(float).tiny)
+    of_peak, of_valley = (
+        model[name].to_numpy()[None, :] - measured[name].to_numpy()[:, None]
+        for name in ("peak", "valley")
+    )
+    of_valley = of_valley - shared / peak * of_peak
+    return {"peak": of_peak / np.sqrt(peak), "valley": of_valley / np.sqrt(own)}
 
 
 def overview(measured: pd.DataFrame, model: pd.DataFrame) -> np.ndarray:

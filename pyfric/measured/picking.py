@@ -5,7 +5,9 @@ An event is a fall of F_T/F_N. In noise, falls are found with the difference D o
 deviation noise sqrt(2/smooth). A fall counts where D is below `CLEAR` of these: with 8 samples,
 2.5 times the noise, so that a fall of 5 times the noise is lost once in three million. Within
 ``smooth`` samples of an end of the curve nothing is found. Forces at both ends of a fall come from
-robust straight lines through the samples on either side, so that their errors are known, too.
+robust straight lines through the samples on either side, so that their errors are known, too. The
+time of a sudden fall is not known within a step; what loading adds in this time moves both forces,
+and not the drop.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ COLUMNS = {
     "valley": ("1", "F_T/F_N at t_stop"),
     "drop": ("1", "peak - valley"),
     "peak_error": ("1", "standard error of peak"),
-    "valley_error": ("1", "standard error of valley, of its own"),
+    "valley_error": ("1", "standard error of valley; the time of a sudden fall adds to both"),
     "drop_error": ("1", "standard error of drop"),
     "rate": ("1/s", "rise of F_T/F_N over time since the event before"),
     "stiffness": ("1/m", "rise of F_T/F_N over the load point; times F_N, a stiffness"),
@@ -196,25 +198,25 @@ def _table(
     for k, (start, stop) in enumerate(falls):
         begin = falls[k - 1][1] if k else 0
         end = falls[k + 1][0] if k + 1 < len(falls) else len(t) - 1
+        peak, valley, of_peak, of_valley, within = f[start], f[stop], 0.0, 0.0, 0.0
         before = slice(begin, start + 1)
+        rate = _slope(t[before], f[before])
         if noise:
             near = slice(max(begin, start + 1 - NEAR * smooth), start + 1)
             next_to = slice(stop, min(end + 1, stop + NEAR * smooth))
-            sudden = stop == start + 1  # the fall is between the two: a line has to reach it
-            ends = [0.5 * (t[start] + t[stop])] * 2 if sudden else [t[start], t[stop]]
-            peak, peak_error = _at(t[near], f[near], ends[0], noise)
-            valley, valley_error = _at(t[next_to], f[next_to], ends[1], noise)
-            within = (t[stop] - t[start]) / np.sqrt(12) if sudden else 0.0
-        else:
-            peak, valley, peak_error, valley_error, within = f[start], f[stop], 0.0, 0.0, 0.0
-        rate = _slope(t[before], f[before])
+            ends = t[start], t[stop]
+            if stop == start + 1:  # the fall is between the two: a line has to reach it
+                ends, within = (0.5 * (t[start] + t[stop]),) * 2, t[stop] - t[start]
+            peak, of_peak = _at(t[near], f[near], ends[0], noise)
+            valley, of_valley = _at(t[next_to], f[next_to], ends[1], noise)
+        shared = within / np.sqrt(12) * np.nan_to_num(rate)  # of the time of the fall
         rows.append(
             {
                 **{"t_start": t[start], "t_stop": t[stop], "peak": peak, "valley": valley},
                 "drop": peak - valley,
-                "peak_error": float(np.hypot(peak_error, within * np.nan_to_num(rate))),
-                "valley_error": valley_error,
-                "drop_error": float(np.hypot(peak_error, valley_error)),
+                "peak_error": float(np.hypot(of_peak, shared)),
+                "valley_error": float(np.hypot(of_valley, shared)),
+                "drop_error": float(np.hypot(of_peak, of_valley)),
                 "rate": rate,
                 "stiffness": _slope(x[before], f[before]),
             }

@@ -1,0 +1,95 @@
+"""What a fit has found: parameters, intervals, profiles, residuals, and whether the model fits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import pandas as pd
+import scipy
+
+from pyfric.display import html
+
+DOUBTFUL = 0.01
+"""Probability of the residuals below which the model is said not to fit. A policy."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """Parameters that fit measured events, and what is known of them.
+
+    Attributes:
+        scenes: the scenes with the best parameters, one for each curve.
+        values: best parameters by name.
+        intervals: name -> ends of the confidence interval; an end is NaN where the bound is reached
+            before the misfit tells.
+        profiles: name -> data frame with columns value and chi2.
+        level: confidence of the intervals.
+        chi2, dof: sum of squares, and degrees of freedom.
+        table: measured events with columns curve, event, peak, valley, model_peak, model_valley
+            (over F_N), off_peak, off_valley (standard deviations).
+        missing, extra: events of the measurement that the model has not, and the reverse.
+        engine: the engine of its runs.
+        runs: number of runs that were made, also those of the search.
+        bounds: name -> bounds that were searched.
+    """
+
+    scenes: tuple[Any, ...]
+    values: Mapping[str, float]
+    intervals: Mapping[str, tuple[float, float]]
+    profiles: Mapping[str, pd.DataFrame]
+    level: float
+    chi2: float
+    dof: int
+    table: pd.DataFrame
+    missing: int
+    extra: int
+    engine: str
+    runs: int
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def probability(self) -> float:
+        """Of a sum of squares at least this large, if the model is right."""
+        return float(scipy.stats.chi2.sf(self.chi2, max(self.dof, 1)))
+
+    @property
+    def fits(self) -> bool:
+        """Whether the residuals are those of noise: `probability` at least 0.01."""
+        return self.probability >= DOUBTFUL
+
+    def __str__(self) -> str:
+        lines = []
+        for name, value in self.values.items():
+            low, high = self.intervals[name]
+            if math.isnan(low) and math.isnan(high):
+                lines.append(
+                    f"{name} = {value:.5g}: not determined within {_said(self.bounds[name])}"
+                )
+                continue
+            least, largest = self.bounds[name]
+            ends = f"{f'{low:.5g}' if low == low else f'< {least:.5g}'} to "
+            ends += f"{high:.5g}" if high == high else f"> {largest:.5g}"
+            lines.append(f"{name} = {value:.5g}, {self.level:.0%}: {ends}")
+        n = len(self.table)
+        lines.append(
+            f"chi^2 {self.chi2:.4g} with {self.dof} degrees of freedom, {n} events measured, "
+            f"{self.missing} missing in the model, {self.extra} more in the model"
+        )
+        if not self.fits:
+            lines.append(
+                f"THE MODEL DOES NOT FIT (probability {self.probability:.1g}): intervals do not "
+                "hold; try another law, disorder, or another parameter"
+            )
+        lines.append(f"{self.runs} runs, {self.engine} at the end")
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+    _repr_html_ = html
+
+
+def _said(bounds: tuple[float, float]) -> str:
+    return f"{bounds[0]:.5g} to {bounds[1]:.5g}"

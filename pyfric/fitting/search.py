@@ -1,0 +1,133 @@
+"""The least misfit: least squares from several starts, and steps of Gauss and Newton."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import scipy
+from numpy.linalg import norm
+
+from pyfric.fitting.problem import Problem
+from pyfric.fitting.results import DOUBTFUL
+
+FOLLOWED = 3
+"""How many minima of a rough search are followed. A policy."""
+COARSE = 1e-2
+"""Step of differences of the overview, over the bounds: a policy."""
+STEP = 1e-3
+"""Step of differences over the bounds: a policy."""
+WALK, FAR, WALKS = 2e-3, 8, 3
+"""Step of the search for minima nearby, over the bounds; steps either way; how often. Policies."""
+
+
+def minima(
+    problem: Problem,
+    starts: Sequence[np.ndarray],
+    tolerances: Sequence[float],
+    say: Callable[[str], None],
+) -> list[np.ndarray]:
+    """Return minima of the misfit with the last of some tolerances, the least one first.
+
+    Starts are taken in the order of their overviews. One is followed to the last tolerance if it
+    fits within the first one; if none does, the best `FOLLOWED` are. Where residuals are those of
+    noise, no further start is taken.
+    """
+    rough: list[tuple[float, np.ndarray]] = []
+    found: list[tuple[float, np.ndarray]] = []
+    first, *others = tolerances
+
+    def follow(u: np.ndarray) -> bool:
+        for tolerance in others:
+            u = solved(functools.partial(problem.residuals, tolerance=tolerance), u, STEP)
+        found.append((problem.chi2(u, tolerances[-1]), u))
+        return scipy.stats.chi2.sf(found[-1][0], problem.size - len(u)) >= DOUBTFUL
+
+    seen = [start for start in starts if problem.model(start) is not None]
+    for number, start in enumerate(sorted(seen, key=lambda u: norm(problem.overview(u))), 1):
+        say(f"least squares by the {problem.options['fidelity']} engine from start {number}")
+        u = solved(problem.overview, start, COARSE)
+        u = solved(functools.partial(problem.residuals, tolerance=first), u, STEP)
+        chi2 = problem.chi2(u, first)
+        if chi2 > problem.size:
+            rough.append((chi2, u))
+        elif follow(u):
+            break
+    if not found:
+        for _, u in sorted(rough, key=lambda pair: pair[0])[:FOLLOWED]:
+            follow(u)
+    return [u for _, u in sorted(found, key=lambda pair: pair[0])]
+
+
+def walked(problem: Problem, u: np.ndarray, say: Callable[[str], None]) -> np.ndarray:
+    """Return the parameters of a lower minimum nearby, if residuals are not those of noise.
+
+    Each parameter is moved either way, with the others along.
+    """
+    for _ in range(WALKS):
+        least = problem.chi2(u)
+        if scipy.stats.chi2.sf(least, problem.size - len(u)) >= DOUBTFUL:
+            break
+        say("minima nearby")
+        jacobian, best = jacobian_of(problem, u), u
+        for k in range(len(u)):
+            others = np.arange(len(u)) != k
+            for step in WALK * np.concatenate([np.arange(-FAR, 0), np.arange(1, FAR + 1)]):
+                start = np.clip(u + step * ridge(jacobian, k)[0], 0, 1)
+                tried, chi2 = least_of_others(problem, start, jacobian, others)
+                if chi2 < least:
+                    best, least = tried, chi2
+        if best is u:
+            break
+        u = solved(problem.residuals, best, STEP)
+        u = u if problem.chi2(u) < least else best
+    return u
+
+
+def ridge(jacobian: np.ndarray, k: int) -> tuple[np.ndarray, float]:
+    """Return the change of all parameters with one, others free, and its standard deviation."""
+    inverse = np.linalg.pinv(jacobian.T @ jacobian)
+    if not inverse[k, k] > 0:
+        return np.eye(len(inverse))[k], 1.0
+    return inverse[:, k] / inverse[k, k], math.sqrt(inverse[k, k])
+
+
+def solved(residuals: Callable[[np.ndarray], np.ndarray], u: np.ndarray, step: float) -> np.ndarray:
+    """Return the parameters of a local minimum."""
+    u = np.clip(u, 2 * step, 1 - 2 * step)
+    how = {"bounds": (0.0, 1.0), "diff_step": step, "xtol": 1e-4, "ftol": 1e-2, "max_nfev": 12}
+    return scipy.optimize.least_squares(residuals, u, **how).x
+
+
+def jacobian_of(problem: Problem, u: np.ndarray) -> np.ndarray:
+    """Return derivatives of the residuals by central differences."""
+    return derivatives(problem, u)[0]
+
+
+def derivatives(problem: Problem, u: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return derivatives of the residuals, and the mean variance of their jumps, per residual."""
+    columns, jumps, centre = [], [], problem.residuals(u)
+    for k in range(len(u)):
+        ends = [np.clip(u + sign * 2 * STEP * (np.arange(len(u)) == k), 0, 1) for sign in (-1, 1)]
+        low, high = (problem.residuals(end) for end in ends)
+        columns.append((high - low) / (ends[1][k] - ends[0][k]))
+        jumps.append(np.clip(high + low - 2 * centre, -1, 1) ** 2 / 6)
+    return np.array(columns).T, float(np.mean(jumps))
+
+
+def least_of_others(
+    problem: Problem, start: np.ndarray, jacobian: np.ndarray, others: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Return the parameters of least misfit with one of them held, by steps of Gauss and Newton."""
+    best, residuals = start, problem.residuals(start)
+    for _ in range(2 if others.any() else 0):
+        change = np.linalg.lstsq(jacobian[:, others], -residuals, rcond=None)[0]
+        tried = best.copy()
+        tried[others] = np.clip(tried[others] + change, 0, 1)
+        new = problem.residuals(tried)
+        if new @ new >= residuals @ residuals:
+            break
+        best, residuals = tried, new
+    return best, float(residuals @ residuals)

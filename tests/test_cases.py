@@ -5,6 +5,7 @@ import math
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -13,7 +14,7 @@ from pyfric import SceneError
 from pyfric.cli.commands import main
 from pyfric.figures import DataFigure
 from pyfric.paper import cases
-from pyfric.paper.cases import CASES, LIMIT, Case, Found
+from pyfric.paper.cases import CASES, LIMIT, Case, Found, interface
 from pyfric.paper.claims import Claim
 from pyfric.paper.claims.claim import Band
 from pyfric.paper.claims.damage import given
@@ -166,3 +167,23 @@ def test_chain_fronts():
     assert parts["b"].holds
     assert len(figure.tables["fronts"]) == 3
     assert not find("chain_fronts", **short, eta=0.316)[0]["b"].holds
+
+
+def test_patch():
+    """A smaller slab; a patch of eight blocks at half the distance of sides and top."""
+    short = {"shape": (96, 48), "n": 8, "beta": (1.1, 1.2)}
+    parts, figure = find("patch", **short)
+    assert parts["a"].holds
+    assert parts["b"].value == pytest.approx(1.15)
+    assert figure.tables["runs"]["slip_over_d_c"].is_monotonic_increasing
+    assert not find("patch", **short, edge=True)[0]["a"].holds
+
+
+def test_stiffness_of_the_interface_is_that_of_a_strip_when_all_slips():
+    """Under a held top a uniform slip u shears the slab: G u/H, G = k/2 per unit length."""
+    K = interface.stiffness_of(interface.half_space(120, 6))
+    np.testing.assert_allclose(K, K.T, atol=1e-13)
+    middle = (K @ np.ones(120))[55:65]
+    np.testing.assert_allclose(middle, 0.5 / 5, rtol=1e-3)
+    assert interface.slipping(K, slice(120), 0.1) > 1  # free sides make it softer
+    assert interface.slipping(K, slice(50, 70), 0.1) < 1

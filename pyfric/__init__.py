@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pyfric.core import State, StateError
     from pyfric.engines import Options, Progress, RunError, prediction_curve, step_size
     from pyfric.fitting import Fit, Sensitivity, fit, sensitivity
-    from pyfric.paper import claims
+    from pyfric.paper import cases, claims
     from pyfric.planning import Level, Plan, plan, released, simulate
     from pyfric.record import (
         Method,
@@ -122,6 +122,7 @@ __all__ = [
     "analysis",
     "boundary",
     "build_catalogue",
+    "cases",
     "chain",
     "claims",
     "figures",

@@ -15,7 +15,18 @@ from pyfric.figures.sizes import size_figure
 from pyfric.figures.sketch import sketch
 from pyfric.figures.spacetime import space_time
 from pyfric.figures.strip import event_frames, event_movie, event_strip, has_ffmpeg
+from pyfric.figures.style import BLACK as BLACK
+from pyfric.figures.style import BLUE as BLUE
 from pyfric.figures.style import FIGURES, DataFigure, PaperFigure, save_figure
+from pyfric.figures.style import GREEN as GREEN
+from pyfric.figures.style import GREY as GREY
+from pyfric.figures.style import ORANGE as ORANGE
+from pyfric.figures.style import PURPLE as PURPLE
+from pyfric.figures.style import SKY as SKY
+from pyfric.figures.style import VERMILION as VERMILION
+from pyfric.figures.style import legend as legend
+from pyfric.figures.style import mark as mark
+from pyfric.figures.style import panels as panels
 from pyfric.figures.view import drawing as drawing
 from pyfric.figures.view import record_page
 from pyfric.figures.view import template as template

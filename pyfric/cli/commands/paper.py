@@ -1,11 +1,13 @@
-"""The paper: its figures and its claims."""
+"""Published results: figures and claims of the paper, and cases of others."""
 
 from __future__ import annotations
 
+import difflib
 from pathlib import Path
 from typing import Any
 
 import click
+from click.shell_completion import CompletionItem
 
 from pyfric.cli.app import main
 from pyfric.cli.shared import (
@@ -13,6 +15,7 @@ from pyfric.cli.shared import (
     Tell,
     check_folder,
     claimed,
+    command_line,
     folder_option,
     running,
     telling,
@@ -64,3 +67,56 @@ def claims(numbers: tuple[str, ...], out: Path | None, tell: Tell, **how: Any) -
             files.append(write_index(out))
     told = [claims.report(found), *map(str, files)]
     tell.result(claims.table(found), lambda: "\n".join(told))
+
+
+class CaseName(click.ParamType):
+    """The name of a case. Shells complete it."""
+
+    name = "case"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> str:
+        from pyfric.paper import cases
+
+        if value not in cases.CASES:
+            near = difflib.get_close_matches(value, cases.CASES, 1)
+            hint = f" Did you mean {near[0]}?" if near else ""
+            self.fail(f"no case {value!r}.{hint} `pyfric case` lists all.", param, ctx)
+        return value
+
+    def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:
+        from pyfric.paper import cases
+
+        return [CompletionItem(name) for name in cases.CASES if name.startswith(incomplete)]
+
+
+@main.command(section="The paper", epilog=EXIT_CODES)
+@click.argument("names", nargs=-1, metavar="[NAME]...", type=CaseName())
+@click.option("--all", "every", is_flag=True, help="Run all cases.")
+@folder_option(
+    "--out", metavar="DIR", default="cases", show_default=True, help="Folder for the files."
+)
+@running
+@telling
+def case(names: tuple[str, ...], every: bool, out: Path, tell: Tell, **how: Any) -> None:
+    """Try what others published: the cases that you name, or all. Without a name, list them.
+
+    Each case has a number or a trend with its target, and a figure. A value outside its band is a
+    miss, and the exit code is still 0. index.html in --out shows the cases of the folder, misses
+    first.
+    """
+    from pyfric.paper import cases
+
+    if not (names or every):
+        about = {name: entry.title for name, entry in cases.CASES.items()}
+        tell.result(about, cases.listed)
+        return
+    check_folder(out)
+    chosen = () if every else names
+    with claimed(out, ("cases", sorted(chosen))):
+        found = []
+        for result in cases.run(chosen, progress=tell.progress, **how):
+            result.save(out, command_line())
+            cases.write_page(out)
+            found.append(result)
+    texts = [*map(str, found), str(out / "index.html")]
+    tell.result([result.as_dict() for result in found], lambda: "\n\n".join(texts))

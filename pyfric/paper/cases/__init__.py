@@ -1,0 +1,16 @@
+"""What others published, tried: one file for each, `pyfric case NAME`.
+
+    for result in pyfric.cases.run(["chain_fronts"]):
+        print(result)
+
+A case has a source, a number or trend with its target band, a figure, and changed scenes on which
+it has to miss. Parts of it are `pyfric.claims.Claim`. A new case is a function under `@case` in a
+module of its own, which the imports below name.
+"""
+
+from pyfric.paper.cases import chain_fronts as chain_fronts
+from pyfric.paper.cases import patch as patch
+from pyfric.paper.cases.case import CASES, Case, Found
+from pyfric.paper.cases.collection import LIMIT, Result, listed, run, write_page
+
+__all__ = ["CASES", "LIMIT", "Case", "Found", "Result", "listed", "run", "write_page"]

@@ -1,0 +1,189 @@
+"""Cases: the frame, stored results with their page, and each case in its shortest form."""
+
+import json
+import math
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import pyfric
+from pyfric import SceneError
+from pyfric.cli.commands import main
+from pyfric.figures import DataFigure
+from pyfric.paper import cases
+from pyfric.paper.cases import CASES, LIMIT, Case, Found, interface
+from pyfric.paper.claims import Claim
+from pyfric.paper.claims.claim import Band
+from pyfric.paper.claims.damage import given
+from pyfric.sweeps import Job, run_all
+
+STORED = Path(__file__).parents[1] / "reference_data" / "cases"
+PAGE = Path(__file__).parents[1] / "docs" / "cases.md"
+
+
+def find(name, **short):
+    """The parts of a case by number, with these keywords, and its figure."""
+    found = CASES[name].find(lambda jobs: run_all(jobs, 1, False, False), **short)
+    return {part.number.removeprefix(name).strip(): part for part in found.parts}, found.draw()
+
+
+# --- the frame -----------------------------------------------------------------------------------
+
+
+def falls(run, *, height=1.0):
+    """Case of the tests: one run, and a value in its band if the height is 1."""
+    run([Job("fig1", 1e-6, {"fidelity": "dynamic"})])
+    figure = DataFigure()
+    figure.caption = "What falls."
+    damages = [given("twice the height", height=2.0), given("no height", height=math.nan)]
+    part = Claim("falls", "it falls", height, Band(0.9, 1.1, "a book", "m"), "by eye", damages)
+    return Found([part], lambda: figure)
+
+
+def rises(run):
+    part = Claim("rises", "it rises", -1.0, Band(0.0, None, "it"), "so", [given("it again")])
+    return Found([part], DataFigure)
+
+
+@pytest.fixture
+def two(monkeypatch):
+    entries = {
+        "falls": Case("falls", "Falling", "A. Book", "number", {"height": "1 m, page 1"}, falls),
+        "rises": Case("rises", "Rising", "B. Book", "trend", {}, rises),
+    }
+    for module in ("case", "collection"):
+        monkeypatch.setattr(f"pyfric.paper.cases.{module}.CASES", entries)
+    monkeypatch.setattr(cases, "CASES", entries)
+    return entries
+
+
+@pytest.mark.usefixtures("two")
+def test_a_case_is_measured_and_damaged():
+    falling, rising = cases.run(cache=False, progress=False)
+    (part,) = falling.parts
+    assert (part.value, part.holds, falling.verdict) == (1.0, True, "holds")
+    assert (part.damage, part.damaged) == ("twice the height", 2.0)  # nearer to the band than NaN
+    assert rising.verdict == "misses"
+    assert 0 < falling.seconds < 20
+    assert "1 of 1 hold" in str(falling)
+    assert "more than" not in str(falling)
+    slow = cases.Result(falling.case, falling.parts, falling.figure, LIMIT + 1)
+    assert "more than 180 s" in str(slow)
+
+
+@pytest.mark.usefixtures("two")
+def test_the_processor_time_of_runs_counts_wherever_they_were_made(monkeypatch):
+    class Made:
+        timings = {"processor": 100.0}  # noqa: RUF012
+
+    monkeypatch.setattr(cases.collection, "run_all", lambda *_: [Made, Made])
+    (falling,) = cases.run(["falls"])
+    assert falling.seconds == pytest.approx(600.0, abs=5.0)  # the case, and twice with damage
+
+
+@pytest.mark.usefixtures("two")
+def test_files_and_page(tmp_path):
+    done = CliRunner().invoke(main, ["case", "--all", "--out", str(tmp_path), "--no-cache"])
+    assert done.exit_code == 0, done.output
+    assert "misses  it rises" in done.output
+    names = {path.name for path in tmp_path.iterdir()}
+    ends = {".json", ".pdf", ".png", ".txt", "_provenance.toml"}
+    assert names == {f"{name}{end}" for name in ("falls", "rises") for end in ends} | {"index.html"}
+    stored = json.loads((tmp_path / "falls.json").read_text())
+    assert stored["parts"][0]["value"] == 1.0
+    assert stored["seen"] == {"height": "1 m, page 1"}
+    page = (tmp_path / "index.html").read_text()
+    assert page.index("Rising") < page.index("Falling")  # misses first
+    for text in ("1 of 2 cases hold", "A. Book", "0.9 to 1.1 m", "twice the height: 2 m"):
+        assert text in page
+    (tmp_path / "rises.json").unlink()
+    assert "Rising" not in cases.write_page(tmp_path).read_text()
+
+
+@pytest.mark.usefixtures("two")
+def test_lists_and_refusals(tmp_path):
+    listed = CliRunner().invoke(main, ["case"])
+    assert listed.output == "falls  Falling\nrises  Rising\n"
+    assert json.loads(CliRunner().invoke(main, ["case", "--json"]).output)["rises"] == "Rising"
+    wrong = CliRunner().invoke(main, ["case", "fall", "--out", str(tmp_path / "new")])
+    assert wrong.exit_code == 2
+    assert "Did you mean falls?" in wrong.output
+    assert not (tmp_path / "new").exists()
+    with pytest.raises(SceneError, match="falls"):
+        cases.run(["fell"])
+
+
+def test_every_case_says_where_it_is_from():
+    assert pyfric.cases is cases
+    for name, entry in CASES.items():
+        assert "doi:" in entry.source or "arXiv" in entry.source, name
+        assert entry.target in ("number", "trend")
+        assert entry.seen, name
+
+
+# --- stored results ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_stored_results(name):
+    """Verdicts follow from values and bands; damaged scenes miss; none takes too long."""
+    stored = json.loads((STORED / f"{name}.json").read_text())
+    assert stored["seconds"] <= LIMIT
+    made = tomllib.loads((STORED / f"{name}_provenance.toml").read_text())
+    assert f"case {name}" in made["command"] or "--all" in made["command"]
+    for part in stored["parts"]:
+        band = Band(part["low"], part["high"], "")
+        value, damaged = (math.nan if part[n] is None else part[n] for n in ("value", "damaged"))
+        assert part["verdict"] == ("misses" if band.outside(value) else "holds")
+        assert band.outside(damaged) > 0, part["number"]
+    missed = any(part["verdict"] == "misses" for part in stored["parts"])
+    assert stored["verdict"] == ("misses" if missed else "holds")
+
+
+def test_the_page_of_the_docs_shows_stored_results():
+    lines = PAGE.read_text().splitlines()
+    rows = [[cell.strip(" `*") for cell in line.split("|")[1:-1]] for line in lines]
+    rows = [row for row in rows if row and row[0].split(" ")[0].strip("`") in CASES]
+    shown = {}
+    for number, *_, value, verdict in rows:
+        shown[number.replace("`", "")] = value, verdict
+    known = {}
+    for name in CASES:
+        for part in json.loads((STORED / f"{name}.json").read_text())["parts"]:
+            known[part["number"]] = f"{part['value']:.3g} {part['unit']}".strip(), part["verdict"]
+    assert shown == known
+
+
+# --- cases in their shortest form ----------------------------------------------------------------
+
+
+def test_chain_fronts():
+    short = {"alpha": (0.3,), "tau_bar": (0.05, 0.5, 0.8)}
+    parts, figure = find("chain_fronts", **short)
+    assert parts["a"].value == 3  # arrested, crack, supershear
+    assert parts["b"].holds
+    assert len(figure.tables["fronts"]) == 3
+    assert not find("chain_fronts", **short, eta=0.316)[0]["b"].holds
+
+
+def test_patch():
+    """A smaller slab; a patch of eight blocks at half the distance of sides and top."""
+    short = {"shape": (96, 48), "n": 8, "beta": (1.1, 1.2)}
+    parts, figure = find("patch", **short)
+    assert parts["a"].holds
+    assert parts["b"].value == pytest.approx(1.15)
+    assert figure.tables["runs"]["slip_over_d_c"].is_monotonic_increasing
+    assert not find("patch", **short, edge=True)[0]["a"].holds
+
+
+def test_stiffness_of_the_interface_is_that_of_a_strip_when_all_slips():
+    """Under a held top a uniform slip u shears the slab: G u/H, G = k/2 per unit length."""
+    K = interface.stiffness_of(interface.half_space(120, 6))
+    np.testing.assert_allclose(K, K.T, atol=1e-13)
+    middle = (K @ np.ones(120))[55:65]
+    np.testing.assert_allclose(middle, 0.5 / 5, rtol=1e-3)
+    assert interface.slipping(K, slice(120), 0.1) > 1  # free sides make it softer
+    assert interface.slipping(K, slice(50, 70), 0.1) < 1

@@ -11,10 +11,10 @@ behind them. What is the same for all variants of an event: tractions, a, time, 
 The rule, fixed before the runs:
 
 Crack      a is `BEGIN` times the shortest length at which the energy release of static states
-           exceeds the fracture energy at the largest d_c.
+           exceeds the fracture energy at the largest d_c, on three blocks (of 1.25 mm) in turn.
 Lattice    l = `SPACING` d_c/um (twice that in run 4, whose zone is twice as long), some eleven
            blocks in X_c0 at p = F_N/N_x.
-End        1.5 times the transit of a shear wave along the slider.
+End        The transit of a shear wave along the slider, after the release.
 Places     Every 1.25 mm, v_c = 2.5 mm over the time between 1.25 mm before and behind, where times
            of passage increase over this stretch.
 Cut ends   A place counts if it is X_c0 (at p = F_N/N_x) or more from the end of the crack that is
@@ -49,8 +49,8 @@ from fronts import COLLAPSE, kept, main_events
 from pyfric.engines import step_size
 from pyfric.paper.claims.shares import shares
 from pyfric.planning import simulate
-from pyfric.record import RESOLVED, analysis, zone_at_rest
-from pyfric.record.zones import material_of
+from pyfric.record import RESOLVED, analysis
+from pyfric.record.zones import material_of, zone_at_rest
 from pyfric.scene import preset, write
 from pyfric.signals import at_once
 
@@ -60,8 +60,9 @@ if TYPE_CHECKING:
 
     from pyfric.record import Record
     from pyfric.scene import Scene
+    from pyfric.statics import Equilibrium
 
-__all__ = ["D_C", "VISCOSITIES", "front", "report", "study", "summary", "verdict"]
+__all__ = ["D_C", "VISCOSITIES", "Event", "front", "report", "study", "summary", "verdict"]
 
 L = 1.25e-3
 """Lattice constant of the runs that give the tractions, and distance between places, m."""
@@ -69,7 +70,7 @@ OF_RUNS = 1e-6
 """Their slip of weakening, m."""
 LAST = 3
 """Precursors of each run, the last ones."""
-D_C = (3e-6, 2e-6, 1.5e-6)
+D_C = (4e-6, 3e-6, 2e-6)
 """Slip of weakening, m."""
 SPACING = {"run1": 0.625e-3 / 3, "run2": 0.625e-3 / 3, "run3": 0.625e-3 / 3, "run4": 1.25e-3 / 3}
 """Lattice constant for each um of d_c, m."""
@@ -80,7 +81,7 @@ VISCOSITIES: dict[str, dict[str, Any]] = {
 """eta^2 and what dashpots resist -> fields of the slider."""
 BEGIN = 1.05
 """Crack that is released, over the critical one."""
-TRANSITS = 1.5
+TRANSITS = 1.0
 """Time of a run, over L/c_S."""
 SAMPLE = 5e-7
 """Time between points at which slip is known, s."""
@@ -93,10 +94,47 @@ EXPLAINS = {"prestress": "scaled", "G/Gamma": "release"}
 # --- one front -----------------------------------------------------------------------------------
 
 
+class Event:
+    """A precursor of a run: when its front begins, and what its static states are.
+
+    Args:
+        run: on the coarse lattice.
+        name: its preset.
+        event: its number there.
+
+    Attributes:
+        t: when the front begins, s.
+        G: energy release, as in `analysis.energy_release`.
+    """
+
+    def __init__(self, run: Record, name: str, event: int) -> None:
+        self.run, self.name, self.event = run, name, event
+        self.t = float(np.nanmin(run.rupture_times[run.row(event)]))
+        self.G = analysis.energy_release(run, event)
+        self._held: tuple[float, Any] = (0.0, None)
+
+    def scene(self, d_c: float, viscosity: str, l: float | None) -> Scene:
+        """Return the scene with d_c (m), one of `VISCOSITIES` and l (m), None for the rule's."""
+        l = SPACING[self.name] * d_c / 1e-6 if l is None else l
+        return preset(self.name, l=l, d_c=d_c, **VISCOSITIES[viscosity])
+
+    def held(self, scene: Scene) -> Callable[[float], Equilibrium]:
+        """Return states of rest of a scene (`finer.held`), which only l changes."""
+        if self._held[0] != scene.slider.l:
+            self._held = scene.slider.l, held(self.run, self.event, scene)
+        return self._held[1]
+
+    @property
+    def critical(self) -> float:
+        """Length of the shortest crack that grows at the largest d_c, m."""
+        G = self.G
+        grows = (G["Gamma"] > 0) & (G["G"] > G["Gamma"] * max(D_C) / OF_RUNS)
+        in_turn = grows & grows.shift(-1) & grows.shift(-2)
+        return int(G["n"][in_turn].iloc[0]) * L
+
+
 def front(
-    run: Record,
-    name: str,
-    event: int,
+    event: Event,
     d_c: float,
     viscosity: str,
     *,
@@ -107,9 +145,7 @@ def front(
     """Return a front of an event, on places along the interface.
 
     Args:
-        run: on the coarse lattice.
-        name: its preset.
-        event: its number there.
+        event: which one.
         d_c: slip of weakening, m.
         viscosity: one of `VISCOSITIES`.
         l: lattice constant, m; None means that of the rule.
@@ -120,16 +156,13 @@ def front(
         One row for each place that is passed. Columns: x (m) from the trailing edge; t (s), since
         the release; v_c (m/s), NaN where times do not increase; scaled, the prestress; zone,
         measured blocks; X_c0_over_l; release, G/Gamma; inside, whether the rule keeps it; over
-        c_R, c_S and c_L: v_R, v_S, v_L; seconds of the run.
+        c_R, c_S and c_L: v_R, v_S, v_L; reached (m), the length; seconds of the run.
     """
-    l = SPACING[name] * d_c / 1e-6 if l is None else l
-    scenes = [preset(name, l=l, d_c=d_c, **fields) for fields in VISCOSITIES.values()]
-    scene = scenes[list(VISCOSITIES).index(viscosity)]
-    t = float(np.nanmin(run.rupture_times[run.row(event)]))
-    at = held(run, event, scene)
-    state = moved(at, scene, t, share * min(step_size(one) for one in scenes))
-    G = analysis.energy_release(run, event)
-    first = int(np.ceil(BEGIN * _critical(G) * L / l))
+    scene, t = event.scene(d_c, viscosity, l), event.t
+    l, at = scene.slider.l, event.held(scene)
+    dt = min(step_size(event.scene(d_c, one, l)) for one in VISCOSITIES)
+    state = moved(at, scene, t, share * dt)
+    first = int(np.ceil(BEGIN * event.critical / l))
     state.mode[:first], state.s_0[:first] = scene.d, 2 * d_c - scene.d * state.y[0, 0, :first]
     material = material_of(scene)
     how: dict[str, Any] = {"fidelity": "dynamic", "switching": "located", "energies": False}
@@ -143,7 +176,7 @@ def front(
     x, own = table["x"].to_numpy(), np.arange(scene.N_x) * l
     pressed = np.where(before.p > 0, before.p, np.nan)
     ratio = (scene.d * before.tau / pressed - scene.law.slide(1.0)) / scene.law.drop
-    coarse = G["n"].to_numpy() * L - L
+    G, coarse = event.G, event.G["n"].to_numpy() * L - L
     return table.assign(
         scaled=np.interp(x, own, ratio),
         zone=np.interp(x, own, _zones(record, first, reached, d_c)),
@@ -156,12 +189,6 @@ def front(
         reached=reached * l,
         seconds=record.timings["stepping"],
     )
-
-
-def _critical(G: pd.DataFrame) -> int:
-    """Return the blocks of the shortest crack that grows at the largest d_c."""
-    grows = np.flatnonzero(G["G"] > G["Gamma"] * max(D_C) / OF_RUNS)
-    return int(G["n"].iloc[grows[0]])
 
 
 def _at_rest(scene: Scene) -> float:
@@ -227,12 +254,13 @@ def _fronts(runs: Path, names: Sequence[str], say: Callable[[str], None]) -> Ite
         path = runs / f"{name}_{L * 1e3:g}_{OF_RUNS * 1e6:g}.nc"
         run = kept(path, preset(name, l=L, d_c=OF_RUNS), COLLAPSE[name])
         for event in main_events(run)[-LAST:].tolist():
+            one = Event(run, name, event)
             for d_c in D_C:
                 for viscosity in VISCOSITIES:
                     about = {"scene": name, "event": event, "d_c": d_c, "viscosity": viscosity}
                     say(", ".join(map(str, about.values())))
                     file = f"resolved_{name}_{event}_{d_c * 1e6:g}_{viscosity[:3].strip()}.csv"
-                    make = functools.partial(front, run, name, event, d_c, viscosity)
+                    make = functools.partial(front, one, d_c, viscosity)
                     yield kept_table(runs / file, make).assign(**about)
 
 

@@ -68,7 +68,7 @@ L = 1.25e-3
 """Lattice constant of the runs that give the tractions, and distance between places, m."""
 OF_RUNS = 1e-6
 """Their slip of weakening, m."""
-LAST = 3
+LAST = 2
 """Precursors of each run, the last ones."""
 D_C = (4e-6, 3e-6, 2e-6)
 """Slip of weakening, m."""

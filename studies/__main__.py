@@ -147,6 +147,23 @@ def finer(
     tell.table(frame, fine.report)
 
 
+@main.command(section="Speed")
+@folder_option("--out", required=True, metavar="DIR", help="Folder of its files.")
+@click.option("--beside", "commit", metavar="COMMIT", help="Take turns with the build of a commit.")
+@telling
+def lattices(out: Path, commit: str | None, tell: Tell) -> None:
+    """Processor time against l, without weakening and with d_c = 1 um (two minutes)."""
+    check_folder(out)
+    import fine
+
+    cases = [name for line in fine.LINES.values() for name in line]
+    frame = fine.finer(cases, commit=commit, say=tell.step)
+    words = [] if commit is None else ["--beside", commit]
+    command = shlex.join([*RUN.split(), "lattices", *words])
+    save_figure(fine.figure(frame), out / "lattices", command, tell)
+    tell.table(frame, fine.report)
+
+
 # --- methods -------------------------------------------------------------------------------------
 
 

@@ -47,9 +47,8 @@ from finer import held, moved
 from fronts import COLLAPSE, kept, main_events
 
 from pyfric.engines import step_size
-from pyfric.paper.claims.shares import shares
 from pyfric.planning import simulate
-from pyfric.record import RESOLVED, analysis
+from pyfric.record import analysis
 from pyfric.record.zones import material_of, zone_at_rest
 from pyfric.scene import preset, write
 from pyfric.signals import at_once
@@ -62,7 +61,7 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
     from pyfric.statics import Equilibrium
 
-__all__ = ["D_C", "VISCOSITIES", "Event", "front", "report", "study", "summary", "verdict"]
+__all__ = ["D_C", "VISCOSITIES", "Event", "checks", "front", "study"]
 
 L = 1.25e-3
 """Lattice constant of the runs that give the tractions, and distance between places, m."""
@@ -85,10 +84,8 @@ TRANSITS = 1.0
 """Time of a run, over L/c_S."""
 SAMPLE = 5e-7
 """Time between points at which slip is known, s."""
-SHARE = 0.5
-"""Least share of resolved places, and of variance that a collapse explains."""
-EXPLAINS = {"prestress": "scaled", "G/Gamma": "release"}
-"""What may explain the speed -> its column."""
+CHECKED = "run1"
+"""Run whose last precursor is made in other ways, too."""
 
 
 # --- one front -----------------------------------------------------------------------------------
@@ -141,6 +138,7 @@ def front(
     l: float | None = None,
     share: float = 1.0,
     geometry: str = "linear",
+    begin: float = BEGIN,
 ) -> pd.DataFrame:
     """Return a front of an event, on places along the interface.
 
@@ -151,6 +149,7 @@ def front(
         l: lattice constant, m; None means that of the rule.
         share: step over the usual one.
         geometry: "linear" or "finite".
+        begin: crack that is released, over the critical one.
 
     Returns:
         One row for each place that is passed. Columns: x (m) from the trailing edge; t (s), since
@@ -162,7 +161,7 @@ def front(
     l, at = scene.slider.l, event.held(scene)
     dt = min(step_size(event.scene(d_c, one, l)) for one in VISCOSITIES)
     state = moved(at, scene, t, share * dt)
-    first = int(np.ceil(BEGIN * event.critical / l))
+    first = int(np.ceil(begin * event.critical / l))
     state.mode[:first], state.s_0[:first] = scene.d, 2 * d_c - scene.d * state.y[0, 0, :first]
     material = material_of(scene)
     how: dict[str, Any] = {"fidelity": "dynamic", "switching": "located", "energies": False}
@@ -251,8 +250,7 @@ def _fronts(runs: Path, names: Sequence[str], say: Callable[[str], None]) -> Ite
     runs.mkdir(parents=True, exist_ok=True)
     for name in names:
         say(f"{name}, l = {L * 1e3:g} mm")
-        path = runs / f"{name}_{L * 1e3:g}_{OF_RUNS * 1e6:g}.nc"
-        run = kept(path, preset(name, l=L, d_c=OF_RUNS), COLLAPSE[name])
+        run = kept(_path(runs, name), preset(name, l=L, d_c=OF_RUNS), COLLAPSE[name])
         for event in main_events(run)[-LAST:].tolist():
             one = Event(run, name, event)
             for d_c in D_C:
@@ -264,6 +262,11 @@ def _fronts(runs: Path, names: Sequence[str], say: Callable[[str], None]) -> Ite
                     yield kept_table(runs / file, make).assign(**about)
 
 
+def _path(runs: Path, name: str) -> Path:
+    """Return the file of a run on the coarse lattice."""
+    return runs / f"{name}_{L * 1e3:g}_{OF_RUNS * 1e6:g}.nc"
+
+
 def kept_table(path: Path, make: Callable[[], pd.DataFrame]) -> pd.DataFrame:
     """Return a table from a file, or make it."""
     if not path.is_file():
@@ -271,77 +274,54 @@ def kept_table(path: Path, make: Callable[[], pd.DataFrame]) -> pd.DataFrame:
     return pd.read_csv(path)
 
 
-# --- what it comes to ----------------------------------------------------------------------------
+@at_once()
+def checks(runs: Path, say: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
+    """Return what the speeds of one front hang on, with little viscosity and the largest d_c.
 
-
-def _points(fronts: pd.DataFrame) -> pd.DataFrame:
-    """Return the places that count: front, its number; place, 0 to 1; every, kept in all."""
-    points = fronts[fronts["inside"] & fronts["v_c"].notna()].copy()
-    points["front"] = points.groupby(["scene", "event"], sort=False).ngroup()
-    variants = fronts[["d_c", "viscosity"]].drop_duplicates()
-    number = points.groupby(["front", "x"])["v_c"].transform("size")
-    return points.assign(every=number == len(variants))
-
-
-def _placed(points: pd.DataFrame) -> pd.DataFrame:
-    x = points.groupby("front")["x"]
-    first, last = x.transform("min"), x.transform("max")
-    return points.assign(place=((points["x"] - first) / (last - first)).fillna(0.5))
-
-
-def summary(fronts: pd.DataFrame) -> pd.DataFrame:
-    """Return what prestress, position and G/Gamma explain, for each variant.
+    Args:
+        runs: folder of `study`, which made its runs before.
+        say: called with what is done next.
 
     Returns:
-        Columns: places, "own" or "every"; d_c; viscosity; fronts and points, how many; zone, the
-        share of places with `RESOLVED` blocks or more, and zone_median; above_R and above_L, shares
-        of v_c above c_R and c_L; then value, low, high and null of prestress, of position, of
-        G/Gamma ("release") and of the prestress beyond the position.
+        One row for each change: case; points, places that both fronts keep; median and rms of the
+        change of ln v_c; median_change, with its sign; reached, the change of the length over L.
+        In the last row the front of the run on the coarse lattice, which began by itself, is
+        compared with one that is released on the same lattice.
     """
-    points, rows = _points(fronts), []
-    for which, some in (("own", points), ("every", points[points["every"]])):
-        for (d_c, viscosity), part in some.groupby(["d_c", "viscosity"], sort=False):
-            row = {"places": which, "d_c": d_c, "viscosity": viscosity}
-            row |= {"fronts": part["front"].nunique(), "points": len(part)}
-            row["zone"] = float((part["zone"] >= RESOLVED).mean())
-            row["zone_median"] = float(part["zone"].median())
-            row |= {f"above_{c}": float((part[f"v_{c}"] > 1).mean()) for c in "RL"}
-            part = _placed(part)
-            for what, column in EXPLAINS.items():
-                found = shares(part, column)
-                names = {"prestress": column} if what != "prestress" else None
-                for share in names or ("prestress", "position", "beyond"):
-                    key = column if names else share
-                    for end in ("value", "low", "high", "null"):
-                        row[f"{key}_{end}"] = found.loc[end, share]
-            rows.append(row)
-    return pd.DataFrame(rows)
-
-
-def verdict(row: pd.Series) -> str:
-    """Return what the rule says of a row of `summary`: keeps, loses, untold, or unresolved."""
-    if row["zone"] < SHARE:
-        return "unresolved"
-    if row["prestress_low"] > max(SHARE, row["prestress_null"]):
-        return "keeps"
-    if row["prestress_high"] < SHARE or row["prestress_value"] < row["prestress_null"]:
-        return "loses"
-    return "untold"
-
-
-def report(table: pd.DataFrame) -> str:
-    """Return the table as text: shares of the variance of ln v_c, with their intervals."""
-    rows: dict[str, Any] = {
-        "places": table["places"],
-        "d_c (um)": [f"{1e6 * one:g}" for one in table["d_c"]],
-        "eta^2": table["viscosity"],
-        "fronts": table["fronts"],
-        "points": table["points"],
-        "6 or more": [f"{one:.0%}" for one in table["zone"]],
-        "v > c_R": [f"{one:.0%}" for one in table["above_R"]],
+    name, L_x = CHECKED, preset(CHECKED).slider.L
+    run = kept(_path(runs, name), preset(name, l=L, d_c=OF_RUNS), COLLAPSE[name])
+    event, viscosity = Event(run, name, int(main_events(run)[-1])), next(iter(VISCOSITIES))
+    largest = max(D_C)
+    cases: dict[str, dict[str, Any]] = {
+        "the rule": {},
+        "half the step": {"share": 0.5},
+        "half of l": {"l": SPACING[name] * largest / 2e-6},
+        "finite geometry": {"geometry": "finite"},
+        "longer crack": {"begin": 1.5 * BEGIN},
     }
-    for key in ("prestress", "position", "release", "beyond"):
-        ends = table[[f"{key}_{end}" for end in ("value", "low", "high", "null")]]
-        rows[key] = ["{:.2f} ({:.2f} to {:.2f}; {:.2f})".format(*one) for one in ends.to_numpy()]
-    rows["verdict"] = [verdict(row) for _, row in table.iterrows()]
-    return pd.DataFrame(rows).to_string(index=False)
+    tables = {}
+    for case, how in cases.items():
+        say(case)
+        make = functools.partial(front, event, largest, viscosity, **how)
+        tables[case] = kept_table(runs / f"resolved_check_{case.replace(' ', '_')}.csv", make)
+    rows = [_change(case, table, tables["the rule"], L_x) for case, table in tables.items()]
+    say("a front that is released, and one that began by itself")
+    released = front(event, OF_RUNS, "the paper's", l=L)
+    passed = run.rupture_times[run.row(event.event)] - event.t
+    begun = np.where(np.isnan(passed), 0.0, passed)  # stable slip came before
+    reached = int(np.flatnonzero(np.isfinite(passed))[-1]) + 1
+    natural = _places(begun, reached, L).assign(reached=reached * L)
+    rows.append(_change("began by itself", natural, released, L_x))
+    return pd.DataFrame(rows[1:])
+
+
+def _change(case: str, table: pd.DataFrame, other: pd.DataFrame, L_x: float) -> dict[str, Any]:
+    """Return how the speeds of a front differ from those of another one."""
+    kept_there = other[other["inside"] & other["v_c"].notna()]
+    both = kept_there.assign(key=(kept_there["x"] / L).round()).merge(
+        table.assign(key=(table["x"] / L).round()), on="key", suffixes=("", "_new")
+    )
+    change = np.log(both["v_c_new"] / both["v_c"]).dropna()
+    row = {"case": case, "points": len(change), "median": change.abs().median()}
+    row |= {"rms": float(np.sqrt(np.mean(change**2))), "median_change": change.median()}
+    return row | {"reached": (table["reached"].iloc[0] - other["reached"].iloc[0]) / L_x}

@@ -147,6 +147,23 @@ def finer(
     tell.table(frame, fine.report)
 
 
+@main.command(section="Speed")
+@folder_option("--out", required=True, metavar="DIR", help="Folder of its files.")
+@click.option("--beside", "commit", metavar="COMMIT", help="Take turns with the build of a commit.")
+@telling
+def lattices(out: Path, commit: str | None, tell: Tell) -> None:
+    """Processor time against l, without weakening and with d_c = 1 um (two minutes)."""
+    check_folder(out)
+    import fine
+
+    cases = [name for line in fine.LINES.values() for name in line]
+    frame = fine.finer(cases, commit=commit, say=tell.step)
+    words = [] if commit is None else ["--beside", commit]
+    command = shlex.join([*RUN.split(), "lattices", *words])
+    save_figure(fine.figure(frame), out / "lattices", command, tell)
+    tell.table(frame, fine.report)
+
+
 # --- methods -------------------------------------------------------------------------------------
 
 
@@ -390,22 +407,23 @@ def fronts(
     save_figure(figure, out / "fronts", shlex.join([*RUN.split(), "fronts", *words]), tell)
 
 
-@main.command("low-viscosity", section="Physics")
+@main.command(section="Physics")
 @folder_option("--runs", required=True, metavar="DIR", help="Folder of its runs.")
-@file_option("--out", metavar="FILE", help="Write the table as CSV.")
-@overwrite_option
+@folder_option("--out", required=True, metavar="DIR", help="Folder of its files.")
 @telling
-def low_viscosity(runs: Path, out: Path | None, overwrite: bool, tell: Tell) -> None:
-    """Tell prestress from position in fronts with little viscosity (half an hour).
+def resolved(runs: Path, out: Path, tell: Tell) -> None:
+    """Tell prestress from position in fronts whose cohesive zone is resolved (half an hour).
 
     Runs are kept in --runs; the next call goes on where this one was stopped.
     """
-    check_table(out, overwrite)
-    import low_viscosity
+    check_folder(out)
+    import resolved
+    import resolved_found
 
-    frame = low_viscosity.shares_of(low_viscosity.study(runs, say=tell.step))
-    save_table(frame, out, f"{RUN} low-viscosity", "%.6g")
-    tell.table(frame, low_viscosity.report)
+    fronts = resolved.study(runs, say=tell.step)
+    found = resolved_found.figure(fronts, resolved.checks(runs, say=tell.step))
+    save_figure(found, out / "resolved", f"{RUN} resolved", tell)
+    tell.table(found.tables["summary"], resolved_found.report)
 
 
 @main.command(section="Physics")

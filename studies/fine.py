@@ -19,12 +19,15 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-__all__ = ["CASES", "Case", "built", "finer", "report", "spells"]
+if TYPE_CHECKING:
+    from pyfric.figures import DataFigure
+
+__all__ = ["CASES", "LATTICES", "LINES", "Case", "built", "figure", "finer", "report", "spells"]
 
 
 class Case(NamedTuple):
@@ -39,13 +42,15 @@ class Case(NamedTuple):
 
 WEAK = {"d_c": 1e-6}
 CASES = {
+    "5 mm": Case("fig1", {"l": 5e-3}, 0.33),
     "2.5 mm": Case("fig1", {}, 0.33),
     "1.25 mm": Case("fig1", {"l": 1.25e-3}, 0.33),
     "0.625 mm": Case("fig1", {"l": 0.625e-3}, 0.33),
     "2.5 mm, finite": Case("fig1", {}, 0.33, geometry="finite"),
     "1.25 mm, finite": Case("fig1", {"l": 1.25e-3}, 0.33, geometry="finite"),
-    "2.5 mm, d_c": Case("fig1", WEAK, 0.3),
-    "1.25 mm, d_c": Case("fig1", WEAK | {"l": 1.25e-3}, 0.3),
+    "5 mm, d_c": Case("fig1", WEAK | {"l": 5e-3}, 0.25),
+    "2.5 mm, d_c": Case("fig1", WEAK, 0.25),
+    "1.25 mm, d_c": Case("fig1", WEAK | {"l": 1.25e-3}, 0.25),
     "0.625 mm, d_c": Case("fig1", WEAK | {"l": 0.625e-3}, 0.25),
     "2.5 mm, d_c, finite": Case("fig1", WEAK, 0.3, geometry="finite"),
     "1.25 mm, d_c, finite": Case("fig1", WEAK | {"l": 1.25e-3}, 0.25, geometry="finite"),
@@ -58,6 +63,11 @@ CASES = {
     "plan": Case("fig1", {}, 0.9, "plan"),
 }
 """Fig. 1 scene with blocks of l, without and with d_c = 1 um, in linear geometry if not said."""
+LATTICES = ("5 mm", "2.5 mm", "1.25 mm", "0.625 mm")
+LINES = {"d_c = 0": LATTICES, "d_c = 1 um": tuple(f"{name}, d_c" for name in LATTICES)}
+"""Cases of the chart of cost against l."""
+SLOPES = {3: "8 per halving of $l$", 4: "16"}
+"""Powers of 1/l beside them: blocks times steps; and as many waits again."""
 QUICK = ("2.5 mm", "sequence", "plan")
 REPEATS = 2
 SIZES = {"slip_1": (1, 1), "slip_2_3": (2, 3), "slip_4_10": (4, 10), "fronts": (11, 2**31)}
@@ -205,6 +215,50 @@ def report(frame: pd.DataFrame) -> str:
         ratio = (times[build] / times["this"]).to_string(float_format="{:.2f}".format)
         text += f"\n\nprocessor time of {build} over this build's\n{ratio}"
     return text
+
+
+def figure(frame: pd.DataFrame) -> DataFigure:
+    """Draw processor time against l, of this build in full and of another one dashed."""
+    from pyfric.figures import DataFigure
+    from pyfric.figures.style import style
+
+    fig = DataFigure(figsize=(4.6, 3.4))
+    axes = fig.subplots()
+    style(axes)
+    for (name, cases), colour in zip(LINES.items(), ("#0072B2", "#C00000"), strict=True):
+        l = np.array([1e3 * CASES[case].changes.get("l", 2.5e-3) for case in cases])
+        text = f"{name.replace('d_c', r'$d_{c}$')}, to {CASES[cases[0]].t_end:g} s"
+        for build, part in frame.groupby("build", sort=False):
+            seconds = part.set_index("case")["seconds"].reindex(cases).to_numpy()
+            this = build == "this"
+            how = {"ls": "-" if this else ":", "lw": 1.2 if this else 0.8}
+            axes.loglog(l, seconds, "o", color=colour, ms=4, label=text if this else build, **how)
+            if this and name == next(iter(LINES)):
+                for power, said in SLOPES.items():
+                    slope = seconds[1] * (l[1] / l) ** power / 4
+                    axes.loglog(l, slope, "--", color="0.6", lw=0.7)
+                    axes.annotate(
+                        said,
+                        (l[-1], slope[-1]),
+                        (-6, -9),
+                        color="0.4",
+                        fontsize=7,
+                        textcoords="offset points",
+                        ha="right",
+                    )
+    ticks = sorted({1e3 * CASES[case].changes.get("l", 2.5e-3) for case in LATTICES})
+    axes.set_xticks(ticks, [f"{one:g}" for one in ticks])
+    axes.minorticks_off()
+    axes.invert_xaxis()
+    axes.set_xlabel("lattice constant $l$ (mm)")
+    axes.set_ylabel("processor time (s)")
+    axes.legend(fontsize=7, frameon=False, loc="upper left")
+    fig.caption = (
+        "Processor time of the hybrid engine on one thread, Fig. 1 scene, linear geometry. Dashed: "
+        "growth by 8, which blocks times steps take, and by 16 per halving of l."
+    )
+    fig.tables = {"cost": frame}
+    return fig
 
 
 if __name__ == "__main__":

@@ -25,11 +25,14 @@ from pyfric.scene import SceneError
 from pyfric.statics import ContactProblem, EquilibriumError, StaticSolver
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pyfric.core import State
     from pyfric.record import Record
     from pyfric.scene import Scene
+    from pyfric.statics import Equilibrium
 
-__all__ = ["refined", "tractions"]
+__all__ = ["held", "moved", "refined", "tractions"]
 
 BELOW = 1e-9
 """Strength that is left at least where a block starts to stick, over mu_s."""
@@ -59,13 +62,16 @@ def tractions(record: Record, event: int, x: np.ndarray) -> tuple[np.ndarray, np
     return np.interp(x, scene.x[closed], ratio), open_
 
 
-def refined(record: Record, event: int, scene: Scene) -> State:
-    """Return the state of a finer lattice at the first slip of an event.
+def held(record: Record, event: int, scene: Scene) -> Callable[[float], Equilibrium]:
+    """Return states of a finer lattice whose blocks stay where they are just before an event.
 
     Args:
         record: a run on a coarser lattice.
         event: its number, from 1.
         scene: the same scene with a smaller l.
+
+    Returns:
+        The state of rest as a function of time, s, on which the driver's place hangs.
 
     Raises:
         SceneError: the slider has another length, or not all of its friction is that of slip.
@@ -80,10 +86,21 @@ def refined(record: Record, event: int, scene: Scene) -> State:
     solver = StaticSolver(scene)
     drive = scene.drive(t) + scene.d * float(np.mean(solver.u_drv0))
     u_x, open_ = _displacements(scene, np.clip(ratio, -most, most), open_, drive)
-    now, later = (
-        solver.solve(u_x, scene.drive(one), free=open_).state(scene, step_size(scene), t)
-        for one in (t, t + AHEAD)
-    )
+    return lambda time: solver.solve(u_x, scene.drive(time), free=open_)
+
+
+def refined(record: Record, event: int, scene: Scene) -> State:
+    """Return the state of a finer lattice at the first slip of an event.
+
+    Args, errors: those of `held`.
+    """
+    t, at = float(record.events["t_start"].loc[event]), held(record, event, scene)
+    return moved(at, scene, t, step_size(scene))
+
+
+def moved(at: Callable[[float], Equilibrium], scene: Scene, t: float, dt: float) -> State:
+    """Return the state at a time t, s, of `held`, as it moves with the driver; steps are dt, s."""
+    now, later = (at(time).state(scene, dt, t) for time in (t, t + AHEAD))
     now.y[:, 2:] = (later.y[:, :2] - now.y[:, :2]) / AHEAD
     now.rod[3:] = (later.rod[:3] - now.rod[:3]) / AHEAD
     return now

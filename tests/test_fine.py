@@ -5,6 +5,7 @@ from pathlib import Path
 
 import fine
 import numpy as np
+import pandas as pd
 import pytest
 
 import pyfric
@@ -47,6 +48,25 @@ def test_steps_of_all_kinds_are_those_of_the_run(table):
     assert row["steps"] == record.counts["steps"] == sum(row[[*fine.SIZES, "at_rest"]])
     assert 0 <= row["at_rest"] < row["steps"]
     assert row["events"] == len(record.events) > 0
+
+
+def test_cost_against_l_is_drawn_beside_slopes():
+    names, times = (
+        [name for line in fine.LINES.values() for name in line],
+        0.1 * 8.0 ** np.arange(4),
+    )
+    both = {"this": np.tile(times, 2), "older": 2 * np.tile(times, 2)}
+    frames = [pd.DataFrame({"case": names, "build": b, "seconds": s}) for b, s in both.items()]
+    (axes,) = fine.figure(pd.concat(frames)).axes
+    drawn = [line.get_ydata() for line in axes.lines]
+    assert (
+        sum(np.allclose(y, times) for y in drawn)
+        == sum(np.allclose(y, 2 * times) for y in drawn)
+        == 2
+    )
+    ratios = sorted({round(float(y[2] / y[1]), 6) for y in drawn})
+    assert ratios == [8, 16]  # the lattices halve
+    assert [line.get_linestyle() for line in axes.lines].count("--") == len(fine.SLOPES)
 
 
 def test_spells_end_when_no_block_slips():

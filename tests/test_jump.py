@@ -9,7 +9,7 @@ from helpers import GEOMETRIES
 
 import pyfric
 from pyfric.engines import space
-from pyfric.engines.jump import Jump, Landing, Outside, path_from, rest
+from pyfric.engines.jump import Jump, Landing, Outside, Wait, path_from, rest
 from pyfric.engines.modes import modes_of
 from pyfric.engines.ringing import Ringing
 from pyfric.scene import preset, setup1, setup2
@@ -30,13 +30,18 @@ def linearised(geometry):
     return modes, start, v
 
 
-def landed(modes, start, v, steps):
-    """Return all numbers of a jump that begins with velocities v (m/s): its end and its curve."""
+def begun(modes, start, v, least=1):
+    """Return a jump that begins with velocities v (m/s)."""
     outside, n_x = Outside(modes.space.solver, 0.0), SCENE.N_x
     path = path_from(modes, outside, *start)
     motion = modes.split(path.lag[0] * 0.0, v)
-    how = {"dt": DT, "accuracy": 1e-6 * SCENE.F_N, "least": 1}
-    jump = Jump(modes, outside, path, motion, np.zeros(n_x), **how)
+    how = {"dt": DT, "accuracy": 1e-6 * SCENE.F_N, "least": least}
+    return Jump(modes, outside, path, motion, np.zeros(n_x), **how)
+
+
+def landed(modes, start, v, steps):
+    """Return all numbers of a jump that begins with velocities v (m/s): its end and its curve."""
+    jump = begun(modes, start, v)
     landing = jump.land(steps)
     assert isinstance(landing, Landing)
     curve = jump.u_h(DT * np.arange(1, landing.n, 16))
@@ -53,6 +58,23 @@ def test_a_jump_does_not_depend_on_those_before(geometry):
     assert landed(modes, start, 1e-6 * v, 20_000) == first
     fresh = linearised(geometry)[0]
     assert landed(fresh, start, 1e-6 * v, 20_000) == first
+
+
+def test_corrections_that_diverge_are_given_up(monkeypatch):
+    """Errors grow with each correction: the second one ends the attempt, whose path is whole."""
+    modes, start, v = linearised("finite")
+    jump, found, calls = begun(modes, start, 1e-6 * v, least=4_000), Jump._landed, []
+    path = jump.path
+
+    def worse(one, *how):
+        q, u, gaps, shift, _ = found(one, *how)
+        calls.append(4.0 ** len(calls) * 1e-3 * SCENE.F_N)
+        return q, u, gaps + calls[-1], shift, 1.0
+
+    monkeypatch.setattr(Jump, "_landed", worse)
+    assert isinstance(jump.land(4_001), Wait)
+    assert jump.predicted == len(calls) == 2
+    assert jump.path is path
 
 
 def test_landings_are_predicted_again_in_finite_geometry_only(monkeypatch):

@@ -34,7 +34,9 @@ def test_timings(name, monkeypatch):
     assert calls == [(False, False), (True, False)]  # no terminal, no progress
 
 
-@pytest.mark.parametrize("name", ["chart", "methods", "resolution", "fronts", "disorder", "slow"])
+@pytest.mark.parametrize(
+    "name", ["chart", "lattices", "methods", "resolution", "fronts", "disorder"]
+)
 def test_a_folder_that_cannot_be_written_is_refused_first(name, tmp_path):
     (tmp_path / "file").write_text("mine")
     result = study(name, "--out", tmp_path / "file")

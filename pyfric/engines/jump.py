@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 LONGEST = 2**30
 """Longest wait, in steps: the most that one call of the core makes."""
 ROUNDS = 8
-"""Most corrections of one path. Each correction gains more digits than the one before."""
+"""Most corrections of one path. Each one gains more digits than the one before, or they diverge."""
 CORRECTED = 0.1
 """What corrections may leave, over the accuracy: it hardly adds to the error of a jump."""
 SAMPLED = (0.01, 0.25)
@@ -296,7 +296,7 @@ class Jump:
 
     def land(self, n_max: int) -> Landing | Wait | Stale:
         """Return the end of the jump after at most `n_max` steps, or how long to wait."""
-        linear, first, n = self.space.linear, self.path, n_max
+        linear, first, n, before = self.space.linear, self.path, n_max, math.inf
         for round_ in range(ROUNDS):
             self.predicted += 1
             n = self._longest(n_max)
@@ -333,7 +333,9 @@ class Jump:
                     wait = self._wait(defect / self.accuracy, decay, n)
                     return wait if linear else Stale(wait.steps)
                 return Landing(n, q, v, then, left + error + defect, self)
-            self.path = bent
+            if error > max(before, CORRECTED * self.accuracy):
+                break
+            self.path, before = bent, error
         self.path = first  # the corrections do not converge over so long a path
         return self.land(n // 2) if n // 2 > self.least else Wait(self.least)
 

@@ -1,0 +1,327 @@
+"""Fig. 4(b) with a resolved cohesive zone: does the prestress set the speed of fronts?
+
+The same events, like for like: the last `LAST` precursors of runs 1 to 4 (l = 1.25 mm, d_c = 1 um),
+each with three values of d_c, and with the paper's viscosity and little of it. With d_c > 0 stable
+slip goes on for tens of milliseconds before a front runs, while the driver loads on. So each front
+starts from the state in which all blocks hold the slip of just before the event, with the driver
+where it is when the front begins in the run (`finer.held`). The static tractions of this state are
+the prestress. Then a crack is released at once: blocks 1 to a, with all of their slip of weakening
+behind them. What is the same for all variants of an event: tractions, a, time, geometry.
+
+The rule, fixed before the runs:
+
+Crack      a is `BEGIN` times the shortest length at which the energy release of static states
+           exceeds the fracture energy at the largest d_c, on three blocks (of 1.25 mm) in turn.
+Lattice    l = `SPACING` d_c/um (twice that in run 4, whose zone is twice as long), some eleven
+           blocks in X_c0 at p = F_N/N_x.
+End        The transit of a shear wave along the slider, after the release.
+Places     Every 1.25 mm, v_c = 2.5 mm over the time between 1.25 mm before and behind, where times
+           of passage increase over this stretch.
+Cut ends   A place counts if it is X_c0 (at p = F_N/N_x) or more from the end of the crack that is
+           released and from the last block of the front, the first one that is not passed.
+Zone       Blocks between the tip, when it passes a place, and the nearest one behind that has
+           slipped by d_c. A variant is resolved if half of its places or more have `RESOLVED`
+           blocks or more in the zone.
+Shares     Those of claim 13 (`pyfric.paper.claims.shares`): of the variance of ln v_c, with a
+           bootstrap over events and data that know the position along the front alone. Once for
+           all places of a variant, and once for those that all variants of an event have.
+Verdict    On places of its own a resolved variant with little viscosity keeps the collapse if the
+           lower end of the share of the prestress exceeds 0.5 and the upper end of position alone.
+           It loses it if the upper end of its share is below 0.5, or its value is below the upper
+           end of position alone. Otherwise the data do not tell. The paper's collapse survives if
+           all three keep it and does not survive if all three lose it.
+
+Beside it: what the energy release over the fracture energy explains, G/Gamma, of static states.
+
+Source: PRL 107, 074301 (2011), Fig. 4; L. B. Freund, Dynamic Fracture Mechanics (1990).
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from finer import held, moved
+from fronts import COLLAPSE, kept, main_events
+
+from pyfric.engines import step_size
+from pyfric.planning import simulate
+from pyfric.record import analysis
+from pyfric.record.zones import material_of, zone_at_rest
+from pyfric.scene import preset, write
+from pyfric.signals import at_once
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
+
+    from pyfric.record import Record
+    from pyfric.scene import Scene
+    from pyfric.statics import Equilibrium
+
+__all__ = ["D_C", "VISCOSITIES", "Event", "checks", "front", "study"]
+
+L = 1.25e-3
+"""Lattice constant of the runs that give the tractions, and distance between places, m."""
+OF_RUNS = 1e-6
+"""Their slip of weakening, m."""
+LAST = 2
+"""Precursors of each run, the last ones."""
+D_C = (4e-6, 3e-6, 2e-6)
+"""Slip of weakening, m."""
+SPACING = {"run1": 0.625e-3 / 3, "run2": 0.625e-3 / 3, "run3": 0.625e-3 / 3, "run4": 1.25e-3 / 3}
+"""Lattice constant for each um of d_c, m."""
+VISCOSITIES: dict[str, dict[str, Any]] = {
+    "0.001 k m, along bonds": {"damping": 1e-3, "dashpots": "along"},
+    "the paper's": {},
+}
+"""eta^2 and what dashpots resist -> fields of the slider."""
+BEGIN = 1.05
+"""Crack that is released, over the critical one."""
+TRANSITS = 1.0
+"""Time of a run, over L/c_S."""
+SAMPLE = 5e-7
+"""Time between points at which slip is known, s."""
+CHECKED = "run1"
+"""Run whose last precursor is made in other ways, too."""
+
+
+# --- one front -----------------------------------------------------------------------------------
+
+
+class Event:
+    """A precursor of a run: when its front begins, and what its static states are.
+
+    Args:
+        run: on the coarse lattice.
+        name: its preset.
+        event: its number there.
+
+    Attributes:
+        t: when the front begins, s.
+        G: energy release, as in `analysis.energy_release`.
+    """
+
+    def __init__(self, run: Record, name: str, event: int) -> None:
+        self.run, self.name, self.event = run, name, event
+        self.t = float(np.nanmin(run.rupture_times[run.row(event)]))
+        self.G = analysis.energy_release(run, event)
+        self._held: tuple[float, Any] = (0.0, None)
+
+    def scene(self, d_c: float, viscosity: str, l: float | None) -> Scene:
+        """Return the scene with d_c (m), one of `VISCOSITIES` and l (m), None for the rule's."""
+        l = SPACING[self.name] * d_c / 1e-6 if l is None else l
+        return preset(self.name, l=l, d_c=d_c, **VISCOSITIES[viscosity])
+
+    def held(self, scene: Scene) -> Callable[[float], Equilibrium]:
+        """Return states of rest of a scene (`finer.held`), which only l changes."""
+        if self._held[0] != scene.slider.l:
+            self._held = scene.slider.l, held(self.run, self.event, scene)
+        return self._held[1]
+
+    @property
+    def critical(self) -> float:
+        """Length of the shortest crack that grows at the largest d_c, m."""
+        G = self.G
+        grows = (G["Gamma"] > 0) & (G["G"] > G["Gamma"] * max(D_C) / OF_RUNS)
+        in_turn = grows & grows.shift(-1) & grows.shift(-2)
+        return int(G["n"][in_turn].iloc[0]) * L
+
+
+def front(
+    event: Event,
+    d_c: float,
+    viscosity: str,
+    *,
+    l: float | None = None,
+    share: float = 1.0,
+    geometry: str = "linear",
+    begin: float = BEGIN,
+) -> pd.DataFrame:
+    """Return a front of an event, on places along the interface.
+
+    Args:
+        event: which one.
+        d_c: slip of weakening, m.
+        viscosity: one of `VISCOSITIES`.
+        l: lattice constant, m; None means that of the rule.
+        share: step over the usual one.
+        geometry: "linear" or "finite".
+        begin: crack that is released, over the critical one.
+
+    Returns:
+        One row for each place that is passed. Columns: x (m) from the trailing edge; t (s), since
+        the release; v_c (m/s), NaN where times do not increase; scaled, the prestress; zone,
+        measured blocks; X_c0_over_l; release, G/Gamma; inside, whether the rule keeps it; over
+        c_R, c_S and c_L: v_R, v_S, v_L; reached (m), the length; seconds of the run.
+    """
+    scene, t = event.scene(d_c, viscosity, l), event.t
+    l, at = scene.slider.l, event.held(scene)
+    dt = min(step_size(event.scene(d_c, one, l)) for one in VISCOSITIES)
+    state = moved(at, scene, t, share * dt)
+    first = int(np.ceil(begin * event.critical / l))
+    state.mode[:first], state.s_0[:first] = scene.d, 2 * d_c - scene.d * state.y[0, 0, :first]
+    material = material_of(scene)
+    how: dict[str, Any] = {"fidelity": "dynamic", "switching": "located", "energies": False}
+    how |= {"geometry": geometry, "t_gap": 1e3, "sample": SAMPLE, "threshold": 1e-3}
+    how |= {"initial": state, "dt": state.dt, "progress": False, "threads": 1}
+    record = simulate(scene, t + TRANSITS * scene.slider.L / material.c_S, **how)
+    passed = record.rupture_times[0] - t
+    reached = int(np.argmax(np.append(np.isnan(passed[first:]), True))) + first
+    rest, before = _at_rest(scene), at(t)
+    table = _places(passed, reached, l)
+    x, own = table["x"].to_numpy(), np.arange(scene.N_x) * l
+    pressed = np.where(before.p > 0, before.p, np.nan)
+    ratio = (scene.d * before.tau / pressed - scene.law.slide(1.0)) / scene.law.drop
+    G, coarse = event.G, event.G["n"].to_numpy() * L - L
+    return table.assign(
+        scaled=np.interp(x, own, ratio),
+        zone=np.interp(x, own, _zones(record, first, reached, d_c)),
+        X_c0_over_l=np.interp(x, own, zone_at_rest(scene, before.p)),
+        release=np.interp(x, coarse, (G["G"] / G["Gamma"]).to_numpy()) * OF_RUNS / d_c,
+        inside=(x >= (first - 1) * l + rest) & (x <= reached * l - rest),
+        v_R=table["v_c"] / material.c_R,
+        v_S=table["v_c"] / material.c_S,
+        v_L=table["v_c"] / material.c_P,
+        reached=reached * l,
+        seconds=record.timings["stepping"],
+    )
+
+
+def _at_rest(scene: Scene) -> float:
+    """Return X_c0 at p = F_N/N_x, m."""
+    return float(zone_at_rest(scene, np.array([scene.F_N / scene.N_x]))[0]) * scene.slider.l
+
+
+def _places(passed: np.ndarray, reached: int, l: float) -> pd.DataFrame:
+    """Return times of passage and speeds on places `L` apart, as far as the front came."""
+    own = np.arange(len(passed)) * l
+    x = np.arange(int(own[reached - 1] / L + 1e-9) + 1) * L
+    t = np.interp(x, own[:reached], passed[:reached])
+    rises = np.append(np.diff(passed[:reached]) > 0, False)
+    begin, end = np.rint((x - L) / l).astype(int), np.rint((x + L) / l).astype(int)
+    v_c = np.full(x.shape, np.nan)
+    for n, (a, b) in enumerate(zip(begin, end, strict=True)):
+        if a >= 0 and b < reached and rises[a:b].all():
+            v_c[n] = 2 * L / (np.interp(x[n] + L, own, passed) - np.interp(x[n] - L, own, passed))
+    return pd.DataFrame({"x": x, "t": t, "v_c": v_c})
+
+
+def _zones(record: Record, first: int, reached: int, d_c: float) -> np.ndarray:
+    """Return the blocks in the zone when the tip is at each block, NaN where it was not."""
+    times = record.curve["t"].to_numpy()
+    slip = record.scene.d * (record.motion["u_x"] - record.motion["u_x"][0])
+    full = np.full(record.scene.N_x, np.inf)
+    full[:first] = -np.inf
+    for i in range(first, reached):
+        if (after := np.flatnonzero(slip[:, i] >= d_c)).size:
+            k = after[0]
+            part = (d_c - slip[k - 1, i]) / (slip[k, i] - slip[k - 1, i])
+            full[i] = times[k - 1] + part * (times[k] - times[k - 1])
+    blocks = np.full(record.scene.N_x, np.nan)
+    for i, t in enumerate(record.rupture_times[0][:reached]):
+        if i >= first:
+            blocks[i] = i - np.flatnonzero(full[:i] <= t)[-1]
+    return blocks
+
+
+# --- all of them ---------------------------------------------------------------------------------
+
+
+@at_once()
+def study(
+    runs: Path,
+    names: Sequence[str] = tuple(SPACING),
+    say: Callable[[str], None] = lambda _: None,
+) -> pd.DataFrame:
+    """Return the fronts: scene, event, d_c (m), viscosity, and the columns of `front`.
+
+    Args:
+        runs: folder in which runs and fronts are kept; it is made if missing.
+        names: which of the runs 1 to 4.
+        say: called with what is done next.
+    """
+    return pd.concat(_fronts(runs, names, say), ignore_index=True)
+
+
+def _fronts(runs: Path, names: Sequence[str], say: Callable[[str], None]) -> Iterator[pd.DataFrame]:
+    runs.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        say(f"{name}, l = {L * 1e3:g} mm")
+        run = kept(_path(runs, name), preset(name, l=L, d_c=OF_RUNS), COLLAPSE[name])
+        for event in main_events(run)[-LAST:].tolist():
+            one = Event(run, name, event)
+            for d_c in D_C:
+                for viscosity in VISCOSITIES:
+                    about = {"scene": name, "event": event, "d_c": d_c, "viscosity": viscosity}
+                    say(", ".join(map(str, about.values())))
+                    file = f"resolved_{name}_{event}_{d_c * 1e6:g}_{viscosity[:3].strip()}.csv"
+                    make = functools.partial(front, one, d_c, viscosity)
+                    yield kept_table(runs / file, make).assign(**about)
+
+
+def _path(runs: Path, name: str) -> Path:
+    """Return the file of a run on the coarse lattice."""
+    return runs / f"{name}_{L * 1e3:g}_{OF_RUNS * 1e6:g}.nc"
+
+
+def kept_table(path: Path, make: Callable[[], pd.DataFrame]) -> pd.DataFrame:
+    """Return a table from a file, or make it."""
+    if not path.is_file():
+        write(path, make().to_csv(index=False).encode())
+    return pd.read_csv(path)
+
+
+@at_once()
+def checks(runs: Path, say: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
+    """Return what the speeds of one front hang on, with little viscosity and the largest d_c.
+
+    Args:
+        runs: folder of `study`, which made its runs before.
+        say: called with what is done next.
+
+    Returns:
+        One row for each change: case; points, places that both fronts keep; median and rms of the
+        change of ln v_c; median_change, with its sign; reached, the change of the length over L.
+        In the last row the front of the run on the coarse lattice, which began by itself, is
+        compared with one that is released on the same lattice.
+    """
+    name, L_x = CHECKED, preset(CHECKED).slider.L
+    run = kept(_path(runs, name), preset(name, l=L, d_c=OF_RUNS), COLLAPSE[name])
+    event, viscosity = Event(run, name, int(main_events(run)[-1])), next(iter(VISCOSITIES))
+    largest = max(D_C)
+    cases: dict[str, dict[str, Any]] = {
+        "the rule": {},
+        "half the step": {"share": 0.5},
+        "half of l": {"l": SPACING[name] * largest / 2e-6},
+        "finite geometry": {"geometry": "finite"},
+        "longer crack": {"begin": 1.5 * BEGIN},
+    }
+    tables = {}
+    for case, how in cases.items():
+        say(case)
+        make = functools.partial(front, event, largest, viscosity, **how)
+        tables[case] = kept_table(runs / f"resolved_check_{case.replace(' ', '_')}.csv", make)
+    rows = [_change(case, table, tables["the rule"], L_x) for case, table in tables.items()]
+    say("a front that is released, and one that began by itself")
+    released = front(event, OF_RUNS, "the paper's", l=L)
+    passed = run.rupture_times[run.row(event.event)] - event.t
+    begun = np.where(np.isnan(passed), 0.0, passed)  # stable slip came before
+    reached = int(np.flatnonzero(np.isfinite(passed))[-1]) + 1
+    natural = _places(begun, reached, L).assign(reached=reached * L)
+    rows.append(_change("began by itself", natural, released, L_x))
+    return pd.DataFrame(rows[1:])
+
+
+def _change(case: str, table: pd.DataFrame, other: pd.DataFrame, L_x: float) -> dict[str, Any]:
+    """Return how the speeds of a front differ from those of another one."""
+    kept_there = other[other["inside"] & other["v_c"].notna()]
+    both = kept_there.assign(key=(kept_there["x"] / L).round()).merge(
+        table.assign(key=(table["x"] / L).round()), on="key", suffixes=("", "_new")
+    )
+    change = np.log(both["v_c_new"] / both["v_c"]).dropna()
+    row = {"case": case, "points": len(change), "median": change.abs().median()}
+    row |= {"rms": float(np.sqrt(np.mean(change**2))), "median_change": change.median()}
+    return row | {"reached": (table["reached"].iloc[0] - other["reached"].iloc[0]) / L_x}

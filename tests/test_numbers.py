@@ -75,6 +75,7 @@ KINDS = {
     "cap or size": {
         "jump": "ROUNDS LONGEST",
         "modes": "TOGETHER",
+        "moving": "ASIDE TOGETHER",
         "dynamic": "MAX_CALL",
         "quasistatic": "GROWTH IDLE",
         "complementarity": "CHANGES BASES",

@@ -35,6 +35,7 @@ from pyfric.core.packing import (
     model,
     springs,
 )
+from pyfric.core.part import Part
 from pyfric.core.state import OPEN, STUCK, State, StateError, spring_of
 from pyfric.core.status import Status
 from pyfric.core.steppers import STEPPERS, Stepper

@@ -28,6 +28,7 @@ from pyfric.engines.integration import integrate, just_after
 from pyfric.engines.jump import LONGEST, Jump, Landing, Outside, Stale, Wait, at, path_from, rest
 from pyfric.engines.limits import Limits
 from pyfric.engines.modes import Modes, modes_at, modes_of
+from pyfric.engines.moving import TOGETHER, has_parts, steps_of_parts
 from pyfric.engines.options import Options, owned
 from pyfric.engines.slipping import SlipGaps, SlipSpace, slides
 from pyfric.engines.slow_slip import RateHybridRun
@@ -45,6 +46,7 @@ from pyfric.statics import (
 )
 
 if TYPE_CHECKING:
+    from pyfric.core import State
     from pyfric.record import Record
     from pyfric.scene import Scene
     from pyfric.statics import Equilibrium, StaticSolver
@@ -132,15 +134,15 @@ class RestStates:
         """Extend the space of the loaded slider, if few of its blocks were released."""
         self.made["modal_bases"] += 1
         if (stuck == self._loaded).all():
-            return modes_of(self._of_loaded, self.dt, self.stepper)
+            return modes_of(self.of_loaded, self.dt, self.stepper)
         released = self._loaded & ~stuck
         added = 4 * released.sum()  # two responses to each block, and their viscous corrections
         extends = added <= N_MODES and not (stuck & ~self._loaded).any()
-        near = self._of_loaded if extends else None
+        near = self.of_loaded if extends else None
         return modes_of(Space(self.known, stuck, near), self.dt, self.stepper)
 
     @functools.cached_property
-    def _of_loaded(self) -> Space:
+    def of_loaded(self) -> Space:
         return Space(self.known, self._loaded)
 
     def renew(self, stuck: np.ndarray, q: np.ndarray) -> Modes:
@@ -252,6 +254,13 @@ class HybridRun(Run):
         self.worth = self.state.step
         self.begun = self.worth - self.counts["steps"] - self.counts["steps_spared"]
         self.slides, self.limits = slides(self.scene.law), Limits(self.known)
+        self.parts = has_parts(self.scene) and not (self.method.budget or self.method.threshold)
+
+    def _in_core(self, state: State, n_steps: int) -> core.Status:
+        if not self.parts:
+            return super()._in_core(state, n_steps)
+        how = self.method.stepper, self.method.switching
+        return steps_of_parts(self.rests.of_loaded, self.model, state, self.log, n_steps, *how)
 
     def _way(self) -> np.ndarray:
         """Return the direction of blocks that slip, 0 elsewhere, shape (N_x,)."""
@@ -276,7 +285,8 @@ class HybridRun(Run):
 
     def call_length(self) -> int:
         """Return how many steps may be made before the next attempt to jump."""
-        return self._waits() or max(1, self.worth - self.state.step)
+        length = self._waits() or max(1, self.worth - self.state.step)
+        return min(length, TOGETHER) if self.parts else length
 
     def before_call(self, last: int) -> None:
         """Jump, if an attempt is worth its work."""

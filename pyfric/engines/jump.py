@@ -349,9 +349,11 @@ class Jump:
             loud = float(np.max(np.where(now > 0, self.bound / now, np.inf)))
         if loud >= 1:
             return self._wait(loud, self.motion.decay)
-        waves = np.column_stack([waves, -self.bound])
-        rates = np.append(ringing.growth, -self.space.decay)
-        c, slope, bend = polynomial
+        rates, (c, slope, bend) = ringing.growth, polynomial
+        if self.space.decay:
+            waves, rates = np.column_stack([waves, -self.bound]), np.append(rates, -self.space.decay)
+        else:
+            c = c - self.bound
         s = first_crossing(c, slope, waves, rates, n_max * self.dt, self.dt, bend)
         n = min(math.floor(s / self.dt), n_max)
         return Wait(max(n + 1, self.least)) if n < min(n_max, self.least) else n

@@ -1,0 +1,101 @@
+"""A part of a chain, from one block to another, in the form that the core takes.
+
+A block of a chain touches its neighbours only. A stuck block beside stuck blocks stays at rest, and
+the force on it changes with the driver alone. So steps of a part whose outermost blocks rest are
+those of the whole chain.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from pyfric.core.log import Log
+from pyfric.core.packing import BEYOND, Constants, Counts, Model
+from pyfric.core.state import State
+
+ROWS = 14
+"""Rows of N_x numbers of a `Model`."""
+MU_S = 7
+"""The row of the static friction coefficient."""
+
+
+class Part:
+    """The blocks from number `first` up to, but without, `end` of a chain, counted from 0.
+
+    Args:
+        model: the chain.
+        first, end: the blocks.
+    """
+
+    def __init__(self, model: Model, first: int, end: int) -> None:
+        self.N_x, self.first, self.end = model.N_x, first, end
+        counts, n = Counts(*model.counts.tolist()), len(Constants._fields)
+        constants = Constants(*model.numbers[:n])
+        driven = slice(counts.i_h - 1, counts.i_h_end)
+        aside = np.zeros(self.N_x)
+        aside[driven] = model.numbers[n : n + driven.stop - driven.start]
+        n += driven.stop - driven.start
+        rows = model.numbers[n : n + ROWS * self.N_x].reshape(ROWS, -1)[:, first:end].copy()
+        knots = model.numbers[n + ROWS * self.N_x :]
+        begin, stop = max(driven.start, first), min(driven.stop, end)
+        if begin >= stop:  # its driver is elsewhere
+            constants, begin, stop = constants._replace(k_drv=0.0), first, first + 1
+        if first > 0:
+            rows[MU_S, 0] = np.inf
+        if end < self.N_x:
+            rows[MU_S, -1] = np.inf
+        counts = counts._replace(
+            nx=end - first,
+            i_h=begin - first + 1,
+            i_h_end=stop - first,
+            left=counts.left if first == 0 else BEYOND["free"],
+            right=counts.right if end == self.N_x else BEYOND["free"],
+        )
+        numbers = np.concatenate([constants, aside[begin:stop], rows.ravel(), knots])
+        self.model = Model(np.array(counts, dtype=np.int32), numbers)
+
+    def state(self, whole: State) -> State:
+        """Return a copy of the state of these blocks; the driver is not kept."""
+        at = slice(self.first, self.end)
+        values = {name: getattr(whole, name)[..., at].copy() for name in OF_BLOCKS}
+        copied = {name: getattr(whole, name).copy() for name in OF_ROWS}
+        return dataclasses.replace(whole, **values, **copied, u_drv0=0.0, spring=np.zeros(4))
+
+    def put(self, part: State, whole: State) -> None:
+        """Take over the state of these blocks."""
+        at = slice(self.first, self.end)
+        for name in OF_BLOCKS:
+            getattr(whole, name)[..., at] = getattr(part, name)
+        whole.step, whole.drive = part.step, part.drive
+
+    def switched(self, log: Log) -> bool:
+        """Return whether the outermost blocks, or those beside them, have switched."""
+        blocks = log.switch_i[0, : log.n_switch]
+        near = (blocks < 2) & (self.first > 0)
+        return bool((near | ((blocks >= self.end - self.first - 2) & (self.end < self.N_x))).any())
+
+    def log(self, part: Log, whole: Log, state: State) -> None:
+        """Fill the log of the whole chain, whose state was `state`; F_T is left to others."""
+        n, m, at = part.n_switch, part.n_quiet, slice(self.first, self.end)
+        whole.n_switch, whole.n_quiet, whole.n_point = n, m, part.n_point
+        whole.switch_i[:, :n], whole.switch_r[:, :n] = part.switch_i[:, :n], part.switch_r[:, :n]
+        whole.switch_i[0, :n] += self.first
+        head = len(whole.quiet_r) - self.N_x
+        whole.quiet_i[0, :m], whole.quiet_i[1:, :m] = part.quiet_i[0, :m], state.mode[:, None]
+        whole.quiet_i[1:][at, :m] = part.quiet_i[1:, :m]
+        whole.quiet_r[:head, :m] = part.quiet_r[:head, :m]
+        whole.quiet_r[head:, :m] = state.y[0, 0][:, None]
+        whole.quiet_r[head:][at, :m] = part.quiet_r[head:, :m]
+        whole.points[:, : part.n_point] = part.points[:, : part.n_point]
+        whole.n_crossing = whole.n_burst = 0
+        whole.tried = part.tried * (self.end - self.first) / self.N_x
+        whole.block = part.block + self.first * (part.block >= 0)
+        whole.t = part.t
+
+
+OF_BLOCKS = "y", "mode", "corner", "margin", "memory", "loss", "heat", "parts"
+"""Arrays of a state whose last index counts blocks."""
+OF_ROWS = "rod", "dissipated", "radiated", "work"
+"""Its other arrays."""

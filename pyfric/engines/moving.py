@@ -1,0 +1,109 @@
+"""Steps of the moving part of a chain.
+
+Nothing above the interface carries forces in a chain. Blocks that rest beside blocks that rest stay
+where they are, and the force on them follows the driver in a straight line. Steps are therefore
+made for the blocks that slip, and those that the driver may release meanwhile, with some resting
+blocks on both sides. If slip comes to within two blocks of an end, the steps are repeated with
+twice as many.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pyfric import core
+from pyfric.core import STUCK
+from pyfric.statics import CONTACT_TOL, ends
+
+if TYPE_CHECKING:
+    from pyfric.core import Log, Model, State, Status, Switching
+    from pyfric.engines.space import Space
+    from pyfric.scene import Scene
+
+ASIDE = 16
+"""Resting blocks on each side of those that may slip, at first. More take longer; fewer are doubled
+more often. No result depends on it."""
+TOGETHER = ASIDE
+"""Most steps between two choices of the moving part. Waves take more than a step to the next block,
+so that few parts are too short."""
+
+
+def has_parts(scene: Scene) -> bool:
+    """Return whether blocks of a scene at rest feel only their neighbours and the driver."""
+    steady = not scene.corners and not scene.top.push
+    return scene.N_z == 1 and scene.law.rests and scene.law.tables.hold is None and steady
+
+
+def may_slip(scene: Scene, space: Space, state: State, n_steps: int) -> np.ndarray:
+    """Return which blocks move, or may be released in n steps while all others rest; (N_x,), bool.
+
+    Margins of resting blocks are concave in time under a steady driver, so that they are smallest
+    at the beginning or at the end.
+
+    Args:
+        scene: a scene that `has_parts`.
+        space: static forces of the chain.
+        state: its state.
+        n_steps: number of steps.
+    """
+    (_, u_z, v_x, v_z), at = state.y[0], ends(scene.N_x)
+    small = CONTACT_TOL * scene.F_N / scene.N_x
+    moves = (state.mode != STUCK) | (v_x != 0) | (np.abs(v_z) * np.sqrt(scene.k_f * scene.m) > small)
+    q, p = space.solver.coordinates(state.y[:, :2], state.rod[:3]), -scene.k_f * (u_z + scene.gap)
+    for n in (0, n_steps + 1):
+        t = state.t0 + (state.step + n) * state.dt
+        f = space.forces(q, scene.drive(t), scene.load_at(t))[at.u_x]
+        moves |= scene.law.margin(p, f) <= small
+    return moves
+
+
+def steps_of_parts(
+    space: Space,
+    model: Model,
+    state: State,
+    log: Log,
+    n_steps: int,
+    stepper: str,
+    switching: Switching,
+) -> Status:
+    """Make up to n_steps of a scene that `has_parts`; see `pyfric.core.advance`."""
+    scene = space.solver.scene
+    found = np.flatnonzero(may_slip(scene, space, state, n_steps))
+    aside, N_x = ASIDE, scene.N_x
+    how = {"stepper": stepper, "switching": switching, "budget": False}
+    while len(found):
+        first, end = max(found[0] - aside, 0), min(found[-1] + 1 + aside, N_x)
+        if end - first + 2 * aside >= N_x:
+            break
+        part = core.Part(model, first, end)
+        own = part.state(state)
+        switches = core.Log(end - first, quiet=log.quiet_i.shape[1], every=log.every)
+        status = core.advance(part.model, own, switches, n_steps, **how)
+        if not part.switched(switches):
+            _take(scene, part, (own, switches), (state, log))
+            return status
+        aside *= 2
+    return core.advance(model, state, log, n_steps, **how)
+
+
+def _take(
+    scene: Scene, part: core.Part, own: tuple[State, Log], whole: tuple[State, Log]
+) -> None:
+    """Take over steps of a part, and add the forces of the driver on the blocks at rest."""
+    state, log = whole
+    begin = state.step
+    part.log(own[1], log, state)
+    driven = np.zeros(scene.N_x, bool)
+    driven[scene.i_h : scene.i_h_end + 1] = True
+    driven[part.first : part.end] = False
+    rest = float(np.sum((state.y[0, 0] - state.u_drv0)[driven])), int(driven.sum())
+    part.put(own[0], state)
+    points = (begin // max(log.every, 1) + 1 + np.arange(log.n_point)) * log.every
+    for forces, times in (
+        (log.points[0, : log.n_point], state.t0 + points * state.dt),
+        (log.quiet_r[2, : log.n_quiet], log.quiet_r[1, : log.n_quiet]),
+    ):
+        x = np.array([scene.drive(t) for t in times])
+        forces += scene.driver.K / scene.n_driven * (rest[1] * x - scene.d * rest[0])

@@ -95,7 +95,7 @@ class Part:
         whole.t = part.t
 
 
-OF_BLOCKS = "y", "mode", "corner", "margin", "memory", "loss", "heat", "parts"
+OF_BLOCKS = "y", "mode", "corner", "margin", "memory", "loss", "heat", "parts", "phase"
 """Arrays of a state whose last index counts blocks."""
 OF_ROWS = "rod", "dissipated", "radiated", "work"
 """Its other arrays."""

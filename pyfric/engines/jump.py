@@ -303,7 +303,7 @@ class Jump:
             if isinstance(n, Wait):
                 return n
             s = n * self.dt
-            left = self._left(s) + self._driven(s)
+            left = self._lost(s)
             if left > self.accuracy:
                 return self._wait(left / self.accuracy, self.motion.decay, n)
             alive = self.ringing.alive(s, CORRECTED * self.accuracy)
@@ -340,23 +340,57 @@ class Jump:
         return self.land(n // 2) if n // 2 > self.least else Wait(self.least)
 
     def _longest(self, n_max: int) -> int | Wait:
-        """Return the number of steps until just before a gap function may reach zero."""
-        ringing = self.ringing
-        rows = *self.path.gaps, ringing.gaps
-        *polynomial, waves = self.gap_functions.strengthened(self.age, *rows)
-        now = polynomial[0] + waves.sum(axis=1).real
-        with np.errstate(divide="ignore", invalid="ignore"):
-            loud = float(np.max(np.where(now > 0, self.bound / now, np.inf)))
-        if loud >= 1:
-            return self._wait(loud, self.motion.decay)
-        rates, (c, slope, bend) = ringing.growth, polynomial
-        if self.space.decay:
-            waves, rates = np.column_stack([waves, -self.bound]), np.append(rates, -self.space.decay)
-        else:
-            c = c - self.bound
-        s = first_crossing(c, slope, waves, rates, n_max * self.dt, self.dt, bend)
-        n = min(math.floor(s / self.dt), n_max)
+        """Return the number of steps until just before a gap function may reach zero.
+
+        The truncated part counts by its bound, until it is expected to change no gap function by
+        more than the accuracy.
+        """
+        ringing, n, faded = self.ringing, 0, self._faded(n_max)
+        *gaps, waves = self.gap_functions.strengthened(self.age, *self.path.gaps, ringing.gaps)
+        if faded:
+            now = gaps[0] + waves.sum(axis=1).real
+            with np.errstate(divide="ignore", invalid="ignore"):
+                loud = float(np.max(np.where(now > 0, self.bound / now, np.inf)))
+            if loud >= 1:
+                return self._wait(loud, self.motion.decay)
+            bounded = [gaps[0] - self.bound, *gaps[1:]], waves, ringing.growth
+            if self.space.decay:
+                rates = np.append(ringing.growth, -self.space.decay)
+                bounded = gaps, np.column_stack([waves, -self.bound]), rates
+            n = self._until(0, faded, *bounded)
+        if n < n_max and self._lost(n * self.dt) <= self.accuracy:
+            n = self._until(n, n_max, gaps, waves, ringing.growth)
         return Wait(max(n + 1, self.least)) if n < min(n_max, self.least) else n
+
+    def _faded(self, n_max: int) -> int:
+        """Return in how many steps, at most n_max, the truncated part has faded.
+
+        The number is 0 or the last one of `least`, twice `least`, and so on.
+        """
+        n = 0
+        while n < n_max and self._lost(n * self.dt) > self.accuracy:
+            n = min(max(2 * n, self.least), n_max)
+        return n
+
+    def _until(
+        self, n: int, n_max: int, gaps: list[np.ndarray], waves: np.ndarray, rates: np.ndarray
+    ) -> int:
+        """Return the number of steps, from n to n_max, until just before gap functions reach zero.
+
+        Args:
+            n, n_max: numbers of steps.
+            gaps: polynomials of the gap functions, see `Path`, shape (3, n_c).
+            waves: amplitudes at s = 0, shape (n_c, n), complex, in N.
+            rates: their rates, shape (n,), in 1/s.
+        """
+        s, (_, slope, bend) = n * self.dt, gaps
+        later = at(gaps, s), slope + s * bend, waves * np.exp(rates * s), rates
+        found = first_crossing(*later, (n_max - n) * self.dt, self.dt, bend)
+        return min(n + math.floor(found / self.dt), n_max)
+
+    def _lost(self, s: float) -> float:
+        """Return by how much gap functions at s (s) change without the truncated part, in N."""
+        return self._left(s) + self._driven(s)
 
     def _left(self, s: float) -> float:
         """Return the expected change of the gap functions by the truncated part at s (s), in N.

@@ -9,8 +9,9 @@ from helpers import GEOMETRIES
 
 import pyfric
 from pyfric.engines import space
-from pyfric.engines.jump import Jump, Landing, Outside, Wait, path_from, rest
+from pyfric.engines.jump import Jump, Landing, Wait
 from pyfric.engines.modes import modes_of
+from pyfric.engines.path import Outside, path_from, rest
 from pyfric.engines.ringing import Ringing
 from pyfric.scene import preset, setup1, setup2
 from pyfric.statics import StaticSolver, stability_limit

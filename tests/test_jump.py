@@ -9,8 +9,9 @@ from helpers import GEOMETRIES
 
 import pyfric
 from pyfric.engines import space
-from pyfric.engines.jump import Jump, Landing, Outside, Wait, path_from, rest
+from pyfric.engines.jump import Jump, Landing, Wait
 from pyfric.engines.modes import modes_of
+from pyfric.engines.path import Outside, path_from, rest
 from pyfric.engines.ringing import Ringing
 from pyfric.scene import preset, setup1, setup2
 from pyfric.statics import StaticSolver, stability_limit
@@ -75,6 +76,24 @@ def test_corrections_that_diverge_are_given_up(monkeypatch):
     assert isinstance(jump.land(4_001), Wait)
     assert jump.predicted == len(calls) == 2
     assert jump.path is path
+
+
+def test_the_truncated_part_ends_no_jump_once_it_has_faded():
+    """A jump ends at the step of the slider without it, unless it is loud up to the end."""
+    solver = StaticSolver(setup1(L=0.02, H=0.0125, F_N=400.0, V=0.02), "linear")
+    modes = modes_of(space.Space(solver, ~solver.loaded.open, modes=3), DT)
+    _, start, v = linearised("linear")
+    path = path_from(modes, outside := Outside(solver, 0.0), *start)
+    v -= modes.space.B @ (modes.space.B.T @ (modes.space.M * v))
+    how = {"dt": DT, "accuracy": 1e-6 * SCENE.F_N, "least": 1}
+    quiet, faint, loud = (
+        Jump(modes, outside, path, modes.split(0.0 * v, size * v), np.zeros(SCENE.N_x), **how)
+        for size in (0.0, 1e-3, 1e-2)
+    )
+    ends = [jump._longest(100_000) for jump in (quiet, faint, loud)]
+    assert ends[0] == ends[1] > ends[2]
+    assert faint._lost(ends[1] * DT) < faint.accuracy < faint._lost(0.0)
+    assert loud._lost(ends[2] * DT) > loud.accuracy
 
 
 def test_landings_are_predicted_again_in_finite_geometry_only(monkeypatch):

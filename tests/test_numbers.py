@@ -73,7 +73,8 @@ KINDS = {
     },
     "definition": {"layout": "SCHEMA", "contact": "BARE"},
     "cap or size": {
-        "jump": "ROUNDS LONGEST",
+        "jump": "LONGEST",
+        "path": "ROUNDS",
         "modes": "TOGETHER",
         "moving": "ASIDE TOGETHER",
         "dynamic": "MAX_CALL",

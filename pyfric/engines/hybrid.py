@@ -25,11 +25,12 @@ from pyfric.engines.cost import set_up, work, work_of_step
 from pyfric.engines.dynamic import Run
 from pyfric.engines.engine import Engine
 from pyfric.engines.integration import integrate, just_after
-from pyfric.engines.jump import LONGEST, Jump, Landing, Outside, Stale, Wait, at, path_from, rest
+from pyfric.engines.jump import LONGEST, Jump, Landing, Stale, Wait
 from pyfric.engines.limits import Limits
 from pyfric.engines.modes import Modes, modes_at, modes_of
 from pyfric.engines.moving import TOGETHER, has_parts, steps_of_parts
 from pyfric.engines.options import Options, owned
+from pyfric.engines.path import Outside, at, path_from, rest
 from pyfric.engines.slipping import SlipGaps, SlipSpace, slides
 from pyfric.engines.slow_slip import RateHybridRun
 from pyfric.engines.space import N_MODES, Space

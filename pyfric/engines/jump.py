@@ -1,22 +1,18 @@
 """A jump: one step of an adaptive integrator, from an event to just before the next one.
 
 While no contact state changes, the slider follows its quasi-static path with a viscous lag and
-oscillates about it (`modes`). Let s be the time since the jump began, K the tangent stiffness, and
-b the forces on the coordinates. Between two breakpoints of a protocol, b is linear or quadratic in
-s:
+oscillates about it (`path`, `modes`):
 
-    q(s) = q_0 + q_1 s + q_2 s^2/2 + l_0 + l_1 s + w(s) ,
-    K q_1 = b' ,   K q_2 = b'' - R ,   K l_1 = -C q_2 ,   K l_0 = -C (q_1 + l_1) - M q_2 .
+    q(s) = q_0 + q_1 s + q_2 s^2/2 + l_0 + l_1 s + w(s) .
 
-In finite geometry R is the second derivative of the spring forces along q_1. In linear geometry it
-is zero, and the path is exact except for what the modes leave. In finite geometry it is a
+In linear geometry this is exact except for what the modes leave. In finite geometry it is a
 prediction. The residual of the equation of motion at the end of the jump,
 
     D = forces(q) - C q' - M q'' ,
 
 corresponds to a displacement K^-1 D. A quadratic term that adds this displacement corrects the
-path, and the tangent at the end refines it once. The jump ends just before a gap function, minus
-the bound of the truncated part, reaches zero.
+path, and the tangent at the end refines it once. The jump ends just before a gap function reaches
+zero. Until the truncated part has faded, gap functions are lowered by its bound.
 
 The estimated error of a jump is a change of gap functions with three causes: what the correction
 leaves, the truncated part at the end of the jump, and what the modes leave during the jump: in
@@ -37,88 +33,18 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pyfric.engines.crossing import first_crossing
+from pyfric.engines.path import ROUNDS, Outside, Path, at
 from pyfric.engines.ringing import Ringing
 
 if TYPE_CHECKING:
     from pyfric.engines.modes import Modes, Motion
-    from pyfric.statics import StaticSolver
 
 LONGEST = 2**30
 """Longest wait, in steps: the most that one call of the core makes."""
-ROUNDS = 8
-"""Most corrections of one path. Each one gains more digits than the one before, or they diverge."""
 CORRECTED = 0.1
 """What corrections may leave, over the accuracy: it hardly adds to the error of a jump."""
 SAMPLED = (0.01, 0.25)
 """Times at which the residual of modes is looked at, over the length of a jump."""
-
-
-class Outside:
-    """Driver and loads from a time on, up to the next breakpoint of a protocol.
-
-    Args:
-        solver: static states of the scene in its geometry.
-        t: time at which s = 0, in s.
-        after: a time that selects the piece of the protocol, in s; None means t.
-    """
-
-    def __init__(self, solver: StaticSolver, t: float, after: float | None = None) -> None:
-        self.solver, self.t = solver, t
-        scene = solver.scene
-        V, F_N, T = (scene.piece(what, t if after is None else after) for what in ("V", "F_N", "T"))
-        self.drive, self.V, self.a = V.integral_at(t), V.at(t), V.slope
-        self.load = None if scene.load_at(t) is None else (F_N.at(t), T.at(t))
-        self.gain = (F_N.slope, T.slope)
-
-    @property
-    def steady(self) -> bool:
-        """Whether forces change at a constant rate."""
-        return self.a == 0
-
-    def rates(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return b' (N/s) and b'' (N/s^2), shape (n_q,)."""
-        more = self.solver.under(self.gain).load if any(self.gain) else 0.0
-        return self.V * self.solver.push + more, self.a * self.solver.push
-
-    def drive_at(self, s: float | np.ndarray) -> float | np.ndarray:
-        """Return the position of the driver at s (s), in m."""
-        return self.drive + s * (self.V + (0.5 * s) * self.a)
-
-    def load_at(self, s: float) -> tuple[float, float] | None:
-        """Return F_N and T at s (s), in N; None if they never change."""
-        if self.load is None:
-            return None
-        return self.load[0] + s * self.gain[0], self.load[1] + s * self.gain[1]
-
-
-class Path(NamedTuple):
-    """The quasi-static path of the slider, and its lag, as polynomials in s.
-
-    Each polynomial is given by its value, first and second derivative at s = 0.
-
-    Attributes:
-        q: static coordinates, shape (3, n_q).
-        lag: lag of the coordinates, shape (3, n_q).
-        gaps: gap functions including the lag, shape (3, n_c), in N.
-        stiffer: change of bond stiffness at s = 0, shape (3, n_bonds), in N/m; None if linear.
-    """
-
-    q: np.ndarray
-    lag: np.ndarray
-    gaps: np.ndarray
-    stiffer: np.ndarray | None
-
-    def bent(self, shift: np.ndarray, gaps: np.ndarray, s: float) -> Path:
-        """Return the path with the same start, moved by shift (m) and gaps (N) at s (s)."""
-        q, of_gaps = self.q.copy(), self.gaps.copy()
-        q[2] += 2 / s**2 * shift
-        of_gaps[2] += 2 / s**2 * gaps
-        return self._replace(q=q, gaps=of_gaps)
-
-
-def at(polynomial: np.ndarray, s: float) -> np.ndarray:
-    """Return the value of a polynomial of `Path` at s (s)."""
-    return polynomial[0] + s * (polynomial[1] + (0.5 * s) * polynomial[2])
 
 
 class Landing(NamedTuple):
@@ -167,97 +93,6 @@ class Stale(NamedTuple):
     steps: int
 
 
-def rest(
-    modes: Modes,
-    q: np.ndarray,
-    drive: float,
-    load: tuple[float, float] | None,
-    enough: float,
-    contraction: float = 1.0,
-) -> tuple[np.ndarray, np.ndarray, float] | None:
-    """Return the static state at fixed contact states, the forces there, and the contraction.
-
-    Args:
-        modes: the slider at these contact states.
-        q: start of the iteration, with stuck blocks at their positions, shape (n_q,), in m.
-        drive: displacement of the driver since t = 0, in m.
-        load: F_N and T, in N; None means those at t = 0.
-        enough: accepted error of gap functions, in N.
-        contraction: expected factor by which an iteration reduces the error.
-
-    Returns:
-        q (m) and forces (N), shape (n_q,), and the contraction that was observed last; None if the
-        iteration does not converge fast.
-    """
-    space, K, before = modes.space, modes.tangent.K, math.inf
-    contraction = 0.0 if space.linear else contraction
-    for _ in range(ROUNDS):
-        force = space.forces(q, drive, load)
-        left = force.copy()
-        left[space.held] = 0.0
-        if np.abs(left).sum() <= enough:  # contact forces can change by no more
-            return q, force, contraction
-        shift = space.answer(left)
-        change = K @ shift
-        error = float(np.abs(modes.gap_functions.at(shift, -change[space.held])).max())
-        q, force = q + shift, force - change
-        if math.isfinite(before):
-            contraction = error / before if before > 0 else 0.0
-        if not contraction <= 1.0:
-            return None
-        if error * contraction <= enough:
-            return q, force, contraction
-        before = error
-    return None
-
-
-def path_from(
-    modes: Modes,
-    outside: Outside,
-    q: np.ndarray,
-    forces: np.ndarray,
-    drift: np.ndarray | None = None,
-) -> Path:
-    """Return the path from a static state.
-
-    Args:
-        modes: the slider at its contact states.
-        outside: driver and loads.
-        q, forces: the static state (m) and the forces on it (N), shape (n_q,).
-        drift: start of the search for dq/d(drive), shape (n_q,); None: that of the factorised
-            tangent.
-    """
-    space, gap_functions = modes.space, modes.gap_functions
-    stiffer, held, zero = space.stiffer(q), space.held, np.zeros_like(q)
-    b_1, b_2 = outside.rates()
-    steady, plain = outside.steady and not len(space.slips), not any(outside.gain)
-    if stiffer is None and steady and plain:
-        V, of_drift, of_lag = outside.V, *gap_functions.steady
-        begin = gap_functions.whole(q, forces[held])
-        gaps = begin + V * of_lag, V * of_drift, np.zeros_like(of_lag)
-        lag = np.array([V * space.lag, zero, zero])
-        return Path(np.array([q, V * space.drift, zero]), lag, np.array(gaps), stiffer)
-    guess = outside.V * (space.drift if drift is None else drift) if plain else space.answer(b_1)
-    q_1, left_1, _ = space.refined(guess, b_1, stiffer)
-    b_2 = b_2 - space.bends(q, q_1)
-    guess = outside.a * space.drift if stiffer is None else space.answer(b_2)
-    q_2, left_2, _ = space.refined(guess, b_2, None if steady else stiffer)
-    C = space.damping(q)
-    l_1 = zero if steady else space.answer(-(C @ q_2))
-    drag = -(C @ (q_1 + l_1))
-    pull = drag - space.M * q_2
-    guess = outside.V * space.lag if steady and plain else space.answer(pull)
-    l_0, left_0, _ = space.refined(guess, pull, stiffer)
-    bottom = zip((q, q_1, q_2), (forces[held], left_1, left_2), (q_1 + l_1, q_2, zero), strict=True)
-    of = gap_functions.whole, gap_functions.at, gap_functions.at
-    gaps = np.array([gap(*parts) for gap, parts in zip(of, bottom, strict=True)])
-    gaps[0] += gap_functions.at(l_0, left_0 + (drag - pull)[held])
-    if not steady:
-        left = -(C @ q_2) - space.restoring(l_1, stiffer)
-        gaps[1] += gap_functions.at(l_1, left[held])
-    return Path(np.array([q, q_1, q_2]), np.array([l_0, l_1, zero]), gaps, stiffer)
-
-
 class Jump:
     """A jump that begins now.
 
@@ -303,7 +138,7 @@ class Jump:
             if isinstance(n, Wait):
                 return n
             s = n * self.dt
-            left = self._left(s) + self._driven(s)
+            left = self._lost(s)
             if left > self.accuracy:
                 return self._wait(left / self.accuracy, self.motion.decay, n)
             alive = self.ringing.alive(s, CORRECTED * self.accuracy)
@@ -340,23 +175,57 @@ class Jump:
         return self.land(n // 2) if n // 2 > self.least else Wait(self.least)
 
     def _longest(self, n_max: int) -> int | Wait:
-        """Return the number of steps until just before a gap function may reach zero."""
-        ringing = self.ringing
-        rows = *self.path.gaps, ringing.gaps
-        *polynomial, waves = self.gap_functions.strengthened(self.age, *rows)
-        now = polynomial[0] + waves.sum(axis=1).real
-        with np.errstate(divide="ignore", invalid="ignore"):
-            loud = float(np.max(np.where(now > 0, self.bound / now, np.inf)))
-        if loud >= 1:
-            return self._wait(loud, self.motion.decay)
-        rates, (c, slope, bend) = ringing.growth, polynomial
-        if self.space.decay:
-            waves, rates = np.column_stack([waves, -self.bound]), np.append(rates, -self.space.decay)
-        else:
-            c = c - self.bound
-        s = first_crossing(c, slope, waves, rates, n_max * self.dt, self.dt, bend)
-        n = min(math.floor(s / self.dt), n_max)
+        """Return the number of steps until just before a gap function may reach zero.
+
+        The truncated part counts by its bound, until it is expected to change no gap function by
+        more than the accuracy.
+        """
+        ringing, n, faded = self.ringing, 0, self._faded(n_max)
+        *gaps, waves = self.gap_functions.strengthened(self.age, *self.path.gaps, ringing.gaps)
+        if faded:
+            now = gaps[0] + waves.sum(axis=1).real
+            with np.errstate(divide="ignore", invalid="ignore"):
+                loud = float(np.max(np.where(now > 0, self.bound / now, np.inf)))
+            if loud >= 1:
+                return self._wait(loud, self.motion.decay)
+            bounded = [gaps[0] - self.bound, *gaps[1:]], waves, ringing.growth
+            if self.space.decay:
+                rates = np.append(ringing.growth, -self.space.decay)
+                bounded = gaps, np.column_stack([waves, -self.bound]), rates
+            n = self._until(0, faded, *bounded)
+        if n < n_max and self._lost(n * self.dt) <= self.accuracy:
+            n = self._until(n, n_max, gaps, waves, ringing.growth)
         return Wait(max(n + 1, self.least)) if n < min(n_max, self.least) else n
+
+    def _faded(self, n_max: int) -> int:
+        """Return in how many steps, at most n_max, the truncated part has faded.
+
+        The number is 0 or the last one of `least`, twice `least`, and so on.
+        """
+        n = 0
+        while n < n_max and self._lost(n * self.dt) > self.accuracy:
+            n = min(max(2 * n, self.least), n_max)
+        return n
+
+    def _until(
+        self, n: int, n_max: int, gaps: list[np.ndarray], waves: np.ndarray, rates: np.ndarray
+    ) -> int:
+        """Return the number of steps, from n to n_max, until just before gap functions reach zero.
+
+        Args:
+            n, n_max: numbers of steps.
+            gaps: polynomials of the gap functions, see `Path`, shape (3, n_c).
+            waves: amplitudes at s = 0, shape (n_c, n), complex, in N.
+            rates: their rates, shape (n,), in 1/s.
+        """
+        s, (_, slope, bend) = n * self.dt, gaps
+        later = at(gaps, s), slope + s * bend, waves * np.exp(rates * s), rates
+        found = first_crossing(*later, (n_max - n) * self.dt, self.dt, bend)
+        return min(n + math.floor(found / self.dt), n_max)
+
+    def _lost(self, s: float) -> float:
+        """Return by how much gap functions at s (s) change without the truncated part, in N."""
+        return self._left(s) + self._driven(s)
 
     def _left(self, s: float) -> float:
         """Return the expected change of the gap functions by the truncated part at s (s), in N.

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import scipy.sparse as sp
 
 
-TOGETHER = 4096
+TOGETHER = 1024
 """Half width times right sides from which solving them together is faster."""
 
 

@@ -13,6 +13,7 @@ Source: PRL 107, 074301 (2011) for the model.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -33,6 +34,7 @@ from pyfric.engines.options import Options, owned
 from pyfric.engines.slipping import SlipGaps, SlipSpace, slides
 from pyfric.engines.slow_slip import RateHybridRun
 from pyfric.engines.space import N_MODES, Space
+from pyfric.engines.works import works_of_jump
 from pyfric.scene import SceneError
 from pyfric.statics import (
     EquilibriumError,
@@ -253,7 +255,8 @@ class HybridRun(Run):
         self.least_slide = math.ceil(self._as_steps({"slides": 1}))
         self.worth = self.state.step
         self.begun = self.worth - self.counts["steps"] - self.counts["steps_spared"]
-        self.slides, self.limits = slides(self.scene.law), Limits(self.known)
+        self.slides = slides(self.scene.law) and not self.method.budget
+        self.limits = Limits(self.known)
         self.parts = has_parts(self.scene) and not (self.method.budget or self.method.threshold)
 
     def _in_core(self, state: State, n_steps: int) -> core.Status:
@@ -338,6 +341,8 @@ class HybridRun(Run):
         closed, way, n_max = state.mode != OPEN, self._way(), self.piece_ends(last) - state.step
         if n_max <= 0:
             return 1
+        if self.method.budget and way.any():  # its heat would not be known
+            return self.least
         least = self.least_slide if way.any() else self.least
         touches = state.y[0, 1] + self.scene.gap < 0
         if not closed.any() or (self.scene.bare & (touches != self.known.pressed)).any():
@@ -452,7 +457,8 @@ class HybridRun(Run):
         (t, s), scene = self._samples(landing.n), self.scene
         moved = landing.jump.u_h(s) - np.mean(self.state.u_drv0)
         stretch = outside.drive_at(s) - scene.d * moved
-        self.history.add(np.column_stack([t, scene.driver.K * stretch]))
+        unknown = np.full((len(t), len(self.history.names) - 2), np.nan)
+        self.history.add(np.column_stack([t, scene.driver.K * stretch, unknown]))
         self._sample_motion(s, landing)
 
     def _sample_motion(self, s: np.ndarray, landing: Landing) -> None:
@@ -469,11 +475,32 @@ class HybridRun(Run):
     def _land(self, landing: Landing, space: Space) -> None:
         """Set the state to the end of a jump."""
         state, n = self.state, len(space.held)
+        if self.method.budget:
+            self._balance(landing)
         if not len(space.slips):
             self.rests.keep(state.y[0, 0], space.stuck, landing)
         self._put(landing.q, landing.v, state.y[0, 0].copy(), landing.n)
         state.margin[:] = 0.0
         state.margin[space.held] = np.minimum(landing.gaps[:n], landing.gaps[n : 2 * n])
+        if self.method.budget and self.history.last[0] == state.t:  # energies here are known
+            self.history.cut(self.history.n - 1)
+            self.sample()
+
+    def _balance(self, landing: Landing) -> None:
+        """Add what driver and loads do in a jump, and what dashpots take, to the budget.
+
+        Dashpots take what is left of the works. In which rows is not known: each has the same.
+        """
+        state, known = self.state, self.known
+        works, n = works_of_jump(known, landing, self._coordinates()[0]), self.scene.N_z
+        begin = sum(core.energies(self.model, state, state.t).values())
+        then, t = dataclasses.replace(state, y=state.y.copy()), state.t + landing.n * state.dt
+        then.y[:, :2], rod = known.displacements(landing.q)
+        then.y[:, 2:], rates = known.displacements(landing.v)
+        then.rod = np.concatenate([rod, rates])
+        state.work += works
+        gained = sum(core.energies(self.model, then, t).values()) - begin
+        state.dissipated += (works.sum() - gained) / n
 
     def _put(self, q: np.ndarray, v: np.ndarray, u_x: np.ndarray, n: int) -> None:
         """Set coordinates q and rates v, n steps later; stuck blocks stay at u_x."""
@@ -508,7 +535,7 @@ HYBRID = Engine(
     name=HybridRun.name,
     models="dynamics inside events, closed forms between them",
     leaves_out=("fast modes, once they have nearly decayed",),
-    options=owned("run", "events", "steps", "jumps"),
+    options=owned("run", "events", "steps", "jumps", "energies"),
     steppers=("rk4", "rk4_opposite", "imex"),
     check=check_scene,
     follow=follow,

@@ -75,7 +75,7 @@ KINDS = {
     "cap or size": {
         "jump": "ROUNDS LONGEST",
         "modes": "TOGETHER",
-        "moving": "ASIDE TOGETHER",
+        "moving": "ASIDE",
         "dynamic": "MAX_CALL",
         "quasistatic": "GROWTH IDLE",
         "complementarity": "CHANGES BASES",

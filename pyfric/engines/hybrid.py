@@ -29,7 +29,7 @@ from pyfric.engines.integration import integrate, just_after
 from pyfric.engines.jump import LONGEST, Jump, Landing, Outside, Stale, Wait, at, path_from, rest
 from pyfric.engines.limits import Limits
 from pyfric.engines.modes import Modes, modes_at, modes_of
-from pyfric.engines.moving import TOGETHER, has_parts, steps_of_parts
+from pyfric.engines.moving import ASIDE, has_parts, steps_of_parts
 from pyfric.engines.options import Options, owned
 from pyfric.engines.slipping import SlipGaps, SlipSpace, slides
 from pyfric.engines.slow_slip import RateHybridRun
@@ -289,7 +289,7 @@ class HybridRun(Run):
     def call_length(self) -> int:
         """Return how many steps may be made before the next attempt to jump."""
         length = self._waits() or max(1, self.worth - self.state.step)
-        return min(length, TOGETHER) if self.parts else length
+        return min(length, ASIDE) if self.parts else length
 
     def before_call(self, last: int) -> None:
         """Jump, if an attempt is worth its work."""

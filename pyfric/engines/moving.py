@@ -24,10 +24,8 @@ if TYPE_CHECKING:
 
 ASIDE = 16
 """Resting blocks on each side of those that may slip, at first. More take longer; fewer are doubled
-more often. No result depends on it."""
-TOGETHER = ASIDE
-"""Most steps between two choices of the moving part. Waves take more than a step to the next block,
-so that few parts are too short."""
+more often. As many steps are made between two choices of the moving part, because waves take more
+than a step to the next block. Results depend on it by rounding."""
 
 
 def has_parts(scene: Scene) -> bool:

@@ -5,8 +5,10 @@ import pytest
 from helpers import refused
 
 import pyfric
+from pyfric.engines.jump import Outside
 from pyfric.record import analysis
 from pyfric.scene import setup1
+from pyfric.statics import StaticSolver
 
 PARTS = ["elastic", "kinetic", "friction_heat", "switching_loss", "damped", "radiated"]
 TOTALS = ["work_driver", "work_load", "dissipated_bonds", "friction_heat"]
@@ -89,3 +91,12 @@ def test_no_jump_over_slip_with_energies():
 def test_rate_and_state_is_refused():
     how = {"fidelity": "hybrid", "energies": True}
     refused(lambda: pyfric.simulate("rate_and_state", 1e-3, **how), "energies", "dynamic")
+
+
+@pytest.mark.parametrize("kind", ["setup1", "setup2"])
+def test_weights_are_no_rate_of_loads(kind):
+    scene = pyfric.preset(kind, L=0.02, H=0.0125, l=2.5e-3, h=2.5e-3, g=1e4)
+    scene = scene.replace({"top.protocol": [("0 s", scene.F_N), ("1 s", 1.5 * scene.F_N)]})
+    outside = Outside(StaticSolver(scene, "linear"), 0.2)
+    ends = [outside.solver.under(outside.load_at(s)).load for s in (0.0, 0.5)]
+    np.testing.assert_allclose(outside.load_rate, (ends[1] - ends[0]) / 0.5, rtol=1e-9, atol=1e-9)

@@ -13,7 +13,6 @@ Source: PRL 107, 074301 (2011) for the model.
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -34,7 +33,7 @@ from pyfric.engines.options import Options, owned
 from pyfric.engines.slipping import SlipGaps, SlipSpace, slides
 from pyfric.engines.slow_slip import RateHybridRun
 from pyfric.engines.space import N_MODES, Space
-from pyfric.engines.works import works_of_jump
+from pyfric.engines.works import add_jump
 from pyfric.scene import SceneError
 from pyfric.statics import (
     EquilibriumError,
@@ -476,7 +475,7 @@ class HybridRun(Run):
         """Set the state to the end of a jump."""
         state, n = self.state, len(space.held)
         if self.method.budget:
-            self._balance(landing)
+            add_jump(self.known, self.model, state, landing, self._coordinates()[0])
         if not len(space.slips):
             self.rests.keep(state.y[0, 0], space.stuck, landing)
         self._put(landing.q, landing.v, state.y[0, 0].copy(), landing.n)
@@ -485,22 +484,6 @@ class HybridRun(Run):
         if self.method.budget and self.history.last[0] == state.t:  # energies here are known
             self.history.cut(self.history.n - 1)
             self.sample()
-
-    def _balance(self, landing: Landing) -> None:
-        """Add what driver and loads do in a jump, and what dashpots take, to the budget.
-
-        Dashpots take what is left of the works. In which rows is not known: each has the same.
-        """
-        state, known = self.state, self.known
-        works, n = works_of_jump(known, landing, self._coordinates()[0]), self.scene.N_z
-        begin = sum(core.energies(self.model, state, state.t).values())
-        then, t = dataclasses.replace(state, y=state.y.copy()), state.t + landing.n * state.dt
-        then.y[:, :2], rod = known.displacements(landing.q)
-        then.y[:, 2:], rates = known.displacements(landing.v)
-        then.rod = np.concatenate([rod, rates])
-        state.work += works
-        gained = sum(core.energies(self.model, then, t).values()) - begin
-        state.dissipated += (works.sum() - gained) / n
 
     def _put(self, q: np.ndarray, v: np.ndarray, u_x: np.ndarray, n: int) -> None:
         """Set coordinates q and rates v, n steps later; stuck blocks stay at u_x."""

@@ -59,7 +59,7 @@ def farkas_2005(
             "first peak over steady friction at equal thresholds",
             float(table["ratio"].iloc[0]),
             Band(1.99, 2.01, "upper bound 2; samples of the mean"),
-            "largest force at starts of slip in 1.5 periods, over the mean of the second ten periods",
+            "largest force where slip starts, in 1.5 periods, over the mean of ten later ones",
             [given("a third of the strain is kept", kept=1 / 3)],
         ),
         Claim(
@@ -106,7 +106,9 @@ def _drawn(table: pd.DataFrame, records: dict[float, Record], period: float) -> 
     fig, (axes, right) = panels(4.2, (1, 1))
     for (width, record), colour in zip(records.items(), (BLACK, BLUE, VERMILION), strict=False):
         curve, whole = record.curve, record.scene.N_x * MU_S * P
-        axes.plot(curve["t"] / period, curve["F_T"] / whole, color=colour, lw=0.8, label=f"{width:g}")
+        axes.plot(
+            curve["t"] / period, curve["F_T"] / whole, color=colour, lw=0.8, label=f"{width:g}"
+        )
     axes.set(xlabel="time in periods", ylabel="force over mean threshold", xlim=(0, 8))
     axes.set_ylim(0, 1.3)
     legend(axes, title="half width w", ncols=3, loc="upper right")

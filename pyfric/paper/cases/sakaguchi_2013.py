@@ -8,12 +8,11 @@ import numpy as np
 import pandas as pd
 
 from pyfric.figures import BLACK, BLUE, VERMILION, DataFigure, legend, panels
-from pyfric.laws import SpeedDependent
 from pyfric.paper.cases.case import Found, Runner, case
 from pyfric.paper.claims.claim import Band, Claim
 from pyfric.paper.claims.damage import given
-from pyfric.record.recurrence import b_value
-from pyfric.scene import Scene, chain
+from pyfric.record import b_value
+from pyfric.scene import Scene, chain, laws
 from pyfric.sweeps import Job
 
 if TYPE_CHECKING:
@@ -88,7 +87,7 @@ def _weakening(alpha: float, N: int) -> Scene:
         V=V,
         mu_s=1.0,
         mu_k=1 - SIGMA,
-        law=SpeedDependent(v=tuple((v * v_0).tolist()), factor=tuple(factor.tolist())),
+        law=laws.SpeedDependent(v=tuple((v * v_0).tolist()), factor=tuple(factor.tolist())),
     )
 
 

@@ -160,6 +160,22 @@ def test_the_page_of_the_docs_shows_stored_results():
 # --- cases in their shortest form ----------------------------------------------------------------
 
 
+def test_farkas_2005():
+    short = {"widths": (0.0,), "N": 4}
+    parts, figure = find("farkas_2005", **short)
+    assert parts["a"].value == pytest.approx(2.0, abs=0.01)
+    assert figure.tables["ratios"]["peak"][0] == pytest.approx(1.0, rel=1e-9)
+    kept = find("farkas_2005", **short, kept=1 / 3)[0]["a"]
+    assert kept.value == pytest.approx(1.5, abs=0.01)  # 1/((1 + 1/3)/2)
+
+
+def test_sakaguchi_2013():
+    parts, figure = find("sakaguchi_2013", alpha=(1.5,), N=30, periods=0.5)
+    row = figure.tables["b"].iloc[0]
+    assert row["events"] > 10
+    assert 0.2 < parts["a"].value == row["b"] < 2
+
+
 def test_chain_fronts():
     short = {"alpha": (0.3,), "tau_bar": (0.05, 0.5, 0.8)}
     parts, figure = find("chain_fronts", **short)

@@ -76,7 +76,7 @@ KINDS = {
         "jump": "LONGEST",
         "path": "ROUNDS",
         "modes": "TOGETHER",
-        "moving": "ASIDE TOGETHER",
+        "moving": "ASIDE",
         "dynamic": "MAX_CALL",
         "quasistatic": "GROWTH IDLE",
         "complementarity": "CHANGES BASES",

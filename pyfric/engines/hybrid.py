@@ -28,12 +28,13 @@ from pyfric.engines.integration import integrate, just_after
 from pyfric.engines.jump import LONGEST, Jump, Landing, Stale, Wait
 from pyfric.engines.limits import Limits
 from pyfric.engines.modes import Modes, modes_at, modes_of
-from pyfric.engines.moving import TOGETHER, has_parts, steps_of_parts
+from pyfric.engines.moving import ASIDE, has_parts, steps_of_parts
 from pyfric.engines.options import Options, owned
 from pyfric.engines.path import Outside, at, path_from, rest
 from pyfric.engines.slipping import SlipGaps, SlipSpace, slides
 from pyfric.engines.slow_slip import RateHybridRun
 from pyfric.engines.space import N_MODES, Space
+from pyfric.engines.works import add_jump
 from pyfric.scene import SceneError
 from pyfric.statics import (
     EquilibriumError,
@@ -254,7 +255,8 @@ class HybridRun(Run):
         self.least_slide = math.ceil(self._as_steps({"slides": 1}))
         self.worth = self.state.step
         self.begun = self.worth - self.counts["steps"] - self.counts["steps_spared"]
-        self.slides, self.limits = slides(self.scene.law), Limits(self.known)
+        self.slides = slides(self.scene.law) and not self.method.budget
+        self.limits = Limits(self.known)
         self.parts = has_parts(self.scene) and not (self.method.budget or self.method.threshold)
 
     def _in_core(self, state: State, n_steps: int) -> core.Status:
@@ -287,7 +289,7 @@ class HybridRun(Run):
     def call_length(self) -> int:
         """Return how many steps may be made before the next attempt to jump."""
         length = self._waits() or max(1, self.worth - self.state.step)
-        return min(length, TOGETHER) if self.parts else length
+        return min(length, ASIDE) if self.parts else length
 
     def before_call(self, last: int) -> None:
         """Jump, if an attempt is worth its work."""
@@ -339,6 +341,8 @@ class HybridRun(Run):
         closed, way, n_max = state.mode != OPEN, self._way(), self.piece_ends(last) - state.step
         if n_max <= 0:
             return 1
+        if self.method.budget and way.any():  # its heat would not be known
+            return self.least
         least = self.least_slide if way.any() else self.least
         touches = state.y[0, 1] + self.scene.gap < 0
         if not closed.any() or (self.scene.bare & (touches != self.known.pressed)).any():
@@ -453,7 +457,8 @@ class HybridRun(Run):
         (t, s), scene = self._samples(landing.n), self.scene
         moved = landing.jump.u_h(s) - np.mean(self.state.u_drv0)
         stretch = outside.drive_at(s) - scene.d * moved
-        self.history.add(np.column_stack([t, scene.driver.K * stretch]))
+        unknown = np.full((len(t), len(self.history.names) - 2), np.nan)
+        self.history.add(np.column_stack([t, scene.driver.K * stretch, unknown]))
         self._sample_motion(s, landing)
 
     def _sample_motion(self, s: np.ndarray, landing: Landing) -> None:
@@ -470,11 +475,16 @@ class HybridRun(Run):
     def _land(self, landing: Landing, space: Space) -> None:
         """Set the state to the end of a jump."""
         state, n = self.state, len(space.held)
+        if self.method.budget:
+            add_jump(self.known, self.model, state, landing, self._coordinates()[0])
         if not len(space.slips):
             self.rests.keep(state.y[0, 0], space.stuck, landing)
         self._put(landing.q, landing.v, state.y[0, 0].copy(), landing.n)
         state.margin[:] = 0.0
         state.margin[space.held] = np.minimum(landing.gaps[:n], landing.gaps[n : 2 * n])
+        if self.method.budget and self.history.last[0] == state.t:  # energies here are known
+            self.history.cut(self.history.n - 1)
+            self.sample()
 
     def _put(self, q: np.ndarray, v: np.ndarray, u_x: np.ndarray, n: int) -> None:
         """Set coordinates q and rates v, n steps later; stuck blocks stay at u_x."""
@@ -509,7 +519,7 @@ HYBRID = Engine(
     name=HybridRun.name,
     models="dynamics inside events, closed forms between them",
     leaves_out=("fast modes, once they have nearly decayed",),
-    options=owned("run", "events", "steps", "jumps"),
+    options=owned("run", "events", "steps", "jumps", "energies"),
     steppers=("rk4", "rk4_opposite", "imex"),
     check=check_scene,
     follow=follow,

@@ -351,6 +351,22 @@ class Jump:
             return None
         return (self.path.q[1] + s * self.bend) / V
 
+    def integral(self, row: np.ndarray, s: float, weight: tuple[float, float]) -> float:
+        """Return the integral of (w_0 + w_1 s) row.q(s) from 0 to s (s), for weights w_0 and w_1.
+
+        Args:
+            row: shape (n_q,); its unit times m and that of w_0 s is that of the result.
+            s: length of the jump, in s.
+            weight: w_0 and w_1.
+        """
+        x, of_x = np.polynomial.legendre.leggauss(3)  # exact for polynomials of degree 5
+        times, (w_0, w_1), growth = s * (x + 1) / 2, weight, self.ringing.growth
+        path = (self.path.q + self.path.lag) @ row
+        smooth = s / 2 * float(of_x @ ((w_0 + w_1 * times) * at(path, times)))
+        end, shares = np.exp(growth * s), (row @ self.space.B) @ self.modes.x * self.ringing.a
+        once = (end - 1) / growth
+        return smooth + float((shares @ (w_0 * once + w_1 * (s * end - once) / growth)).real)
+
     def u_h(self, s: np.ndarray) -> np.ndarray:
         """Return mean u_x of the driven blocks at times s (s), evenly spaced, (n,), in m."""
         path = (self.path.q + self.path.lag) @ self.space.solver.driven_row

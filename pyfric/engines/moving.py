@@ -24,15 +24,13 @@ if TYPE_CHECKING:
 
 ASIDE = 16
 """Resting blocks on each side of those that may slip, at first. More take longer; fewer are doubled
-more often. No result depends on it."""
-TOGETHER = ASIDE
-"""Most steps between two choices of the moving part. Waves take more than a step to the next block,
-so that few parts are too short."""
+more often. As many steps are made between two choices of the moving part, because waves take more
+than a step to the next block. Results depend on it by rounding."""
 
 
 def has_parts(scene: Scene) -> bool:
     """Return whether blocks of a scene at rest feel only their neighbours and the driver."""
-    steady = not scene.corners and not scene.top.push
+    steady = not (scene.corners or scene.top.push or scene.interface.limit)
     return scene.N_z == 1 and scene.law.rests and scene.law.tables.hold is None and steady
 
 
@@ -50,7 +48,9 @@ def may_slip(scene: Scene, space: Space, state: State, n_steps: int) -> np.ndarr
     """
     (_, u_z, v_x, v_z), at = state.y[0], ends(scene.N_x)
     small = CONTACT_TOL * scene.F_N / scene.N_x
-    moves = (state.mode != STUCK) | (v_x != 0) | (np.abs(v_z) * np.sqrt(scene.k_f * scene.m) > small)
+    moves = (
+        (state.mode != STUCK) | (v_x != 0) | (np.abs(v_z) * np.sqrt(scene.k_f * scene.m) > small)
+    )
     q, p = space.solver.coordinates(state.y[:, :2], state.rod[:3]), -scene.k_f * (u_z + scene.gap)
     for n in (0, n_steps + 1):
         t = state.t0 + (state.step + n) * state.dt
@@ -88,9 +88,7 @@ def steps_of_parts(
     return core.advance(model, state, log, n_steps, **how)
 
 
-def _take(
-    scene: Scene, part: core.Part, own: tuple[State, Log], whole: tuple[State, Log]
-) -> None:
+def _take(scene: Scene, part: core.Part, own: tuple[State, Log], whole: tuple[State, Log]) -> None:
     """Take over steps of a part, and add the forces of the driver on the blocks at rest."""
     state, log = whole
     begin = state.step

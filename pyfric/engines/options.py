@@ -232,7 +232,8 @@ class Options:
     energies: Annotated[bool | None, YesNo()] = option(
         None,
         "energies",
-        """whether to keep the energy budget, as columns of the curve (full dynamics only).""",
+        """whether to keep the energy budget, as columns of the curve. In hybrid runs they are NaN
+        inside jumps, and no jump is made over slip.""",
         unless='yes for fidelity = "dynamic"',
         nothing=False,
         kept=lambda method: method.budget,
@@ -381,6 +382,9 @@ class Options:
             check_geometry(self.geometry, scene)
         engine.check(scene)
         engine.check_options(self)
+        if engine.jumps and self.energies and scene.law.flows:
+            reason = "steps without inertia between events leave energies out"
+            raise SceneError("energies", True, "", "False, or fidelity = 'dynamic'", reason)
         dt, switching = self.steps_on(scene)
         if switching == "located":
             _check_located(scene, self.stepper_on(scene), dt)
@@ -397,7 +401,7 @@ class Options:
             t_gap=longest_pause(scene) if self.t_gap is None else self.t_gap,
             threads=core.useful_threads(scene.N_x * scene.N_z, self.threads),
             variant=core.VARIANT,
-            budget=engine.energies if self.energies is None else self.energies,
+            budget=engine.energies and not engine.jumps if self.energies is None else self.energies,
             accuracy=(self.accuracy or ACCURACY) if engine.jumps else None,
             threshold=self.threshold,
         )

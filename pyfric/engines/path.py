@@ -13,6 +13,7 @@ is zero, and the path is exact. In finite geometry it is a prediction, which a j
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -48,10 +49,16 @@ class Outside:
         """Whether forces change at a constant rate."""
         return self.a == 0
 
+    @functools.cached_property
+    def load_rate(self) -> np.ndarray | float:
+        """Rate of the forces of loads on the coordinates, shape (n_q,), in N/s; weights stay."""
+        if not any(self.gain):
+            return 0.0
+        return self.solver.under(self.gain).load - self.solver.under((0.0, 0.0)).load
+
     def rates(self) -> tuple[np.ndarray, np.ndarray]:
         """Return b' (N/s) and b'' (N/s^2), shape (n_q,)."""
-        more = self.solver.under(self.gain).load if any(self.gain) else 0.0
-        return self.V * self.solver.push + more, self.a * self.solver.push
+        return self.V * self.solver.push + self.load_rate, self.a * self.solver.push
 
     def drive_at(self, s: float | np.ndarray) -> float | np.ndarray:
         """Return the position of the driver at s (s), in m."""

@@ -10,8 +10,8 @@ is the length to which slip grows slowly: the precursor of a front that creeps.
 of the event, in m^2 (per width). By contact all slip without corner slip is that of events, so that
 potencies add up to all slip. By rate slip below the threshold is missing.
 
-**Energies.** Differences of the budget between first slip and last stick, which a run of full
-dynamics with energies keeps at these times. In one event
+**Energies.** Differences of the budget between first slip and last stick, which full dynamics and
+the hybrid engine keep at these times, if energies are asked for. In one event
 
     work = kinetic + elastic + friction_heat + switching_loss + damped + radiated ,
 

@@ -9,7 +9,9 @@ module of its own, which the imports below name.
 """
 
 from pyfric.paper.cases import chain_fronts as chain_fronts
+from pyfric.paper.cases import farkas_2005 as farkas_2005
 from pyfric.paper.cases import patch as patch
+from pyfric.paper.cases import sakaguchi_2013 as sakaguchi_2013
 from pyfric.paper.cases.case import CASES, Case, Found
 from pyfric.paper.cases.collection import LIMIT, Result, listed, run, write_page
 

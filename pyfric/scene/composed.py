@@ -104,6 +104,11 @@ class Composed:
         return self.m * self.slider.g * np.outer(*self.shares)
 
     @property
+    def pressing(self) -> float:
+        """What the interface carries at rest, in N: F_N and the weights of blocks and rod."""
+        return self.F_N + float(self.weights.sum()) + self.M_rod * self.slider.g
+
+    @property
     def eta(self) -> float:
         """Viscosity of every bond in N s/m; by default sqrt(0.1 k m)."""
         given, damping = self.slider.eta, self.slider.damping

@@ -177,6 +177,7 @@ def test_jumps_follow_constant_limits():
 def test_limits_are_refused_where_nothing_follows_them():
     scene = limited(small_rod(), FALLS)
     refused(lambda: pyfric.simulate(scene, 1.0, fidelity="quasistatic"), "interface.limit", "time")
+    refused(lambda: pyfric.prediction_curve(scene), "interface.limit", "static states")
     slow = pyfric.preset("slow")
     refused(lambda: limited(slow, FALLS), "interface.limit", "rest")
     refused(lambda: limited(small_rod(), (), 1.0), "interface.limit", "limit_from")

@@ -1,6 +1,5 @@
 """What follows from the parts of a scene: blocks, springs, friction, loads, path of the driver."""
 
-import bisect
 import functools
 import math
 from dataclasses import replace
@@ -321,17 +320,16 @@ class Composed:
             Coefficients, `NO_LIMIT` where there is none, and rates (1/s), shape (2, N_x).
         """
         found = np.array([np.full(self.N_x, NO_LIMIT), np.zeros(self.N_x)])
-        corners = self.interface.limit
-        if not corners:
+        if not (corners := self.interface.limit):
             return found
-        path = pieces(corners[0][1], corners)
-        now = t if now is None else now
-        for i, t_0 in enumerate(self._limits_from.tolist()):
-            if t >= corners[0][0] + t_0:
-                # a breakpoint is t + t_0, rounded: pieces begin there
-                n = bisect.bisect_right([at + t_0 for at, _ in corners], t)
-                piece = piece_at(path, corners[n - 1][0])
-                found[:, i] = piece.at(now - t_0), piece.slope
+        times, mu = np.array(corners).T
+        lasts = np.diff(times, append=np.inf)
+        slopes = np.divide(np.diff(mu, append=mu[-1]), lasts, out=0 * mu, where=lasts > 0)
+        begins = times[:, None] + self._limits_from  # rounded like `corners`
+        n = np.sum(t >= begins, axis=0) - 1
+        on = np.flatnonzero(n >= 0)
+        n, since = n[on], (t if now is None else now) - begins[n[on], on]
+        found[:, on] = mu[n] + slopes[n] * since, slopes[n]
         return found
 
     def load_at(self, t: float) -> tuple[float, float] | None:

@@ -120,6 +120,17 @@ def test_engines_agree_on_half_blocks():
     assert budget_error(energy) < 1e-6 * energy.curve["elastic_bonds"].max()
 
 
+def test_a_chain_ends_in_half_blocks_in_both_engines():
+    scene = chain(L=0.2, p=10.0, tau=0.0, V=2e-2).replace(HALF)
+    how = {"progress": False, "geometry": "linear"}
+    runs = [pyfric.simulate(scene, 1e-3, fidelity=f, **how) for f in ("dynamic", "hybrid")]
+    start = [record.events["F_T_start"].to_numpy() for record in runs]
+    assert len(start[0]) >= 2
+    np.testing.assert_allclose(start[1], start[0], atol=1e-2)
+    whole = pyfric.simulate(chain(L=0.2, p=10.0, tau=0.0, V=2e-2), 1e-3, fidelity="hybrid", **how)
+    assert whole.events["F_T_start"].iloc[0] == pytest.approx(2 * start[0][0], rel=0.1)
+
+
 def test_half_blocks_are_refused_where_forces_count_by_block():
     for scene, change, field in (
         (small_free(), {"top.k_top": 1.0}, "top.k_top"),

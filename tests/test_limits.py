@@ -171,6 +171,18 @@ def test_jumps_follow_constant_limits():
     )
 
 
+def test_long_chains_know_their_limits():
+    """A limit from t = 0 on, without breakpoints: the part of a chain that moves is still right."""
+    scene = chain(L=0.2, p=P, tau=0.0, V=2e-2, mu_s=0.7)
+    weak = limited(scene, ((0.0, 0.3),), [0.0] * 20 + [math.inf] * (scene.N_x - 20))
+    exact, jumped = (run_of(weak, 1e-3, fidelity=f) for f in ("dynamic", "hybrid"))
+    free = run_of(scene, 1e-3, fidelity="hybrid")
+    start = [record.events["F_T_start"].to_numpy() for record in (exact, jumped, free)]
+    assert len(start[0]) >= 2
+    np.testing.assert_allclose(start[1], start[0], atol=1e-3 * P)
+    assert abs(start[2][0] - start[0][0]) > 0.1 * P
+
+
 # --- refused -------------------------------------------------------------------------------------
 
 

@@ -351,7 +351,10 @@ class Jump:
             return self._wait(loud, self.motion.decay)
         rates, (c, slope, bend) = ringing.growth, polynomial
         if self.space.decay:
-            waves, rates = np.column_stack([waves, -self.bound]), np.append(rates, -self.space.decay)
+            waves, rates = (
+                np.column_stack([waves, -self.bound]),
+                np.append(rates, -self.space.decay),
+            )
         else:
             c = c - self.bound
         s = first_crossing(c, slope, waves, rates, n_max * self.dt, self.dt, bend)

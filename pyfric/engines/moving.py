@@ -51,7 +51,9 @@ def may_slip(scene: Scene, space: Space, state: State, n_steps: int) -> np.ndarr
     """
     (_, u_z, v_x, v_z), at = state.y[0], ends(scene.N_x)
     small = CONTACT_TOL * scene.F_N / scene.N_x
-    moves = (state.mode != STUCK) | (v_x != 0) | (np.abs(v_z) * np.sqrt(scene.k_f * scene.m) > small)
+    moves = (
+        (state.mode != STUCK) | (v_x != 0) | (np.abs(v_z) * np.sqrt(scene.k_f * scene.m) > small)
+    )
     q, p = space.solver.coordinates(state.y[:, :2], state.rod[:3]), -scene.k_f * (u_z + scene.gap)
     for n in (0, n_steps + 1):
         t = state.t0 + (state.step + n) * state.dt
@@ -89,9 +91,7 @@ def steps_of_parts(
     return core.advance(model, state, log, n_steps, **how)
 
 
-def _take(
-    scene: Scene, part: core.Part, own: tuple[State, Log], whole: tuple[State, Log]
-) -> None:
+def _take(scene: Scene, part: core.Part, own: tuple[State, Log], whole: tuple[State, Log]) -> None:
     """Take over steps of a part, and add the forces of the driver on the blocks at rest."""
     state, log = whole
     begin = state.step

@@ -392,7 +392,7 @@ class Composed:
         if self.rigid or self.prescribed:
             return np.zeros(self.N_x)
         if isinstance(self.top, PrescribedLoad):
-            return self._by_column(self.top.p)
+            return self.p_prescribed
         slope = (2 * self.n_of_i - self.N_x - 1) / (self.N_x - 1)
         columns = self.shares[1]
         return self.F_N / columns.sum() * (1 + self.top.theta * slope) * columns

@@ -33,7 +33,6 @@ so that few parts are too short."""
 def has_parts(scene: Scene) -> bool:
     """Return whether blocks of a scene at rest feel only their neighbours and the driver."""
     steady = not (scene.corners or scene.top.push or scene.interface.limit)
-    steady = steady and scene.slider.edges == "whole"  # a part ends in whole blocks
     return scene.N_z == 1 and scene.law.rests and scene.law.tables.hold is None and steady
 
 

@@ -143,3 +143,26 @@ def test_half_blocks_are_refused_where_forces_count_by_block():
     scene = SCENES["rod"]
     refused(lambda: pyfric.simulate(scene, 1.0, geometry="finite"), "geometry", "half blocks")
     refused(lambda: small_rod().replace({"slider.edges": "quarter"}), "slider.edges", "half")
+
+
+@pytest.mark.parametrize(
+    "walls",
+    [{}, {"left": "absorbing"}, {"right": "mirrored"}, {"top": "mirrored"}, {"top": "absorbing"}],
+)
+def test_slabs_have_half_blocks_beside_other_walls(walls):
+    """Random states of the core beside the matrices; a mirrored wall has whole blocks."""
+    scene = slab(p=60.0, tau=0.0, L=0.03, H=0.015, l=2.5e-3)
+    scene = scene.replace(HALF | {f"walls.{side}": of for side, of in walls.items()})
+    M, K, C = operators(scene)
+    state = pyfric.loaded_state(scene).state(scene, 1e-7)
+    rng, shape = np.random.default_rng(0), (scene.N_z, 2, scene.N_x)
+    u, v = 1e-9 * rng.standard_normal(shape), 1e-3 * rng.standard_normal(shape)
+    u[0, 0] = v[0, 0] = 0.0
+    state.y[:, :2], state.y[:, 2:] = u, v
+    found = core.evaluate(core.model(scene, "linear", state.u_drv0), state, 0.0).a
+    exact = -((K @ u.ravel() + C @ v.ravel()) / M).reshape(shape)
+    exact[0, 0] = 0.0
+    np.testing.assert_allclose(found, exact, atol=1e-9 * np.abs(exact).max())
+    columns = scene.shares[1]
+    assert columns[-1] == (1.0 if walls.get("right") == "mirrored" else 0.5)
+    assert scene.shares[0][-1] == (1.0 if walls.get("top") == "mirrored" else 0.5)

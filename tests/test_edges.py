@@ -120,6 +120,18 @@ def test_engines_agree_on_half_blocks():
     assert budget_error(energy) < 1e-6 * energy.curve["elastic_bonds"].max()
 
 
+def test_a_chain_ends_in_half_blocks_in_both_engines():
+    scene = chain(L=0.2, p=10.0, tau=0.0, V=2e-2).replace(HALF)
+    how = {"progress": False, "geometry": "linear"}
+    runs = [pyfric.simulate(scene, 1e-3, fidelity=f, **how) for f in ("dynamic", "hybrid")]
+    start = [record.events["F_T_start"].to_numpy() for record in runs]
+    assert start[0][0] == pytest.approx(0.7 * 5.0, rel=1e-6)  # of a block with half of p
+    assert runs[1].events["n_blocks"].tolist() == runs[0].events["n_blocks"].tolist()
+    np.testing.assert_allclose(start[1], start[0], atol=1e-2)
+    whole = pyfric.simulate(chain(L=0.2, p=10.0, tau=0.0, V=2e-2), 1e-3, fidelity="hybrid", **how)
+    assert whole.events["F_T_start"].iloc[0] == pytest.approx(0.7 * 10.0, rel=1e-6)
+
+
 def test_half_blocks_are_refused_where_forces_count_by_block():
     for scene, change, field in (
         (small_free(), {"top.k_top": 1.0}, "top.k_top"),
@@ -131,3 +143,26 @@ def test_half_blocks_are_refused_where_forces_count_by_block():
     scene = SCENES["rod"]
     refused(lambda: pyfric.simulate(scene, 1.0, geometry="finite"), "geometry", "half blocks")
     refused(lambda: small_rod().replace({"slider.edges": "quarter"}), "slider.edges", "half")
+
+
+@pytest.mark.parametrize(
+    "walls",
+    [{}, {"left": "absorbing"}, {"right": "mirrored"}, {"top": "mirrored"}, {"top": "absorbing"}],
+)
+def test_slabs_have_half_blocks_beside_other_walls(walls):
+    """Random states of the core beside the matrices; a mirrored wall has whole blocks."""
+    scene = slab(p=60.0, tau=0.0, L=0.03, H=0.015, l=2.5e-3)
+    scene = scene.replace(HALF | {f"walls.{side}": of for side, of in walls.items()})
+    M, K, C = operators(scene)
+    state = pyfric.loaded_state(scene).state(scene, 1e-7)
+    rng, shape = np.random.default_rng(0), (scene.N_z, 2, scene.N_x)
+    u, v = 1e-9 * rng.standard_normal(shape), 1e-3 * rng.standard_normal(shape)
+    u[0, 0] = v[0, 0] = 0.0
+    state.y[:, :2], state.y[:, 2:] = u, v
+    found = core.evaluate(core.model(scene, "linear", state.u_drv0), state, 0.0).a
+    exact = -((K @ u.ravel() + C @ v.ravel()) / M).reshape(shape)
+    exact[0, 0] = 0.0
+    np.testing.assert_allclose(found, exact, atol=1e-9 * np.abs(exact).max())
+    columns = scene.shares[1]
+    assert columns[-1] == (1.0 if walls.get("right") == "mirrored" else 0.5)
+    assert scene.shares[0][-1] == (1.0 if walls.get("top") == "mirrored" else 0.5)

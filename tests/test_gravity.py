@@ -86,6 +86,15 @@ def test_engines_agree_under_gravity():
     assert later.p.sum() == pytest.approx(440.0 + scene.slider.g * scene.slider.M, rel=1e-12)
 
 
+def test_a_known_p_carries_the_weight_too():
+    scene = small_free(theta=0.0).replace(G)
+    p = [scene.pressing / scene.N_x] * scene.N_x
+    loaded = pyfric.loaded_state(pyfric.pressed(scene, p=p))
+    np.testing.assert_allclose(loaded.p, p, rtol=1e-6)
+    few = [scene.F_N / scene.N_x] * scene.N_x
+    refused(lambda: pyfric.pressed(scene, p=few), "p", "F_N + weight")
+
+
 def test_gravity_is_refused_where_p_is_given():
     refused(lambda: pyfric.chain().replace(G), "slider.g", "prescribed")
     refused(lambda: small_rod().replace({"slider.g": -1.0}), "slider.g", ">= 0 m/s^2")

@@ -171,12 +171,25 @@ def test_jumps_follow_constant_limits():
     )
 
 
+def test_long_chains_know_their_limits():
+    """Limits from t = 0 on, without breakpoints: a weak patch slips while another one moves."""
+    p = [1.007 * P if n in (70, 71) else P for n in range(81)]
+    scene = chain(L=0.2, p=p, K=1e6, V=0.2, side="top", mu_s=0.7, mu_k=0.05)
+    weak = [0.0 if n in (3, 4, 5, 70, 71) else math.inf for n in range(scene.N_x)]
+    scene = limited(scene, ((0.0, 0.1),), weak)
+    exact, jumped = (run_of(scene, 6e-4, fidelity=f) for f in ("dynamic", "hybrid"))
+    times, ends = first_slips(exact), exact.episodes.groupby("n")["t_stop"].max()
+    np.testing.assert_allclose(first_slips(jumped), times, rtol=1e-6)
+    assert times[3] < times[70] < ends[4]
+
+
 # --- refused -------------------------------------------------------------------------------------
 
 
 def test_limits_are_refused_where_nothing_follows_them():
     scene = limited(small_rod(), FALLS)
     refused(lambda: pyfric.simulate(scene, 1.0, fidelity="quasistatic"), "interface.limit", "time")
+    refused(lambda: pyfric.prediction_curve(scene), "interface.limit", "static states")
     slow = pyfric.preset("slow")
     refused(lambda: limited(slow, FALLS), "interface.limit", "rest")
     refused(lambda: limited(small_rod(), (), 1.0), "interface.limit", "limit_from")

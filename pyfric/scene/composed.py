@@ -1,6 +1,5 @@
 """What follows from the parts of a scene: blocks, springs, friction, loads, path of the driver."""
 
-import bisect
 import functools
 import math
 from dataclasses import replace
@@ -102,6 +101,11 @@ class Composed:
     def weights(self) -> np.ndarray:
         """Weights of the blocks, shape (N_z, N_x), in N."""
         return self.m * self.slider.g * np.outer(*self.shares)
+
+    @property
+    def pressing(self) -> float:
+        """What the interface carries at rest, in N: F_N and the weights of blocks and rod."""
+        return self.F_N + float(self.weights.sum()) + self.M_rod * self.slider.g
 
     @property
     def eta(self) -> float:
@@ -316,17 +320,16 @@ class Composed:
             Coefficients, `NO_LIMIT` where there is none, and rates (1/s), shape (2, N_x).
         """
         found = np.array([np.full(self.N_x, NO_LIMIT), np.zeros(self.N_x)])
-        corners = self.interface.limit
-        if not corners:
+        if not (corners := self.interface.limit):
             return found
-        path = pieces(corners[0][1], corners)
-        now = t if now is None else now
-        for i, t_0 in enumerate(self._limits_from.tolist()):
-            if t >= corners[0][0] + t_0:
-                # a breakpoint is t + t_0, rounded: pieces begin there
-                n = bisect.bisect_right([at + t_0 for at, _ in corners], t)
-                piece = piece_at(path, corners[n - 1][0])
-                found[:, i] = piece.at(now - t_0), piece.slope
+        times, mu = np.array(corners).T
+        lasts = np.diff(times, append=np.inf)
+        slopes = np.divide(np.diff(mu, append=mu[-1]), lasts, out=0 * mu, where=lasts > 0)
+        begins = times[:, None] + self._limits_from  # rounded like `corners`
+        n = np.sum(t >= begins, axis=0) - 1
+        on = np.flatnonzero(n >= 0)
+        n, since = n[on], (t if now is None else now) - begins[n[on], on]
+        found[:, on] = mu[n] + slopes[n] * since, slopes[n]
         return found
 
     def load_at(self, t: float) -> tuple[float, float] | None:
@@ -389,7 +392,7 @@ class Composed:
         if self.rigid or self.prescribed:
             return np.zeros(self.N_x)
         if isinstance(self.top, PrescribedLoad):
-            return self._by_column(self.top.p)
+            return self.p_prescribed
         slope = (2 * self.n_of_i - self.N_x - 1) / (self.N_x - 1)
         columns = self.shares[1]
         return self.F_N / columns.sum() * (1 + self.top.theta * slope) * columns

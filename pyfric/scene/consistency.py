@@ -123,7 +123,7 @@ def _check_prescribed(scene: Composed) -> None:
 
 def _check_T(scene: Composed) -> None:
     """Check that friction can hold a shear force on the top at t = 0."""
-    strength = float(np.max(scene.field("mu_s"))) * scene.F_N
+    strength = float(np.max(scene.field("mu_s"))) * scene.pressing
     if abs(scene.top.T) > strength:
         allowed = f"|T| <= mu_s F_N = {strength!r} N at t = 0"
         raise SceneError("top.T", scene.top.T, "N", allowed, "more than friction holds")

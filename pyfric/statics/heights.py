@@ -42,7 +42,8 @@ def pressed(scene: SceneLike, *, p: Sequence[Number] | Callable[[float], float])
         scene: the scene, the name of a preset, or the path of a scene file; gaps that it has are
             replaced.
         p: normal forces at t = 0: N_x numbers >= 0 in N from the trailing edge on, or a function of
-            x (m). x is the distance from the first block at the trailing edge. Their sum is F_N.
+            x (m). x is the distance from the first block at the trailing edge. Their sum is F_N,
+            with gravity and the weight.
             Their torque is that of the load; under a rod, whose mattress bears some, it is small.
 
     Raises:
@@ -86,9 +87,10 @@ def _checked(scene: Scene, p: Any) -> np.ndarray:
     if bad.any():
         n = int(scene.n_of_i[np.argmax(bad)])
         raise SceneError(f"p, block {n}", numbers[n - 1], "N", "0 N", "a block without contact")
-    missing = float(target.sum()) - scene.F_N
+    missing = float(target.sum()) - scene.pressing
     if abs(missing) > UNBALANCED * scene.F_N:
-        allowed = f"a sum of F_N = {scene.F_N!r} N; multiply p by {scene.F_N / target.sum():.9g}"
+        factor, what = scene.pressing / target.sum(), "F_N + weight" if scene.slider.g else "F_N"
+        allowed = f"a sum of {what} = {scene.pressing!r} N; multiply p by {factor:.9g}"
         raise SceneError("p", float(target.sum()), "N", allowed, "does not carry the load")
     torque = float((target - scene.load) @ scene.x)
     limit = max(UNBALANCED * scene.F_N * scene.slider.L, TILT * scene.kappa)

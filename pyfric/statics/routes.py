@@ -66,9 +66,6 @@ def beyond_ladder(scene: Scene) -> SceneError | None:
     if np.any(law.alpha):
         reason, alpha = "the quasi-static sequence cannot follow viscosity", np.max(law.alpha)
         return SceneError("interface.alpha", float(alpha), "N s/m", f"0, {instead}", reason)
-    if scene.interface.limit:
-        reason = "the quasi-static sequence cannot follow limits of friction that change with time"
-        return SceneError("interface.limit", scene.interface.limit, "", f"none, {instead}", reason)
     load = float(np.max(scene.F_N / scene.N_x))
     if law.weakens and (soft := scene.slider.k / law.steepness(load)) > SOFTEST:
         reason = (
@@ -81,7 +78,11 @@ def beyond_ladder(scene: Scene) -> SceneError | None:
 
 
 def bends(scene: Scene) -> SceneError | None:
-    """Return the error if speed and loads change at the same time, None if they do not."""
+    """Return the error if speed and loads change at the same time, or friction with time."""
+    if scene.interface.limit:
+        allowed = "none, or fidelity = 'hybrid' or 'dynamic'"
+        reason = "static states cannot follow limits of friction that change with time"
+        return SceneError("interface.limit", scene.interface.limit, "", allowed, reason)
     for t in (0.0, *scene.corners):
         V, F_N, T = (scene.piece(what, t) for what in ("V", "F_N", "T"))
         if V.slope and (F_N.slope or T.slope):

@@ -53,7 +53,7 @@ def strip(
     higher: int = 1,
 ) -> Found:
     """Fronts over G_0/Gamma; in the damaged scene the top is held `higher` times as high."""
-    jobs = [_job(ratio, rows, columns, higher) for ratio in ratios]
+    jobs = [job(ratio, rows, columns, higher) for ratio in ratios]
     H = rows - 1
     reached = [(_reached(record) - START) / H for record in run(jobs)]
     table = pd.DataFrame({"G_0_over_Gamma": ratios, "reached_over_H": reached})
@@ -78,12 +78,21 @@ def strip(
     )
 
 
-def _job(ratio: float, rows: int, columns: int, higher: int) -> Job:
-    """A strip whose first blocks carry more shear than those ahead."""
+def job(
+    ratio: float, rows: int, columns: int, higher: int, strength: np.ndarray | float = STRENGTH
+) -> Job:
+    """A strip whose first blocks are weaker than those ahead.
+
+    Args:
+        ratio: G_0 over Gamma.
+        rows, columns: of blocks.
+        higher: how many times as high as `rows` the top is held.
+        strength: (mu_s - mu_k) p of each block, in p; Gamma is that of `STRENGTH`.
+    """
     Gamma = STRENGTH * D_C / 2
     H = rows - 1
     drop = np.sqrt(ratio * Gamma / H)
-    mu_s = np.full(columns, MU_K + STRENGTH)
+    mu_s = np.broadcast_to(MU_K + strength, columns).copy()
     mu_s[:START] = MU_K + 0.99 * drop
     scene = half_space(
         columns,

@@ -14,7 +14,7 @@ from pyfric import SceneError
 from pyfric.cli.commands import main
 from pyfric.figures import DataFigure
 from pyfric.paper import cases
-from pyfric.paper.cases import CASES, LIMIT, Case, Found, interface
+from pyfric.paper.cases import CASES, LIMIT, Case, Found, interface, precursor_lengths
 from pyfric.paper.claims import Claim
 from pyfric.paper.claims.claim import Band
 from pyfric.paper.claims.damage import given
@@ -203,3 +203,40 @@ def test_stiffness_of_the_interface_is_that_of_a_strip_when_all_slips():
     np.testing.assert_allclose(middle, 0.5 / 5, rtol=1e-3)
     assert interface.slipping(K, slice(120), 0.1) > 1  # free sides make it softer
     assert interface.slipping(K, slice(50, 70), 0.1) < 1
+
+
+def test_heterogeneous_weakening():
+    """Half the blocks, fewer interfaces."""
+    short = {"sizes": (1, 16), "seeds": 12, "shape": (96, 48), "length": 16}
+    parts, figure = find("heterogeneous_weakening", **short)
+    assert parts["a"].value == pytest.approx(0.96, abs=0.06)
+    assert parts["b"].holds
+    assert len(figure.tables["lengths"]) == 24
+    large = short | {"sizes": (32, 48)}
+    assert not find("heterogeneous_weakening", **large)[0]["b"].holds
+
+
+def test_slow_fronts():
+    """One front, until it is slow; with short slip of junctions it stays fast."""
+    parts, _ = find("slow_fronts", shear=(0.135,), t_end=10e-3)
+    assert parts["b"].holds
+    fast, _ = find("slow_fronts", shear=(0.135,), t_end=2e-3, t_R=2e-5)
+    assert not fast["b"].holds
+
+
+def test_precursor_lengths():
+    runs = {"as in Fig. 1": {}, "V/2": {"V": 0.39375e-3}}
+    parts, _ = find("precursor_lengths", variants=runs)
+    assert parts["a"].holds
+    assert parts["b"].value < 1e-6
+    assert np.isnan(parts["d"].value)
+    chain, _ = find("precursor_lengths", variants=precursor_lengths.BASE, slider="chain")
+    assert not chain["a"].holds
+
+
+def test_strip():
+    """The bracket of its default, by its two fronts; a top twice as high."""
+    parts, figure = find("strip", ratios=(0.8, 1.3), rows=13, columns=200)
+    assert parts[""].value == pytest.approx(1.05)
+    assert len(figure.tables["fronts"]) == 2
+    assert not find("strip", ratios=(0.4, 0.8), rows=13, columns=200, higher=2)[0][""].holds

@@ -61,3 +61,40 @@ def slipping(K: np.ndarray, blocks: slice | Sequence[int], w: np.ndarray | float
     inside = K[blocks, :][:, blocks]
     C = scipy.linalg.cho_solve(scipy.linalg.cho_factor(inside), np.diag(root))
     return float(scipy.linalg.eigvalsh(root[:, None] * C)[-1])
+
+
+def strength(K: np.ndarray, tau_p: np.ndarray, w: float) -> tuple[float, int]:
+    """Return the uniform shear at which slow slip loses stability, and the blocks that slip then.
+
+    Uniform shear rises from 0. A block slips when the shear on it reaches its strength tau_p, and
+    loses w of it per slip (no lower end). The slips u of the blocks that slip follow from
+    (K - w) u = tau - tau_p, as long as K - w is positive definite there; without that the slider is
+    no longer at rest.
+
+    Args:
+        K: stiffness of the interface, N/m, shape (N_x, N_x).
+        tau_p: strength, N, shape (N_x,).
+        w: rate of weakening, N/m.
+    """
+    slips = np.zeros(len(K), bool)
+    slips[np.argmin(tau_p)] = True
+    tau = float(tau_p.min())
+    while True:
+        A = np.flatnonzero(slips)
+        try:
+            factor = scipy.linalg.cho_factor(K[np.ix_(A, A)] - w * np.eye(len(A)))
+        except np.linalg.LinAlgError:
+            return tau, len(A)
+        others = np.flatnonzero(~slips)
+        if not len(others):
+            return tau, len(A)
+        by_tau, at_zero = scipy.linalg.cho_solve(
+            factor, np.column_stack([np.ones(len(A)), -tau_p[A]])
+        ).T
+        to = K[np.ix_(others, A)]
+        gain = 1 - to @ by_tau
+        needed = np.divide(tau_p[others] + to @ at_zero, gain, out=np.full(len(others), np.inf),
+                           where=gain > 0)  # fmt: skip
+        first = int(np.argmin(needed))
+        tau = max(tau, float(needed[first]))
+        slips[others[first]] = True

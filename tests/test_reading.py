@@ -195,6 +195,25 @@ def test_matlab(tmp_path):
     refuse(lambda: read(path), "a MATLAB file that can be read")
 
 
+def test_arrays_of_structs_and_tables_of_records(tmp_path):
+    """None is taken for another: all have names."""
+    path = tmp_path / "a.mat"
+    kind = [("time", object), ("F_T", object)]
+    parts = [(np.array(T), np.array(F)), (np.array(T), 2 * np.array(F))]
+    savemat(path, {"run": np.array(parts, dtype=kind)})
+    refuse(lambda: read(path, **SAID), "run.1..time' and 'run.2..time' are both t")
+    same(read(path, group="run(2)", **SAID), t=T, F_T=2 * np.array(F))
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["a"] = np.array(list(zip(T, F, strict=True)), dtype=[("time", float), ("F_T", float)])
+    same(read(path, **SAID), t=T, F_T=F)
+    with h5py.File(path, "w") as file:
+        file["time"], file["F_T"] = T, F
+        file["F_T"].attrs["units"] = ["kN"]
+        file["time"].attrs["units"] = h5py.Empty("S1")
+    same(read(path, units={"t": "s"}), t=T, F_T=1e3 * np.array(F))
+
+
 def test_hdf5_and_matlab_7_3(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["run/time"], file["run/ft"] = T, F

@@ -321,9 +321,10 @@ def _matlab(path: Any) -> Found:
 
     def visit(name: str, head: str, value: Any) -> None:
         if isinstance(value, np.ndarray) and value.dtype.names:
-            for each in value.ravel()[:1]:
+            for n, each in enumerate(value.ravel(), 1):
+                of = name if value.size == 1 else f"{name}({n})"
                 for key in value.dtype.names:
-                    visit(f"{name}.{key}", key, each[key])
+                    visit(f"{of}.{key}", key, each[key])
         elif isinstance(value, np.ndarray):
             found.add_array(name, head, value)
 
@@ -345,13 +346,19 @@ def _hdf5(path: Any, matlab: bool) -> Found:
         with h5py.File(path, "r") as file:
 
             def visit(name: str, item: Any) -> None:
-                if not isinstance(item, h5py.Dataset) or item.dtype.kind not in "iufb":
+                if not isinstance(item, h5py.Dataset):
                     return
+                for key in item.dtype.names or ():
+                    found.add_array(f"{name}.{key}", key, item[key])
                 if item.attrs.get("MATLAB_class", b"") in (b"char", b"cell"):
                     return
-                unit = next((item.attrs[key] for key in ("units", "unit") if key in item.attrs), "")
+                units = (item.attrs[key] for key in ("units", "unit") if key in item.attrs)
+                texts = (
+                    u for given in units for u in np.ravel(given) if isinstance(u, str | bytes)
+                )
+                unit = next(texts, "")
                 unit = unit.decode() if isinstance(unit, bytes) else str(unit)
-                if item.ndim <= 2 and item.size > 1:
+                if item.dtype.kind in "iufb" and item.ndim <= 2 and item.size > 1:
                     values = item[()]
                     head = name.rpartition("/")[2]
                     found.add_array(name, head, values.T if matlab else values, unit)
@@ -380,8 +387,12 @@ def _tdms(path: Any) -> Found:
                 name = f"{group.name}/{channel.name}"
                 found.add_array(name, channel.name, np.asarray(channel[:]), str(unit))
                 name = f"{group.name}/time"
-                if told.get("wf_increment") and name not in found.columns:
-                    found.add(name, Column(channel.time_track, "time", "s"))
+                if (step := told.get("wf_increment")) and name not in found.columns:
+                    begin, size = told.get("wf_start_offset", 0.0), len(channel)
+                    times = functools.partial(
+                        lambda b, s, n: b + s * np.arange(n), begin, step, size
+                    )
+                    found.add(name, Column(times, "time", "s"))
     except Exception as error:  # of many kinds
         raise refused(path, "a TDMS file that can be read", type(error).__name__) from None
     return found

@@ -56,6 +56,15 @@ def rows(apart=",", decimal="."):
         "time,F_T\n" + "".join(f"{a} ms,{b} kN1\n" for a, b in ROWS),
         "\ufefftime (ms),F_T (kN)\n" + rows(),
         "time (ms),note,F_T (kN)\n" + "".join(f"{a},ok,{b}\n" for a, b in ROWS),
+        "time (ms),F_T (kN)\n" + rows().replace("\n", ",\n"),
+        "time F_T\n(ms) (kN)\n" + rows(" "),
+        "Time (ms)   Shear force (kN)\n" + rows("   "),
+        "Time, ms;Shear force, kN\n" + rows(";"),
+        "% rig 2\n% time_ms  F_T_kN\n" + rows("  "),
+        "# time F_T\n# ms kN\n" + rows(" "),
+        '"time (ms)","F_T (kN)"\n' + "".join(f'"{a}","{b}"\n' for a, b in ROWS).replace(".", ","),
+        "LabVIEW Measurement\t\n***End_of_Header***\t\nChannels\t1\nSamples\t4\nX0\t0.0\n"
+        "***End_of_Header***\t\ntime (ms)\tF_T (kN)\tComment\n" + rows("\t"),
     ],
 )
 def test_text_is_read_in_si_units(tmp_path, content):
@@ -100,9 +109,18 @@ def test_columns_can_be_chosen(tmp_path):
         ("time (s),Force (N)\n" + rows(), {}, [r"'Force \(N\)' may be F_T or F_N", "columns="]),
         ("time (s),tau (kPa),Shear stress (kPa)\n0,1,1\n1,2,2\n2,3,3\n", {}, ["both tau"]),
         ("0.1,0.2\n0.3,0.4\n", {}, ["no column is known to be the time", "'1', '2'"]),
-        ("time (s),F_T (N)\n0,1\n1\n2,3\n3,4\n", {}, ["row 2: 2 columns, row 4", "head=3"]),
+        ("time (s),F_T (N)\n0,1\n1\n2,3\n3,4\n", {}, ["row 3: 1 columns, row 4: 2", "head=3"]),
         ("time (s);mu\n0;1,234\n1;1,345\n", {}, ["may be decimal, or part thou", 'decimal=","']),
-        ("time (s),mu\n0,1\n2,x\n3,4\n1,4\n", {}, ["row 2", "row 4"]),
+        ("time (s),mu\n0,1\n2,x\n3,4\n1,4\n", {}, ["row 3, column 2: 'x' is no number", "head=3"]),
+        ("time (s),mu\n0,1\n1,2\nend of test\n", {}, ["last row, 4, has no number", "cut"]),
+        ("time,mu\n10:00:01,1\n10:00:02,2\n", {}, ["'10:00:01' is no number", "step="]),
+        ("time (s),F_T (N)\n0 s,1 kN\n1 s,2 kN\n", {}, ["'N' at the top, 'kN' behind"]),
+        ("time (s),F_T (N)\n0,1\n1,0x104\n2,3\n", {}, ["column 2 has '', 'x104' behind"]),
+        ("time (s),tau (mPa)\n0,1\n1,2\n2,3\n", {}, ["may be a spelling of MPa", "calibration="]),
+        ("time (s),F_T (N),F_N\n0,1,4\n1,2,4\n2,3,4\n", {}, ["'F_N' has no unit"]),
+        ("time (s),F_T (N),F_N (N)\n0,1,-4\n1,2,-4\n2,3,-4\n", {}, ["F_N = -4", '"-1 N"']),
+        ("time (s),mu\n1,1\n1,2\n1,3\n", {}, ["all are the same"]),
+        ("t\0i\0m\0e\0", {}, ["not a kind of file"]),
         ("words\nand no number\n", {}, ["has no number"]),
         ("", {}, ["no row of numbers"]),
         ("time (s),mu\n0,1\n1,2\n0,3\n1,4\n", {}, ["anew 1 times, first at sample 3", "join"]),
@@ -128,6 +146,13 @@ def test_gaps_and_restarts(tmp_path):
     same(read(path, restarts=2), t=(0, 1, 2), mu=(0.5, np.nan, 0.7))
     refuse(lambda: read(path, restarts=3), "restarts = 3", "from 1 to 2")
     refuse(lambda: read(path, restarts="all"), "restarts = 'all'", "1 to 2")
+
+
+def test_overflows_and_lost_loads_are_gaps(tmp_path):
+    content = "time (s),F_T (N),F_N (N)\n0,1,10\n1,inf,10\n2,#N/A,10\n3,4,0\n4,5,10\n"
+    curve = read(text(tmp_path, content))
+    same(curve, F_T=(1, np.nan, np.nan, 4, 5))
+    np.testing.assert_array_equal(curve.over_F_N, (0.1, np.nan, np.nan, np.nan, 0.5))
 
 
 def test_heads_can_be_left_out_and_commas_said(tmp_path):
@@ -168,6 +193,25 @@ def test_matlab(tmp_path):
     refuse(lambda: read(path, group="exp"), "group = 'exp'", "'data:1'")
     path.write_bytes(path.read_bytes()[:140])
     refuse(lambda: read(path), "a MATLAB file that can be read")
+
+
+def test_arrays_of_structs_and_tables_of_records(tmp_path):
+    """None is taken for another: all have names."""
+    path = tmp_path / "a.mat"
+    kind = [("time", object), ("F_T", object)]
+    parts = [(np.array(T), np.array(F)), (np.array(T), 2 * np.array(F))]
+    savemat(path, {"run": np.array(parts, dtype=kind)})
+    refuse(lambda: read(path, **SAID), "run.1..time' and 'run.2..time' are both t")
+    same(read(path, group="run(2)", **SAID), t=T, F_T=2 * np.array(F))
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["a"] = np.array(list(zip(T, F, strict=True)), dtype=[("time", float), ("F_T", float)])
+    same(read(path, **SAID), t=T, F_T=F)
+    with h5py.File(path, "w") as file:
+        file["time"], file["F_T"] = T, F
+        file["F_T"].attrs["units"] = ["kN"]
+        file["time"].attrs["units"] = h5py.Empty("S1")
+    same(read(path, units={"t": "s"}), t=T, F_T=1e3 * np.array(F))
 
 
 def test_hdf5_and_matlab_7_3(tmp_path):

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from pyfric.measured.meanings import MEANINGS, SPELLED
+from pyfric.measured.meanings import MEANINGS, SPELLED, unit_stated
 from pyfric.scene import (
     LARGEST,
     SMALLEST,
@@ -39,8 +39,12 @@ MAX_BYTES = 512 * 1024**2
 MAX_COLUMNS = 64
 """Most columns of an array that is a table, not a picture."""
 HDF5 = b"\x89HDF\r\n\x1a\n"
-GAPS = ("", "-", "--", "NA", "N/A", "na", "n/a")
+GAPS = ("", "-", "--", "NA", "N/A", "#N/A", "na", "n/a", "null", "1.#QNAN", "-1.#IND")
 """Cells without a number, beside NaN."""
+COMMENTS = re.compile(r"(?m)^\s*(?:%|//|!)")
+"""Signs of comments beside #."""
+LVM_HEAD = "***End_of_Header***"
+"""End of what LabVIEW writes above a table in text (.lvm)."""
 _SUFFIXED = re.compile(
     r"(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>[^\W\d_][^\s,;]*)"
 )
@@ -127,49 +131,103 @@ def contents(path: str | os.PathLike[str], *, head: int, decimal: str | None) ->
 def _text(path: Any, content: bytes, head: int, decimal: str | None) -> Found:
     found = Found("text")
     text = _decoded(path, content, found)
+    if (end := text.rfind(LVM_HEAD)) >= 0:
+        head = max(head, text.count("\n", 0, end) + 1)
+    text = COMMENTS.sub("#", "\n" * head + "\n".join(text.splitlines()[head:]))
     try:
-        lines = lines_of("\n" * head + "\n".join(text.splitlines()[head:]), decimal=decimal)
+        lines = lines_of(text, decimal=decimal)
     except (csv.Error, ValueError) as error:
         allowed = 'decimal="," or decimal="." says which'
         raise refused(path, allowed, str(error)) from None
-    plain = lines.plain
+    plain = _without_ends(lines.plain)
     if not plain:
         raise refused(path, "rows of numbers", "no row of numbers")
     width = len(plain[-1].cells)
     pattern = [_numeric(cell) for cell in plain[-1].cells]
     if not any(pattern):
-        raise refused(path, "rows of numbers", f"the last row, {plain[-1].n}, has no number")
+        allowed = (
+            "rows of numbers up to the end of the file, separated by commas, semicolons, tabs or "
+            "blanks: cut what is below them"
+        )
+        raise refused(path, allowed, f"the last row, {plain[-1].n}, has no number")
     begin = len(plain)
     while begin and _fits_pattern(plain[begin - 1].cells, pattern):
         begin -= 1
     rows, heads = plain[begin:], plain[:begin]
-    if wrong := next((row for row in heads if _looks_like_data(row, pattern)), None):
-        reason = f"row {wrong.n}: {len(wrong.cells)} columns, row {rows[0].n}: {width}"
-        allowed = f"rows of equal columns; head={rows[0].n - 1} leaves out the rows above"
-        raise refused(path, allowed, reason)
+    if any(_looks_like_data(row, pattern) for row in heads):
+        _refuse_broken(path, heads, rows[0], pattern)
+    if lines.apart == " ":
+        written = text.splitlines()
+        heads = [_blanks_in_names(row, written[row.n - 1], width) for row in heads]
     names, units = _names(heads, lines.comments, width, rows[0].n)
     if lines.commas:
         found.notes.append("decimal commas")
     for c in range(width):
         name = names[c] if names else str(c + 1)
         suffix = _suffix(rows, c)
+        stated = units[c] if units else unit_stated(name)
+        if suffix and stated and suffix != stated:
+            reason = f"column {c + 1}: {stated!r} at the top, {suffix!r} behind numbers"
+            raise refused(path, "one unit in a column", reason)
         unit = units[c] if units else suffix
         found.add(name, Column(lambda c=c: _numbers(path, rows, c), name, unit))
     return found
 
 
+def _without_ends(rows: list[Line]) -> list[Line]:
+    """Return rows without the empty cell behind a separator at the end of each row of numbers."""
+    if not rows or len(rows[-1].cells) < 2 or rows[-1].cells[-1]:
+        return rows
+    width = len(rows[-1].cells)
+    if any(len(row.cells) == width and row.cells[-1] for row in rows):
+        return rows
+    return [Line(n, cells[:-1] if len(cells) == width else cells) for n, cells in rows]
+
+
+def _blanks_in_names(row: Line, written: str, width: int) -> Line:
+    """Return a row above the numbers: its names may have blanks, and be apart by two of them."""
+    apart = re.split(r"\s{2,}|(?<=[)\]>])\s+(?=[(\[<])", written.strip("# 	"))
+    return Line(row.n, apart) if len(row.cells) != width and len(apart) == width else row
+
+
+def _refuse_broken(path: Any, heads: list[Line], first: Line, pattern: list[bool]) -> None:
+    """Refuse a table that is broken off; say at which row and cell.
+
+    Raises:
+        SceneError: always.
+    """
+    n, cells = heads[-1]
+    last = (
+        n
+        if any(map(_numeric, cells))
+        else next(r.n for r in reversed(heads) if _looks_like_data(r, pattern))
+    )
+    allowed = f"rows of equal columns; head={last} leaves out the rows above"
+    reason = f"row {n}: {len(cells)} columns, row {first.n}: {len(pattern)}"
+    if len(cells) == len(pattern):
+        pairs = enumerate(zip(cells, pattern, strict=True))
+        wrong = (
+            c for c, (cell, number) in pairs if number and not _numeric(cell) and cell not in GAPS
+        )
+        c = next(wrong, 0)
+        allowed = f"a number, or a gap such as NaN; head={last} leaves out the rows above"
+        reason = f"row {n}, column {c + 1}: {cells[c]!r} is no number"
+    raise refused(path, allowed, reason)
+
+
 def _decoded(path: Any, content: bytes, found: Found) -> str:
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return content.decode("utf-16")
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        pass
-    text = content.decode("cp1252", errors="replace")
+        text, note = content.decode("utf-16", errors="replace"), ""
+    else:
+        try:
+            text, note = content.decode("utf-8-sig"), ""
+        except UnicodeDecodeError:
+            text = content.decode("cp1252", errors="replace")
+            note = "read as Windows text (cp1252), as it is not UTF-8"
     if "\0" in text or "\ufffd" in text:
         kinds = "text, MATLAB, HDF5, TDMS, or a Look file"
         raise refused(path, kinds, "not a kind of file that is known")
-    found.notes.append("read as Windows text (cp1252), as it is not UTF-8")
+    found.notes += [note] if note else []
     return text
 
 
@@ -195,9 +253,13 @@ def _names(
     heads: list[Line], comments: list[Line], width: int, first: int
 ) -> tuple[list[str], list[str]]:
     """Return the names of columns and the row of their units, [] where there is none."""
+    if heads and len(heads[-1].cells) == width + 1 and heads[-1].cells[-1] == "Comment":  # .lvm
+        heads = [Line(heads[-1].n, heads[-1].cells[:-1])]
     rows = [row for row in heads if len(row.cells) == width]
     if not rows:
-        rows = [row for row in comments if len(row.cells) == width and row.n < first][-1:]
+        rows = [row for row in comments if len(row.cells) == width and row.n < first][-2:]
+        if len(rows) > 1 and not all(map(_like_unit, map(_unbracketed, rows[-1].cells))):
+            rows = rows[-1:]
     if not rows:
         return [], []
     units = [_unbracketed(cell) for cell in rows[-1].cells]
@@ -225,20 +287,27 @@ def _suffix(rows: list[Line], c: int) -> str:
 
 
 def _numbers(path: Any, rows: list[Line], c: int) -> np.ndarray:
-    values, behind = np.empty(len(rows)), set()
+    values, behind = np.empty(len(rows)), set[str]()
     for k, (n, cells) in enumerate(rows):
         cell = cells[c]
-        try:
+        if is_number(cell):
             values[k] = float(cell)
-        except ValueError:
-            match = _SUFFIXED.fullmatch(cell)
-            if not match and cell not in GAPS:
-                reason = f"row {n}, column {c + 1}: not a number"
-                raise refused(path, "numbers in the columns that are read", reason) from None
-            behind |= {match["unit"]} if match else set()
-            values[k] = float(match["number"]) if match else np.nan
+            behind |= {""} if np.isfinite(values[k]) else set()
+        elif match := _SUFFIXED.fullmatch(cell):
+            values[k] = float(match["number"])
+            behind.add(match["unit"])
+        elif cell in GAPS:
+            values[k] = np.nan
+        else:
+            reason = f"row {n}, column {c + 1}: {cell[:30]!r} is no number"
+            allowed = "numbers in the columns that are read; for clock times, "
+            allowed += 'columns={...} without t, and step="..."'
+            raise refused(path, allowed, reason)
     if len(behind) > 1:
-        raise refused(path, "one unit in a column", f"column {c + 1} has {len(behind)} units")
+        several = ", ".join(repr(unit) for unit in sorted(behind))
+        raise refused(path, "one unit in a column", f"column {c + 1} has {several} behind numbers")
+    infinite = np.isinf(values)
+    values[infinite] = np.nan  # an instrument beyond its range
     return values
 
 
@@ -252,9 +321,10 @@ def _matlab(path: Any) -> Found:
 
     def visit(name: str, head: str, value: Any) -> None:
         if isinstance(value, np.ndarray) and value.dtype.names:
-            for each in value.ravel()[:1]:
+            for n, each in enumerate(value.ravel(), 1):
+                of = name if value.size == 1 else f"{name}({n})"
                 for key in value.dtype.names:
-                    visit(f"{name}.{key}", key, each[key])
+                    visit(f"{of}.{key}", key, each[key])
         elif isinstance(value, np.ndarray):
             found.add_array(name, head, value)
 
@@ -276,13 +346,19 @@ def _hdf5(path: Any, matlab: bool) -> Found:
         with h5py.File(path, "r") as file:
 
             def visit(name: str, item: Any) -> None:
-                if not isinstance(item, h5py.Dataset) or item.dtype.kind not in "iufb":
+                if not isinstance(item, h5py.Dataset):
                     return
+                for key in item.dtype.names or ():
+                    found.add_array(f"{name}.{key}", key, item[key])
                 if item.attrs.get("MATLAB_class", b"") in (b"char", b"cell"):
                     return
-                unit = next((item.attrs[key] for key in ("units", "unit") if key in item.attrs), "")
+                units = (item.attrs[key] for key in ("units", "unit") if key in item.attrs)
+                texts = (
+                    u for given in units for u in np.ravel(given) if isinstance(u, str | bytes)
+                )
+                unit = next(texts, "")
                 unit = unit.decode() if isinstance(unit, bytes) else str(unit)
-                if item.ndim <= 2 and item.size > 1:
+                if item.dtype.kind in "iufb" and item.ndim <= 2 and item.size > 1:
                     values = item[()]
                     head = name.rpartition("/")[2]
                     found.add_array(name, head, values.T if matlab else values, unit)
@@ -311,8 +387,12 @@ def _tdms(path: Any) -> Found:
                 name = f"{group.name}/{channel.name}"
                 found.add_array(name, channel.name, np.asarray(channel[:]), str(unit))
                 name = f"{group.name}/time"
-                if told.get("wf_increment") and name not in found.columns:
-                    found.add(name, Column(channel.time_track, "time", "s"))
+                if (step := told.get("wf_increment")) and name not in found.columns:
+                    begin, size = told.get("wf_start_offset", 0.0), len(channel)
+                    times = functools.partial(
+                        lambda b, s, n: b + s * np.arange(n), begin, step, size
+                    )
+                    found.add(name, Column(times, "time", "s"))
     except Exception as error:  # of many kinds
         raise refused(path, "a TDMS file that can be read", type(error).__name__) from None
     return found

@@ -56,8 +56,9 @@ class Curve:
             columns: t and others, equal lengths, at least 3 samples.
 
         Raises:
-            SceneError: a name is not known, lengths differ, times decrease or are not finite, no
-                force is among them, or F_N or area is refused.
+            SceneError: a name is not known, lengths differ, times decrease, are all the same or not
+                finite, no force is among them, normal forces or stresses are not above 0 in their
+                median, or F_N or area is refused.
         """
         if np.ndim(F_N) > 0:
             columns, F_N = columns | {"F_N": F_N}, None
@@ -82,6 +83,14 @@ class Curve:
             row = int(np.argmin(later))
             allowed = "three or more finite times that do not decrease"
             raise SceneError(f"t[{row}]", float(t[row]) if len(t) else None, "s", allowed)
+        if t[0] == t[-1]:
+            raise SceneError("t", float(t[0]), "s", "times that increase", "all are the same")
+        for name in {"F_N", "sigma_n"} & set(found):
+            median, unit = float(np.nanmedian(found[name])), MEANINGS[name].unit
+            if not median > 0:
+                allowed = f'> 0 in compression; with the other sign, calibration={{"{name}": "-1 '
+                allowed += f'{unit}"}} of pyfric.measured.read'
+                raise SceneError(name, median, unit, allowed, "the median")
         ends = {"F_N": F_N, "area": area}
         for name, unit in (("F_N", "N"), ("area", "m^2")):
             if ends[name] is not None:
@@ -95,7 +104,9 @@ class Curve:
 
     @property
     def over_F_N(self) -> np.ndarray:
-        """F_T/F_N, shape (n,): F_T over F_N, else tau over sigma_n, else mu.
+        """F_T/F_N, shape (n,): mu, else F_T over F_N, else tau over sigma_n.
+
+        It is NaN, a gap, where F_N or sigma_n is not above 0.
 
         Raises:
             SceneError: F_N is not known, nor sigma_n, so that a force says nothing.
@@ -105,7 +116,7 @@ class Curve:
         if "F_T" in self.table:
             return self.table["F_T"].to_numpy() / self._normal("F_N", "normal force")
         if "sigma_n" in self.table:
-            return self.table["tau"].to_numpy() / self.table["sigma_n"].to_numpy()
+            return self.table["tau"].to_numpy() / _above_zero(self.table["sigma_n"])
         if self.area is None:
             allowed = 'the area, such as area="100 mm^2", and F_N; or a column sigma_n'
             raise SceneError("area", None, "m^2", allowed, "missing, and tau is no force")
@@ -128,7 +139,7 @@ class Curve:
 
     def _normal(self, name: str, text: str) -> Any:
         if name in self.table:
-            return self.table[name].to_numpy()
+            return _above_zero(self.table[name])
         if self.F_N is None:
             allowed = f'the {text}, such as F_N="400 N", or a column of it'
             raise SceneError(name, None, "N", allowed, "missing")
@@ -147,6 +158,11 @@ class Curve:
             *self.notes,
         ]
         return "\n".join(lines)
+
+
+def _above_zero(values: pd.Series) -> np.ndarray:
+    """Return values, NaN where they are not above 0."""
+    return values.where(values > 0).to_numpy()
 
 
 def sampled(

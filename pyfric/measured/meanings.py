@@ -63,17 +63,27 @@ SPELLED = {
     **{"mm.": "mm", "s.": "s", "msec": "ms", "newtons": "N"},
 }
 """Spellings of units that laboratories use; none of them is another unit of the same dimension."""
+SYMBOLS = frozenset(re.sub("[^a-z]", "", name.lower()) for name in MEANINGS)
+"""Names whose ends are no unit, such as F_N and sigma_n."""
+GREEK = {"µ": "mu", "μ": "mu", "σ": "sigma", "τ": "tau", "δ": "delta"}
 _BRACKET = re.compile(r"\s*[(\[<{](?P<unit>[^()\[\]<>{}]*)[)\]>}]\s*$")
 
 
 def bare(name: str) -> str:
     """Return the name of a column without its unit, in small letters and digits."""
     name = _BRACKET.sub("", name)
-    for apart in "_/":
+    if _word(name) in SYMBOLS:  # the N of F_N is no unit
+        return _word(name)
+    for apart in "_/,":
         stem, _, unit = name.rpartition(apart)
+        unit = unit.strip()
         if stem and (unit.lower() in SPELLED or _is_unit(unit)):
             name = stem
-    return re.sub(r"[^a-z0-9]", "", name.lower().replace("μ", "mu").replace("σ", "sigma"))
+    return _word(name)
+
+
+def _word(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", "".join(GREEK.get(c, c) for c in name.lower()))
 
 
 def _is_unit(text: str) -> bool:
@@ -99,9 +109,17 @@ def factor(field: str, unit: str, si: str) -> tuple[float, str]:
         if fits(unit, si):
             return 0.01, unit
         raise SceneError(field, unit, "", "a ratio of forces, in % or without a unit", "a unit")
+    if unit == "mPa":  # no laboratory means millipascal
+        raise SceneError(field, unit, si, "MPa or Pa", "millipascal, or a spelling of MPa")
     if not fits(unit, si):
         unit = SPELLED.get(unit.lower(), unit)
     return parse_quantity(field, f"1 {unit}", si), unit
+
+
+def unit_stated(name: str) -> str:
+    """Return the unit in brackets at the end of the name of a column, "" if there is none."""
+    bracket = _BRACKET.search(name)
+    return bracket["unit"].strip() if bracket else ""
 
 
 def unit_of_name(name: str, si: str) -> str:
@@ -110,8 +128,10 @@ def unit_of_name(name: str, si: str) -> str:
     Raises:
         ValueError: it is not understood.
     """
-    if (bracket := _BRACKET.search(name)) and bracket["unit"].strip():
-        return bracket["unit"].strip()
+    if stated := unit_stated(name):
+        return stated
+    if _word(name) in SYMBOLS:
+        return ""
     stem, _, last = name.rpartition("_")
     if stem and not fits(last, si) and last.lower() in SPELLED and si:
         last = SPELLED[last.lower()]

@@ -187,6 +187,8 @@ def _scale(
         except SceneError as error:
             allowed = f'calibration={{"{meaning}": "... {si or 1}"}}: what 1 in the file stands for'
             reason = f"{name!r} has the unit {stated!r}, which is none of {si or 'a ratio'}"
+            if stated == "mPa":
+                reason = f"{name!r} has the unit mPa, which may be a spelling of MPa"
             raise SceneError(where, None, si, allowed, reason) from error
     elif given is not None:
         scale, unit = factor(where, given, si)

@@ -66,8 +66,8 @@ class Lines(NamedTuple):
 def lines_of(text: str, *, decimal: str | None = None) -> Lines:
     """Return the lines of a table of numbers.
 
-    The last line decides what separates columns. Where that is no comma, numbers may have decimal
-    commas.
+    The last line decides what separates columns. Numbers may have decimal commas, in quotes where
+    commas separate columns.
 
     Args:
         text: content of the file.
@@ -82,7 +82,7 @@ def lines_of(text: str, *, decimal: str | None = None) -> Lines:
     apart = _separator(plain[-1][1]) if plain else ","
     comments = _cells([(n, t.lstrip("# ")) for n, t in lines if t[0] == "#"], apart)
     rows = _cells(plain, apart)
-    commas = apart != "," and decimal != "." and _decimal_commas(rows, decimal)
+    commas = decimal != "." and _decimal_commas(rows, decimal)
     if commas:
         rows = [
             Line(n, [c.replace(",", ".") if _COMMA.fullmatch(c) else c for c in cells])
@@ -95,8 +95,7 @@ def _separator(line: str) -> str:
     """Return what separates the numbers of a line."""
     for apart in SEPARATORS:
         cells = _split(line, apart)
-        marks = _COMMA if apart != "," else re.compile("(?!)")
-        if len(cells) > 1 and all(is_number(c) or marks.fullmatch(c) or not c for c in cells):
+        if len(cells) > 1 and all(is_number(c) or _COMMA.fullmatch(c) or not c for c in cells):
             return apart
     return next((sign for sign in "\t;" if sign in line), ",")
 
@@ -140,7 +139,7 @@ def is_number(cell: str) -> bool:
         float(cell)
     except ValueError:
         return False
-    return True
+    return "_" not in cell  # Python's own
 
 
 # --- units in heads ------------------------------------------------------------------------------

@@ -125,13 +125,14 @@ def test_a_front_that_is_released(event):
     assert 0 < then.F_T - before.F_T <= driven
     assert then.p.sum() == pytest.approx(scene.F_N, rel=1e-6)
     assert then.tau.sum() == pytest.approx(then.F_T, rel=1e-6)
-    table = resolved.front(event, 6e-6, "the paper's", l=2.5e-3)
-    finer = resolved.front(event, 6e-6, "the paper's", l=2.5e-3, share=0.5)
-    little = resolved.front(event, 6e-6, next(iter(resolved.VISCOSITIES)), l=2.5e-3)
+    little, paper = resolved.VISCOSITIES
+    table, finer, little = (
+        resolved.front(event, 6e-6, viscosity, l=2.5e-3, share=share).set_index("x")
+        for viscosity, share in ((paper, 1.0), (paper, 0.5), (little, 1.0))
+    )
     assert table["reached"].iloc[0] > event.critical
     both = table["v_c"].notna() & finer["v_c"].notna() & (table["t"] > 0)
     assert both.sum() > 4
     change = (finer["v_c"] / table["v_c"] - 1)[both].abs()
     assert change.median() < 0.02  # steps cross the knot of the law at d_c: 0.012
-    early = both & (table["x"] < 0.05)
-    assert (little["v_c"][early] > table["v_c"][early]).mean() > 0.5
+    assert little["reached"].iloc[0] >= table["reached"].iloc[0]

@@ -183,22 +183,50 @@ def method_costs(data):
     return table(["method", "error of start and arrest forces ($F_N$)", "times cheaper"], rows)
 
 
-def prestress(data, other):
+def share(one, name):
+    """Return a share of the variance of ln v_c with its interval, and what position alone gives."""
+    ends = (one[f"{name}_{end}"] for end in ("value", "low", "high", "null"))
+    return "{:.2f} ({:.2f} to {:.2f}; {:.2f})".format(*ends)
+
+
+def prestress(coulomb, resolved):
     """Return the share of the variance of ln v_c that the scaled prestress explains."""
-    little = other[other["viscosity"] != "the paper's"]
-    every = pd.concat([data, little.assign(precursors="little")])
-    words = {"all": "all", "last": "last two of a run", "little": "last two, little viscosity"}
     rows = [
         [
-            f"{one['d_c'] * 1e6:g}",
-            f"{one['l'] * 1e3:g}",
-            words[one["precursors"]],
-            "{prestress_value:.2f} ({prestress_low:.2f} to {prestress_high:.2f})".format(**one),
-            f"{one['prestress_null']:.2f}",
+            0,
+            "the paper's",
+            one["fronts"],
+            "0",
+            "-",
+            share(one, "prestress"),
+            share(one, "position"),
+            "-",
         ]
-        for _, one in every.sort_values(["d_c", "l"], ascending=[True, False]).iterrows()
+        for _, one in coulomb[(coulomb["d_c"] == 0) & (coulomb["precursors"] == "last")].iterrows()
     ]
-    return table(["d_c (um)", "l (mm)", "precursors", "scaled prestress", "position alone"], rows)
+    own = resolved[resolved["places"] == "own"].sort_values(["viscosity", "d_c"])
+    rows += [
+        [
+            f"{one['d_c'] * 1e6:g}",
+            one["viscosity"],
+            one["fronts"],
+            f"{one['zone']:.0%}",
+            f"{one['above_R']:.0%}",
+            *(share(one, name) for name in ("prestress", "position", "release")),
+        ]
+        for _, one in own.iterrows()
+    ]
+    head = [
+        "d_c (um)",
+        "eta^2",
+        "fronts",
+        "zone resolved",
+        "v > c_R",
+        "prestress",
+        "position",
+        "G/Gamma",
+    ]
+    return table(head, rows)
 
 
 def regimes():
@@ -255,7 +283,7 @@ myst_substitutions = {
     ),
     "method_costs": method_costs(stored("chart/price_points.csv")),
     "modules": modules(),
-    "prestress": prestress(stored("fronts/collapse.csv"), stored("fronts/low_viscosity.csv")),
+    "prestress": prestress(stored("fronts/collapse.csv"), stored("fronts/resolved_summary.csv")),
     "plan_accuracy": plan_accuracy(tried),
     "plan_costs": plan_costs(tried),
     "plans": plans(tried),

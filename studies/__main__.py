@@ -46,6 +46,13 @@ def main() -> None:
 # --- speed ---------------------------------------------------------------------------------------
 
 _quick_option = click.option("--quick", is_flag=True, help="Fewer sizes and shorter timings.")
+_beside_option = click.option(
+    "--beside",
+    "commits",
+    multiple=True,
+    metavar="COMMIT",
+    help="Take turns with the build of a commit; may be repeated.",
+)
 
 
 @main.command(section="Speed")
@@ -116,14 +123,14 @@ def large(tell: Tell) -> None:
 
 @main.command(section="Speed")
 @click.option("--case", "cases", multiple=True, help="Only this case; may be repeated.")
-@click.option("--beside", "commit", metavar="COMMIT", help="Take turns with the build of a commit.")
+@_beside_option
 @file_option("--out", metavar="FILE", help="Write the table as CSV.")
 @overwrite_option
 @telling
 @_quick_option
 def finer(
     cases: tuple[str, ...],
-    commit: str | None,
+    commits: tuple[str, ...],
     out: Path | None,
     overwrite: bool,
     tell: Tell,
@@ -140,25 +147,25 @@ def finer(
         raise click.BadParameter(f"{unknown[0]!r}; known are {', '.join(fine.CASES)}")
     names = cases or (fine.QUICK if quick else tuple(fine.CASES))
     more = {"repeats": 1} if quick else {}
-    frame = fine.finer(names, commit=commit, say=tell.step, **more)
+    frame = fine.finer(names, commits=commits, say=tell.step, **more)
     words = [word for name in cases for word in ("--case", name)]
-    words += [] if commit is None else ["--beside", commit]
+    words += [word for commit in commits for word in ("--beside", commit)]
     save_table(frame, out, shlex.join([*RUN.split(), "finer", *words]), "%.4g")
     tell.table(frame, fine.report)
 
 
 @main.command(section="Speed")
 @folder_option("--out", required=True, metavar="DIR", help="Folder of its files.")
-@click.option("--beside", "commit", metavar="COMMIT", help="Take turns with the build of a commit.")
+@_beside_option
 @telling
-def lattices(out: Path, commit: str | None, tell: Tell) -> None:
+def lattices(out: Path, commits: tuple[str, ...], tell: Tell) -> None:
     """Processor time against l, without weakening and with d_c = 1 um (two minutes)."""
     check_folder(out)
     import fine
 
     cases = [name for line in fine.LINES.values() for name in line]
-    frame = fine.finer(cases, commit=commit, say=tell.step)
-    words = [] if commit is None else ["--beside", commit]
+    frame = fine.finer(cases, commits=commits, say=tell.step)
+    words = [word for commit in commits for word in ("--beside", commit)]
     command = shlex.join([*RUN.split(), "lattices", *words])
     save_figure(fine.figure(frame), out / "lattices", command, tell)
     tell.table(frame, fine.report)

@@ -6,6 +6,9 @@ like, by the last precursors of each run, as many as were run on the finest latt
 variance of ln v_c, bootstrap over fronts and data that know the position alone are those of claim
 13 (`pyfric.paper.claims.shares`).
 
+The prestress is that of the first slip. With d_c > 0 the front begins tens of milliseconds later:
+see `resolved`.
+
 Source: PRL 107, 074301 (2011), Fig. 4.
 """
 

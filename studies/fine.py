@@ -1,7 +1,7 @@
-"""Cost of fine lattices: processor time, steps and memory of short scenes, beside another build.
+"""Cost of fine lattices: processor time, steps and memory of short scenes, beside other builds.
 
 Each run is made on one thread in a process of its own, whose peak memory is measured. The builds
-take turns, and of each run the least time counts. The other build is that of a commit: it is
+take turns, and of each run the least time counts. Other builds are those of commits: each is
 checked out into a temporary folder and installed there, so that nothing of it stays.
 
 Steps are given by what the slider does: a spell is the time from a first slip until no block slips,
@@ -70,6 +70,8 @@ SLOPES = {3: "8 per halving of $l$", 4: "16"}
 """Powers of 1/l beside them: blocks times steps; and as many waits again."""
 QUICK = ("2.5 mm", "sequence", "plan")
 REPEATS = 2
+LOADED = 0.12
+"""End of a small run that loads all modules before the time is taken, s."""
 SIZES = {"slip_1": (1, 1), "slip_2_3": (2, 3), "slip_4_10": (4, 10), "fronts": (11, 2**31)}
 """Kinds of spells, by the least and the largest number of blocks that slip."""
 
@@ -79,15 +81,15 @@ THERE = Path(__file__).resolve()
 def finer(
     cases: Sequence[str] = tuple(CASES),
     *,
-    commit: str | None = None,
+    commits: Sequence[str] = (),
     repeats: int = REPEATS,
     say: Callable[[str], None] = lambda _: None,
 ) -> pd.DataFrame:
-    """Measure what runs cost with this build and, in turns with it, with that of a commit.
+    """Measure what runs cost with this build and, in turns with it, with those of commits.
 
     Args:
         cases: names in `CASES`.
-        commit: of this repository; None means this build only.
+        commits: of this repository.
         repeats: turns, of which the least time counts.
         say: told what is being run.
 
@@ -98,8 +100,8 @@ def finer(
     """
     rows = []
     with contextlib.ExitStack() as stack:
-        builds = {"this": None}
-        if commit is not None:
+        builds: dict[str, Path | None] = {"this": None}
+        for commit in commits:
             say(f"building {commit}")
             builds[commit] = stack.enter_context(built(commit))
         for name in cases:
@@ -147,30 +149,38 @@ def _alone(case: Case, folder: Path | None) -> dict[str, Any]:
 
 
 def measured(case: Case) -> dict[str, Any]:
-    """Return what a case costs in this process."""
+    """Return what a case costs in this process, apart from loading modules."""
     import resource
     import time
 
-    import pyfric
-    from pyfric.scene import Spread, preset
+    from pyfric.scene import Spread, preset, setup1
 
     changes = dict(case.changes)
     if width := changes.pop("disorder", None):
         mean = preset(case.scene).interface.mu_s
         changes["mu_s"] = Spread(mean=mean, range=np.sqrt(3) * width * mean, seed=1)
-    scene, record, begin = preset(case.scene, **changes), None, time.process_time()
-    if case.engine == "plan":
-        pyfric.plan(scene, t_end=case.t_end)
-    else:
-        how = {"fidelity": case.engine, "progress": False}
-        if case.engine == "hybrid":  # the energy budget had another name
-            names = ("energies", "budget")
-            without = next(name for name in names if hasattr(pyfric.Options(), name))
-            how |= {"geometry": case.geometry, "threads": 1, without: False}
-        record = pyfric.simulate(scene, case.t_end, **how)
+    scene = preset(case.scene, **changes)
+    _run(case, setup1(L=0.02, H=0.0125, F_N=400.0, V=2e-3), LOADED)
+    begin = time.process_time()
+    record = _run(case, scene, case.t_end)
     seconds, most = time.process_time() - begin, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     found = {"seconds": seconds, "GB": most * 1024 / 1e9}
     return found if record is None else found | _counted(record, case)
+
+
+def _run(case: Case, scene: Any, t_end: float) -> Any:
+    """Make the run of a case; return its record, or None for a plan."""
+    import pyfric
+
+    if case.engine == "plan":
+        pyfric.plan(scene, t_end=t_end)
+        return None
+    how: dict[str, Any] = {"fidelity": case.engine, "progress": False}
+    if case.engine == "hybrid":  # the energy budget had another name
+        names = ("energies", "budget")
+        without = next(name for name in names if hasattr(pyfric.Options(), name))
+        how |= {"geometry": case.geometry, "threads": 1, without: False}
+    return pyfric.simulate(scene, t_end, **how)
 
 
 def _counted(record: Any, case: Case) -> dict[str, Any]:
@@ -207,7 +217,7 @@ def spells(switches: Any, t_end: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def report(frame: pd.DataFrame) -> str:
-    """Return a table of `finer` as text, with times of the other build over those of this one."""
+    """Return a table of `finer` as text, with times of other builds over those of this one."""
     text = frame.to_string(index=False, na_rep="-", float_format="{:.4g}".format)
     times = frame.pivot_table(index="case", columns="build", values="seconds", sort=False)
     others = [build for build in times.columns if build != "this"]

@@ -62,6 +62,8 @@ LAST = 2
 """Precursors of runs 1 to 4, the last ones, that are started from a coarser lattice."""
 AFTER = 3e-3
 """Time after the end of an event on the coarse lattice to which the fine one is run first, s."""
+TRIES = 8
+"""Longest run over this time."""
 MIDDLE = 0.06, 0.4
 """Where a front of half the slider's length neither starts nor stops, x/L."""
 LATE = 0.5
@@ -128,14 +130,7 @@ def _runs_of(
     return records
 
 
-def begun(
-    path: Path,
-    coarse: Record,
-    event: int,
-    scene: Scene,
-    enough: Callable[[Record], Sequence[int]] | None = None,
-    tries: int = 8,
-) -> Record:
+def begun(path: Path, coarse: Record, event: int, scene: Scene) -> Record:
     """Return an event on another lattice, from the state before it, from a file or made.
 
     Args:
@@ -143,18 +138,16 @@ def begun(
         coarse: the run on a coarser lattice, or the same one.
         event: its number there.
         scene: the scene on the other lattice.
-        enough: events of a record that end the run, if any; None means `main_events`.
-        tries: longest run, over `AFTER`, from the end of the event on.
     """
     if path.is_file() and (record := Record.load(path)).scene == scene:
         return record
     before: Any = refined(coarse, event, scene)
     t_end, dt = float(coarse.events["t_stop"].loc[event]), before.dt
     how: dict[str, Any] = {"fidelity": "hybrid", "geometry": "linear", "switching": "located"}
-    for _ in range(tries):
+    for _ in range(TRIES):
         t_end += AFTER
         before = simulate(scene, t_end, initial=before, dt=dt, progress=False, **how)
-        if len((enough or main_events)(before)):
+        if len(main_events(before)):
             break
     before.save(path)
     return before

@@ -102,7 +102,7 @@ def report(table: pd.DataFrame) -> str:
 
 
 def figure(fronts: pd.DataFrame, checks: pd.DataFrame) -> DataFigure:
-    """Draw the fronts of `resolved.study`, beside tables of its numbers and of `resolved.checks`."""
+    """Draw the fronts of `resolved.study`; numbers and `resolved.checks` go along as tables."""
     points = _points(fronts)
     fig = DataFigure(figsize=(7.0, 5.4), layout="constrained")
     (by_stress, by_stress_2), (by_G, zones) = fig.subplots(2, 2)
@@ -143,6 +143,8 @@ def _label(by_stress: Axes, by_stress_2: Axes, by_G: Axes, zones: Axes) -> None:
         axes.set_ylabel(r"front speed $v_\mathrm{c}/c_\mathrm{R}$", fontsize=8)
         axes.set_yscale("log")
         axes.set_yticks([0.1, 0.2, 0.5, 1, 2], ["0.1", "0.2", "0.5", "1", "2"])
+        axes.set_ylim(0.1, 3)
+        axes.minorticks_off()
         axes.axhline(material.c_P / material.c_R, color="0.6", lw=0.6, ls=":")
         axes.annotate(
             r"$c_\mathrm{L}$",
@@ -160,6 +162,7 @@ def _label(by_stress: Axes, by_stress_2: Axes, by_G: Axes, zones: Axes) -> None:
     v = np.linspace(0.05, 0.995, 200)
     by_G.plot(1 / g_II(material, v * material.c_R), v, "k", lw=0.8, label="crack")
     by_G.set_xscale("log")
+    by_G.minorticks_off()
     by_G.set_xlim(0.5, 12)
     by_G.set_xticks([0.5, 1, 2, 5, 10], ["0.5", "1", "2", "5", "10"])
     by_G.set_xlabel(r"energy release $G/\Gamma$", fontsize=8)

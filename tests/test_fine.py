@@ -24,7 +24,7 @@ def table():
 
     patch.setattr(fine, "built", built)
     patch.setattr(fine, "CASES", fine.CASES | {"2.5 mm": fine.Case("fig1", {}, 0.28)})
-    frame = fine.finer(fine.QUICK, commit="older", repeats=1)
+    frame = fine.finer(fine.QUICK, commits=["older"], repeats=1)
     patch.undo()
     assert asked == ["older"]
     return frame

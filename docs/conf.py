@@ -229,6 +229,22 @@ def prestress(coulomb, resolved):
     return table(head, rows)
 
 
+def resolved_checks(data):
+    """Return what the speeds of a resolved front hang on."""
+    rows = [
+        [
+            one["case"],
+            f"{one['median']:.1%}",
+            f"{one['median_change']:+.1%}",
+            f"{one['reached']:+.3f}",
+        ]
+        for _, one in data.iterrows()
+    ]
+    return table(
+        ["change", "median of abs(change of v_c)", "median change", "change of L_p/L"], rows
+    )
+
+
 def regimes():
     """Return what happens at the edges of the model."""
     data = stored("regimes/regimes.csv")
@@ -284,6 +300,7 @@ myst_substitutions = {
     "method_costs": method_costs(stored("chart/price_points.csv")),
     "modules": modules(),
     "prestress": prestress(stored("fronts/collapse.csv"), stored("fronts/resolved_summary.csv")),
+    "resolved_checks": resolved_checks(stored("fronts/resolved_checks.csv")),
     "plan_accuracy": plan_accuracy(tried),
     "plan_costs": plan_costs(tried),
     "plans": plans(tried),

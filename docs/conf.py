@@ -185,47 +185,37 @@ def method_costs(data):
 
 def share(one, name):
     """Return a share of the variance of ln v_c with its interval, and what position alone gives."""
-    ends = (one[f"{name}_{end}"] for end in ("value", "low", "high", "null"))
-    return "{:.2f} ({:.2f} to {:.2f}; {:.2f})".format(*ends)
+    text = "{:.2f} ({:.2f} to {:.2f}".format(
+        *(one[f"{name}_{end}"] for end in ("value", "low", "high"))
+    )
+    return f"{text})" if name == "position" else f"{text}; {one[f'{name}_null']:.2f})"
 
 
 def prestress(coulomb, resolved):
     """Return the share of the variance of ln v_c that the scaled prestress explains."""
+    coulomb = coulomb[(coulomb["d_c"] == 0) & (coulomb["precursors"] == "last")]
+    known = ("prestress", "position")
     rows = [
         [
-            0,
-            "the paper's",
-            one["fronts"],
             "0",
+            f"the paper's, l = {1e3 * one['l']:g} mm",
             "-",
-            share(one, "prestress"),
-            share(one, "position"),
+            *(share(one, name) for name in known),
             "-",
         ]
-        for _, one in coulomb[(coulomb["d_c"] == 0) & (coulomb["precursors"] == "last")].iterrows()
+        for _, one in coulomb.iterrows()
     ]
     own = resolved[resolved["places"] == "own"].sort_values(["viscosity", "d_c"])
     rows += [
         [
-            f"{one['d_c'] * 1e6:g}",
+            f"{1e6 * one['d_c']:g}",
             one["viscosity"],
-            one["fronts"],
-            f"{one['zone']:.0%}",
             f"{one['above_R']:.0%}",
-            *(share(one, name) for name in ("prestress", "position", "release")),
+            *(share(one, name) for name in (*known, "release")),
         ]
         for _, one in own.iterrows()
     ]
-    head = [
-        "d_c (um)",
-        "eta^2",
-        "fronts",
-        "zone resolved",
-        "v > c_R",
-        "prestress",
-        "position",
-        "G/Gamma",
-    ]
+    head = ["$d_c$ (um)", r"$\eta^2$", "$v_c > c_R$", "prestress", "position", r"$G/\Gamma$"]
     return table(head, rows)
 
 

@@ -8,7 +8,8 @@ where it is when the front begins in the run (`finer.held`). The static traction
 the prestress. Then a crack is released at once: blocks 1 to a, with all of their slip of weakening
 behind them. What is the same for all variants of an event: tractions, a, time, geometry.
 
-The rule, fixed before the runs:
+The rule, fixed before the runs, when no share was known (pilot runs of the last precursor of run 1
+chose d_c, l and the time of runs):
 
 Crack      a is `BEGIN` times the shortest length at which the energy release of static states
            exceeds the fracture energy at the largest d_c, on three blocks (of 1.25 mm) in turn.

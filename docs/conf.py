@@ -185,48 +185,54 @@ def method_costs(data):
 
 def share(one, name):
     """Return a share of the variance of ln v_c with its interval, and what position alone gives."""
-    ends = (one[f"{name}_{end}"] for end in ("value", "low", "high", "null"))
-    return "{:.2f} ({:.2f} to {:.2f}; {:.2f})".format(*ends)
+    text = "{:.2f} ({:.2f} to {:.2f}".format(
+        *(one[f"{name}_{end}"] for end in ("value", "low", "high"))
+    )
+    return f"{text})" if name == "position" else f"{text}; {one[f'{name}_null']:.2f})"
 
 
 def prestress(coulomb, resolved):
     """Return the share of the variance of ln v_c that the scaled prestress explains."""
+    coulomb = coulomb[(coulomb["d_c"] == 0) & (coulomb["precursors"] == "last")]
+    known = ("prestress", "position")
     rows = [
         [
-            0,
-            "the paper's",
-            one["fronts"],
             "0",
+            f"the paper's, l = {1e3 * one['l']:g} mm",
             "-",
-            share(one, "prestress"),
-            share(one, "position"),
+            *(share(one, name) for name in known),
             "-",
         ]
-        for _, one in coulomb[(coulomb["d_c"] == 0) & (coulomb["precursors"] == "last")].iterrows()
+        for _, one in coulomb.iterrows()
     ]
     own = resolved[resolved["places"] == "own"].sort_values(["viscosity", "d_c"])
     rows += [
         [
-            f"{one['d_c'] * 1e6:g}",
+            f"{1e6 * one['d_c']:g}",
             one["viscosity"],
-            one["fronts"],
-            f"{one['zone']:.0%}",
             f"{one['above_R']:.0%}",
-            *(share(one, name) for name in ("prestress", "position", "release")),
+            *(share(one, name) for name in (*known, "release")),
         ]
         for _, one in own.iterrows()
     ]
-    head = [
-        "d_c (um)",
-        "eta^2",
-        "fronts",
-        "zone resolved",
-        "v > c_R",
-        "prestress",
-        "position",
-        "G/Gamma",
-    ]
+    head = ["$d_c$ (um)", r"$\eta^2$", "$v_c > c_R$", "prestress", "position", r"$G/\Gamma$"]
     return table(head, rows)
+
+
+def resolved_checks(data):
+    """Return what the speeds of a resolved front hang on."""
+    rows = [
+        [
+            one["case"],
+            f"{one['median']:.1%}",
+            f"{one['median_change']:+.1%}",
+            f"{one['reached']:+.3f}",
+        ]
+        for _, one in data.iterrows()
+    ]
+    return table(
+        ["change", "median of abs(change of v_c)", "median change", "change of L_p/L"], rows
+    )
 
 
 def regimes():
@@ -284,6 +290,7 @@ myst_substitutions = {
     "method_costs": method_costs(stored("chart/price_points.csv")),
     "modules": modules(),
     "prestress": prestress(stored("fronts/collapse.csv"), stored("fronts/resolved_summary.csv")),
+    "resolved_checks": resolved_checks(stored("fronts/resolved_checks.csv")),
     "plan_accuracy": plan_accuracy(tried),
     "plan_costs": plan_costs(tried),
     "plans": plans(tried),

@@ -8,7 +8,8 @@ where it is when the front begins in the run (`finer.held`). The static traction
 the prestress. Then a crack is released at once: blocks 1 to a, with all of their slip of weakening
 behind them. What is the same for all variants of an event: tractions, a, time, geometry.
 
-The rule, fixed before the runs:
+The rule, fixed before the runs, when no share was known (pilot runs of the last precursor of run 1
+chose d_c, l and the time of runs):
 
 Crack      a is `BEGIN` times the shortest length at which the energy release of static states
            exceeds the fracture energy at the largest d_c, on three blocks (of 1.25 mm) in turn.
@@ -155,7 +156,7 @@ def front(
         One row for each place that is passed. Columns: x (m) from the trailing edge; t (s), since
         the release; v_c (m/s), NaN where times do not increase; scaled, the prestress; zone,
         measured blocks; X_c0_over_l; release, G/Gamma; inside, whether the rule keeps it; over
-        c_R, c_S and c_L: v_R, v_S, v_L; reached (m), the length; seconds of the run.
+        c_R and c_L: v_R, v_L; reached (m), the length; seconds of the run.
     """
     scene, t = event.scene(d_c, viscosity, l), event.t
     l, at = scene.slider.l, event.held(scene)
@@ -183,7 +184,6 @@ def front(
         release=np.interp(x, coarse, (G["G"] / G["Gamma"]).to_numpy()) * OF_RUNS / d_c,
         inside=(x >= (first - 1) * l + rest) & (x <= reached * l - rest),
         v_R=table["v_c"] / material.c_R,
-        v_S=table["v_c"] / material.c_S,
         v_L=table["v_c"] / material.c_P,
         reached=reached * l,
         seconds=record.timings["stepping"],
@@ -268,10 +268,10 @@ def _path(runs: Path, name: str) -> Path:
 
 
 def kept_table(path: Path, make: Callable[[], pd.DataFrame]) -> pd.DataFrame:
-    """Return a table from a file, or make it."""
+    """Return a table, to six digits, from a file or made."""
     if not path.is_file():
         write(path, make().to_csv(index=False).encode())
-    return pd.read_csv(path)
+    return pd.read_csv(path).map(lambda one: float(f"{one:.6g}") if isinstance(one, float) else one)
 
 
 @at_once()

@@ -17,14 +17,14 @@ from pyfric.scene import preset
 from pyfric.theory import g_II
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from matplotlib.axes import Axes
 
 __all__ = ["figure", "report", "summary", "verdict"]
 
 SHARE = 0.5
 """Least share of resolved places, and of variance that a collapse explains."""
-EXPLAINS = {"scaled": ("prestress", "position", "beyond"), "release": ("prestress",)}
-"""Column that may explain the speed -> what is kept of its `shares`."""
 COLOURS = ("#0072B2", "#D55E00", "#009E73")
 MARKERS = {"run1": "o", "run2": "s", "run3": "^", "run4": "x"}
 
@@ -51,7 +51,8 @@ def summary(fronts: pd.DataFrame) -> pd.DataFrame:
         Columns: places, "own" or "every"; d_c; viscosity; fronts and points, how many; zone, the
         share of places with `RESOLVED` blocks or more, and zone_median; above_R and above_L, shares
         of v_c above c_R and c_L; then value, low, high and null of prestress, of position, of
-        G/Gamma ("release") and of the prestress beyond the position.
+        G/Gamma ("release"), of the prestress beyond the position, and of the prestress where ranks
+        of v_c take the place of ln v_c, so that single slow places do not count more ("ranks").
     """
     points, rows = _points(fronts), []
     for which, some in (("own", points), ("every", points[points["every"]])):
@@ -62,14 +63,20 @@ def summary(fronts: pd.DataFrame) -> pd.DataFrame:
             row["zone_median"] = float(part["zone"].median())
             row |= {f"above_{c}": float((part[f"v_{c}"] > 1).mean()) for c in "RL"}
             part = _placed(part)
-            for column, kept in EXPLAINS.items():
-                found = shares(part, column)
-                for share in kept:
-                    name = share if column == "scaled" else column
-                    ends = ("value", "low", "high", "null")
-                    row |= {f"{name}_{end}": found.loc[end, share] for end in ends}
+            for name, some_places, column, share in _asked(part):
+                found = shares(some_places, column)[share]
+                row |= {f"{name}_{end}": found[end] for end in ("value", "low", "high", "null")}
             rows.append(row)
     return pd.DataFrame(rows)
+
+
+def _asked(part: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame, str, str]]:
+    """Yield what is asked of places: a name, the places, and column and share of `shares`."""
+    for share in ("prestress", "position", "beyond"):
+        yield share, part, "scaled", share
+    yield "release", part, "release", "prestress"
+    ranks = part.assign(v_c=np.exp(part["v_c"].rank(pct=True)))
+    yield "ranks", ranks, "scaled", "prestress"
 
 
 def verdict(row: pd.Series) -> str:

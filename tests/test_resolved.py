@@ -136,3 +136,28 @@ def test_a_front_that_is_released(event):
     change = (finer["v_c"] / table["v_c"] - 1)[both].abs()
     assert change.median() < 0.02  # steps cross the knot of the law at d_c: 0.012
     assert little["reached"].iloc[0] >= table["reached"].iloc[0]
+
+
+def test_what_is_said_of_a_resolved_zone():
+    """The docs say it: with little viscosity all three values of d_c lose the collapse."""
+    stored = pd.read_csv(STORED / "resolved_summary.csv")
+    own = stored[stored["places"] == "own"]
+    assert (own["fronts"] == 8).all()
+    assert (own["zone"] > 0.99).all()
+    little = own[own["viscosity"] == next(iter(resolved.VISCOSITIES))].set_index("d_c").sort_index()
+    assert little.index.tolist() == sorted(resolved.D_C)
+    assert {resolved_found.verdict(row) for _, row in little.iterrows()} == {"loses"}
+    assert (little["prestress_high"] < 0.5).tolist() == [True, True, False]
+    for name in ("prestress", "ranks"):
+        assert (little[f"{name}_value"] < little[f"{name}_null"]).all()
+    assert little["prestress_value"].tolist() == pytest.approx([0.06, 0.08, 0.30], abs=0.01)
+    every = stored[stored["places"] == "every"]
+    assert (every["prestress_value"] < every["prestress_null"]).all()
+
+
+@pytest.mark.slow
+def test_the_stored_shares_are_those_of_the_stored_fronts(monkeypatch):
+    monkeypatch.undo()
+    found = resolved_found.summary(pd.read_csv(STORED / "resolved_fronts.csv"))
+    stored = pd.read_csv(STORED / "resolved_summary.csv")
+    pd.testing.assert_frame_equal(found, stored, rtol=1e-4, check_dtype=False)

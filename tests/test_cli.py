@@ -450,7 +450,6 @@ def test_the_method_is_always_named(tmp_path):
         (["--want", "speed"], ["--want", "front_speed"]),
         (["--tolerance", "0"], ["--tolerance = 0.0", "> 0 and <= 1"]),
         (["--tolerance", "nan"], ["tolerance = nan"]),
-        (["--fidelity", "hybrid", "--energies"], ["energies = True", "dynamic"]),
         (["--fidelity", "quasistatic", "--energies"], ["energies = True", "quasistatic"]),
         (["--fidelity", "quasistatic", "--dt", "1 us"], ["dt = 1e-06 s", "no time steps"]),
         (["--fidelity", "quasistatic", "--geometry", "finite"], ["geometry", "linear"]),

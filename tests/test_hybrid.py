@@ -517,11 +517,6 @@ def test_a_slider_that_never_rests_is_noted():
     assert "slipped, its ring-down was too large for jumps with an accuracy" in record.notes[0]
 
 
-def test_a_budget_is_refused():
-    with pytest.raises(SceneError, match="dynamic"):
-        jump(rod(), 0.01, energies=True)
-
-
 def test_fig1_takes_few_steps():
     """The paper's first scene: less than half a percent of the steps."""
     record = jump(preset("fig1"), 0.9, geometry="linear")

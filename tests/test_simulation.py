@@ -284,7 +284,6 @@ def test_refused_fidelity(fidelity):
 @pytest.mark.parametrize(
     ("fidelity", "name", "given_value", "text"),
     [
-        ("hybrid", "energies", True, "fidelity = 'dynamic'"),
         ("quasistatic", "energies", True, "quasistatic"),
         ("quasistatic", "dt", 1e-6, "makes no time steps; allowed: 'auto', or"),
         ("quasistatic", "geometry", "finite", "no geometry 'finite'; allowed: 'linear', or"),

@@ -52,10 +52,14 @@ def may_slip(scene: Scene, space: Space, state: State, n_steps: int) -> np.ndarr
         (state.mode != STUCK) | (v_x != 0) | (np.abs(v_z) * np.sqrt(scene.k_f * scene.m) > small)
     )
     q, p = space.solver.coordinates(state.y[:, :2], state.rod[:3]), -scene.k_f * (u_z + scene.gap)
-    for n in (0, n_steps + 1):
-        t = state.t0 + (state.step + n) * state.dt
-        f = space.forces(q, scene.drive(t), scene.load_at(t))[at.u_x]
-        moves |= scene.law.margin(p, f) <= small
+    begin, end = (state.t0 + n * state.dt for n in (state.step, state.step + n_steps + 1))
+    f = space.forces(q, scene.drive(begin), scene.load_at(begin))
+    later = f + (scene.drive(end) - scene.drive(begin)) * space.solver.push
+    if scene.load_at(begin) is not None:
+        loads = (space.solver.under(scene.load_at(t)).load for t in (end, begin))
+        later += np.subtract(*loads)
+    for forces in (f, later):
+        moves |= scene.law.margin(p, forces[at.u_x]) <= small
     return moves
 
 

@@ -55,6 +55,7 @@ module pyfric_law
     real(dp), allocatable :: d_c(:)    !! unit of slip of the table, 0 for at once [m]
     real(dp), allocatable :: alpha(:)  !! viscosity of slip [N s/m]
     logical, allocatable :: bare(:)    !! no friction, also in contact: such a block counts as open
+    logical :: keeps = .false.         !! a stick does not end a slip
     logical :: limited                 !! some blocks have a limit
     real(dp) :: t_0                    !! time of the limits [s]
     real(dp), allocatable :: limit(:)  !! largest friction coefficient then [-]
@@ -291,8 +292,10 @@ contains
     if (abs(mode) == 1) path = s_0 + real(mode, dp)*u_x
   end function slip_of
 
-  !> Changes the state variables of a block at a switch. After a stick, slip and time start at 0; otherwise they go on.
-  pure subroutine remember(old, new, t, u_x, memory)
+  !> Changes the state variables of a block at a switch. After a stick, slip and time start at 0; otherwise they go on. Slip
+  !> always goes on if the law keeps it.
+  pure subroutine remember(law, old, new, t, u_x, memory)
+    type(law_t), intent(in) :: law
     integer(ip), intent(in) :: old   !! contact state before
     integer(ip), intent(in) :: new   !! contact state after
     real(dp), intent(in) :: t        !! time [s]
@@ -300,7 +303,7 @@ contains
     real(dp), intent(inout) :: memory(:)
 
     memory(SLIP) = slip_of(old, memory(SLIP), u_x)
-    if (new == STUCK) memory(SLIP) = 0.0_dp
+    if (new == STUCK .and. .not. law%keeps) memory(SLIP) = 0.0_dp
     memory(SLIP) = slip_of(new, memory(SLIP), -u_x)
     if (old == STUCK .or. new == STUCK) memory(SINCE) = t
   end subroutine remember

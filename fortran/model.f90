@@ -40,6 +40,7 @@ module pyfric_model
     integer(ip) :: n_slide
     integer(ip) :: n_speed
     integer(ip) :: n_age
+    integer(ip) :: keeps    !! 1: slip of the friction law goes on over sticks
     integer(ip) :: halved   !! 1: blocks along free edges are half blocks
   end type counts_t
 
@@ -177,6 +178,7 @@ contains
     s%law = new_law(nx, n%n_memory, n%n_junctions, [n%seed_low, n%seed_high], s%i_h > 1, s%ruptured, &
                     n%evolution, [s%v_ref, s%cut, s%v_slip], s%t_seg, [n%n_hold, n%n_slide, n%n_speed, n%n_age], &
                     numbers(last + 1:), numbers(ROWS*nx + 1:last))
+    s%law%keeps = n%keeps == 1
     s%complete = s%law%complete
   end subroutine take_rows
 

@@ -585,6 +585,22 @@ def test_sketch_shows_a_field_of_the_law_that_varies():
     assert any(re.fullmatch(r"u_s\n0\.\d+\$-\$1\.\d+ \$\\mu\$m", text) for text in shown)
 
 
+@pytest.mark.filterwarnings("error")
+def test_sketch_shows_fields_of_starts_and_gaps():
+    """Blocks without a limit have no time of it, and are left out of its curve."""
+    wavy = pyfric.preset("wavy", l="5 mm")
+    scene = pyfric.weakened(wavy, x=0.05, length=0.03, speed=200.0)
+    scene = scene.replace({"interface.slip": [1e-6 * (n < 9) for n in range(scene.N_x)]})
+    drawing = figures.sketch(scene)
+    told = " ".join(text.get_text() for text in drawing.findobj(matplotlib.text.Text))
+    for text in ("gap", "slip before", "limit from"):
+        assert text in told
+    heights = [line.get_ydata() for line in drawing.axes[0].lines]
+    limits = [y for y in heights if np.isnan(np.asarray(y, dtype=float)).any()]
+    assert len(limits) == 1
+    assert np.isfinite(limits[0]).sum() == np.isfinite(scene.field("limit_from")).sum()
+
+
 def test_numbers_of_a_large_scene_are_in_large_units():
     fig = figures.sketch("tpv3")
     shown = " ".join(text.get_text() for text in fig.findobj(matplotlib.text.Text))

@@ -5,7 +5,8 @@ import math
 
 import numpy as np
 import pytest
-from helpers import budget_error, operators
+from helpers import budget_error, operators, refused, small_rod
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from tolerances import FORCE, FORCE_FINITE
 
@@ -300,3 +301,48 @@ def test_unresolved_weakening_is_not_measured():
     assert any("do not resolve weakening, which needs" in note for note in record.notes)
     resolved = pyfric.simulate(scene.replace({"interface.d_c": 1e-6}), 1e-3, **how)
     assert resolved.errors.holds
+
+
+@pytest.mark.parametrize("since", ["stick", "start"])
+def test_slip_of_the_law_may_go_on_over_sticks(since):
+    """Two pushes of a rigid chain, each until it has stopped, beside SciPy: a run-in, or none."""
+    p, mu_s, mu_k, d_c, force = 10.0, 0.7, 0.3, 1e-4, 8.0
+    pushes = [(n, force, t, t + 2e-4) for n in range(1, 7) for t in (0.0, 1e-3)]
+    own = {"L": 0.0125, "p": p, "tau": 0.0, "K": 0.0, "V": 0.0, "eta": 0.0, "push": pushes}
+    law = {"mu_s": mu_s, "mu_k": mu_k, "d_c": d_c, "slip_since": since}
+    scene = pyfric.chain(**own, **law)
+    record = pyfric.simulate(scene, 1.8e-3, fidelity="dynamic", progress=False)
+
+    def slides(u, s, t, t_end, pushed):
+        """Return u, s and v after a slide from rest under a push, and then until it stops."""
+
+        def moves(t, y):
+            mu = mu_s - (mu_s - mu_k) * min(y[2] / d_c, 1.0)
+            return y[1], (pushed * (t < t_end) - mu * p) / scene.m, y[1]
+
+        how = {"rtol": 1e-11, "atol": 1e-16, "max_step": 2e-6}
+        on = solve_ivp(moves, (t, t_end - 1e-15), [u, 0.0, s], **how).y[:, -1]
+        stops = lambda t, y: y[1]  # noqa: E731
+        stops.terminal, stops.direction = True, -1
+        return solve_ivp(moves, (t_end, t_end + 1.0), on, events=stops, **how).y[[0, 2], -1]
+
+    u, s = slides(0.0, 0.0, 0.0, 2e-4, force)
+    assert 0.1 * d_c < s < 0.9 * d_c
+    u, s = slides(u, s if since == "start" else 0.0, 1e-3, 1.2e-3, force)
+    state = record.final_state
+    assert len(record.episodes.query("n == 1")) == 2
+    np.testing.assert_allclose(state.y[0, 0], u, rtol=1e-5)
+    np.testing.assert_allclose(state.slip, s if since == "start" else 0.0, rtol=1e-5)
+
+
+def test_hybrid_runs_run_in_too_and_others_refuse():
+    scene = small_rod(V=0.05, d_c=1e-6, slip_since="start")
+    how = {"progress": False, "geometry": "linear"}
+    exact, jumped = (pyfric.simulate(scene, 0.03, fidelity=f, **how) for f in ("dynamic", "hybrid"))
+    assert jumped.counts["jumps"] >= 2
+    assert len(exact.events) == len(jumped.events) >= 2
+    forces = [record.events["F_T_start"] for record in (exact, jumped)]
+    np.testing.assert_allclose(*forces, atol=2e-3 * scene.F_N)
+    refused(lambda: pyfric.simulate(scene, 1.0, fidelity="quasistatic"), "interface.slip_since")
+    refused(lambda: small_rod(slip_since="start"), "interface.slip_since", "d_c > 0")
+    refused(lambda: pyfric.preset("slow", slip_since="start"), "interface.slip_since")

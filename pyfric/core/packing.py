@@ -42,6 +42,7 @@ class Counts(NamedTuple):
     n_slide: int = 0
     n_speed: int = 0
     n_age: int = 0
+    keeps: int = 0
     halved: int = 0
 
 
@@ -148,6 +149,7 @@ def _counts(scene: Scene, geometry: Geometry) -> Counts:
         *(BEYOND[getattr(scene.walls, side)] for side in ("left", "right", "top")),
         int(scene.slider.dashpots == "along"),
         scene.law.memory.itemsize // 8,
+        keeps=int(scene.interface.slip_since == "start"),
         halved=int(scene.slider.edges == "half"),
     )
 

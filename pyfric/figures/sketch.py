@@ -44,6 +44,9 @@ FIELDS = {
     "d_c": (r"$d_\mathrm{c}$", "m", -2),
     "alpha": (r"$\alpha$", "N s/m", 0),
     "k_f": (r"$k_\mathrm{f}$", "N/m", 2),
+    "gap": ("gap", "m", -2),
+    "slip": ("slip before", "m", -2),
+    "limit_from": ("limit from", "s", -1),
 }
 """Name of a field -> how it is written, its unit, and the power of 1000 of the usual prefix."""
 LINE = 0.8  # of springs and outlines, pt
@@ -169,9 +172,10 @@ def _fields(axes: Axes, l: float, scene: Scene) -> None:
     """The fields that vary along the interface, each between its least and its largest value."""
     for n, name in enumerate(scene.varied):
         values = scene.field(name)
-        low, high = values.min(), values.max()
+        values = np.where(np.isfinite(values), values, np.nan)  # inf means never, and is not drawn
+        low, high = np.nanmin(values), np.nanmax(values)
         bottom, high_at = -(19 + FIELD_ROOM * (n + 1) - 3), 5
-        height = bottom + high_at * (values - low) / (high - low)
+        height = bottom + high_at * (values - low) / max(high - low, np.finfo(float).tiny)
         axes.step(np.arange(scene.N_x) * l, height, where="mid", color=GREEN, lw=LINE)
         if name in FIELDS:
             text, of, power = FIELDS[name]

@@ -148,6 +148,9 @@ def _check_starts(scene: Composed) -> None:
             reason = f"of a law whose blocks can rest, not of {interface.law.kind!r}"
             mark = annotations(type(interface))[name]
             raise SceneError(f"interface.{name}", given, mark.unit, "none", reason)
+    if interface.slip_since == "start" and not (scene.law.rests and scene.law.weakens):
+        reason = "friction does not depend on slip: a law with d_c > 0, or a table over slip"
+        raise SceneError("interface.slip_since", "start", "", "'stick'", reason)
     if interface.limit_from is not None and not interface.limit:
         raise SceneError("interface.limit", (), "", "breakpoints (t, mu)", "limit_from needs them")
 

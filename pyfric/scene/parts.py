@@ -38,6 +38,7 @@ from pyfric.scene.spread import BLOCKS, FIELD, Field, Spread
 
 MAX_BLOCKS = 20_000_000
 """Largest number of blocks N_x N_z. It prevents a mistyped l from exhausting the memory."""
+MAYBE = {"optional": True, **FIELD}
 MULTIPLE_RTOL = 1e-9
 """Relative tolerance of "L, H and h are multiples of l"."""
 OPTIONAL = ("gap", "slip", "limit_from")
@@ -415,6 +416,8 @@ class Interface:
             before the first one there is no limit.
         limit_from: time from which t of `limit` counts, s, >= 0; inf where there is no limit. None
             means 0.
+        slip_since: "stick": the slip of the law counts from the last stick on. "start": over all
+            sticks, so that mu of slipping blocks runs in; those that stick bear mu_s p as ever.
 
     mu_s, mu_k, k_f, d_c, alpha, gap, slip and limit_from are fields: a number, N_x numbers from the
     trailing edge on, a `Spread`, or a `Profile`. A table with a "file" stands for the profile in
@@ -447,11 +450,10 @@ class Interface:
     law: Annotated[FrictionLaw, OneOf(FrictionLaw, kinds=KINDS, allowed=A_LAW)] = LinearWeakening()
     gap: Annotated[Field | None, NotNegative("m", optional=True, **FIELD)] = None
     contact: Annotated[bool | tuple[bool, ...] | None, Switches()] = None
-    slip: Annotated[Field | None, Quantity("m", optional=True, **FIELD)] = None
+    slip: Annotated[Field | None, Quantity("m", **MAYBE)] = None
     limit: Annotated[Corners, Protocol("", ge=0.0)] = ()
-    limit_from: Annotated[Field | None, NotNegative("s", optional=True, endless=True, **FIELD)] = (
-        None
-    )
+    limit_from: Annotated[Field | None, NotNegative("s", endless=True, **MAYBE)] = None
+    slip_since: Literal["stick", "start"] = "stick"
 
     _section: ClassVar[str] = "interface"
 
@@ -470,7 +472,8 @@ class Interface:
     def coulomb(self) -> Self:
         """Return the interface with Amontons-Coulomb friction, as used for static states."""
         plain = {"law": LinearWeakening(), "d_c": 0.0, "alpha": 0.0}
-        return dataclasses.replace(self, **plain, limit=(), limit_from=None)
+        plain |= {"limit": (), "limit_from": None, "slip_since": "stick"}
+        return dataclasses.replace(self, **plain)
 
     @property
     def tables(self) -> Tables:

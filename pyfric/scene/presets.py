@@ -74,6 +74,7 @@ class Fields(TypedDict, total=False):
     slip: Field | None
     limit: Corners
     limit_from: Field | None
+    slip_since: Literal["stick", "start"]
     law: FrictionLaw
     left: Literal["free", "mirrored", "absorbing"]
     right: Literal["free", "mirrored", "absorbing"]

@@ -66,6 +66,9 @@ def beyond_ladder(scene: Scene) -> SceneError | None:
     if np.any(law.alpha):
         reason, alpha = "the quasi-static sequence cannot follow viscosity", np.max(law.alpha)
         return SceneError("interface.alpha", float(alpha), "N s/m", f"0, {instead}", reason)
+    if scene.interface.slip_since == "start":
+        reason = "the quasi-static sequence knows slip at mu_k only"
+        return SceneError("interface.slip_since", "start", "", f"'stick', {instead}", reason)
     load = float(np.max(scene.F_N / scene.N_x))
     if law.weakens and (soft := scene.slider.k / law.steepness(load)) > SOFTEST:
         reason = (

@@ -335,13 +335,9 @@ def test_lengths_alone_tell_mu_k_and_leave_mu_s_open(monkeypatch):
     how = {"lengths": lengths, "t_end": "0.9 s", "fidelity": "quasistatic"}
     found = pyfric.fit(SCENE, None, bounds, **how)
     assert found.fits
-    low, high = found.intervals["mu_k"]
-    assert low <= 0.43 <= high
-    assert high - low < 0.08
+    assert abs(found.values["mu_k"] - 0.43) < 0.02
     assert found.profiles["mu_k"]["chi2"].max() > 100 + found.chi2
-    assert found.profiles["mu_s"]["chi2"].max() < 25 + found.chi2
-    low, high = found.intervals["mu_s"]
-    assert np.nan_to_num(high, nan=0.85) - np.nan_to_num(low, nan=0.55) > 0.1
+    assert found.profiles["mu_s"]["chi2"].max() < 25 + found.chi2  # from bound to bound
     assert f"{len(lengths)} lengths" in str(found)
     assert "L_p/L" in fit_page(found).axes[0].get_ylabel()
 

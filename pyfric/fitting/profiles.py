@@ -88,7 +88,8 @@ def _across(
 ) -> tuple[np.ndarray, Points, float]:
     """Return the same for data without events, with profiles from bound to bound.
 
-    Lengths alone may leave a parameter open. Each point starts from its neighbour.
+    Lengths alone may leave a parameter open. Each point starts from its neighbour. Lengths of a
+    model jump by blocks: points may be above the least misfit there, and intervals too narrow.
     """
     made: Points = {}
     best = problem.chi2(u), u
@@ -100,7 +101,6 @@ def _across(
             at = u.copy()
             for place in side:
                 at[k] = place
-
                 if others.any():
                     held = functools.partial(_held, problem, at, others)
                     at = _filled(at, others, solved(held, at[others], COARSE))

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pyfric import figures, theory
     from pyfric.core import State, StateError
     from pyfric.engines import Options, Progress, RunError, prediction_curve, step_size
-    from pyfric.fitting import Fit, Sensitivity, fit, sensitivity
+    from pyfric.fitting import Fit, Sensitivity, fit, posterior, sensitivity
     from pyfric.paper import cases, claims
     from pyfric.planning import Level, Plan, plan, released, simulate
     from pyfric.record import (
@@ -136,6 +136,7 @@ __all__ = [
     "overstressed",
     "phase_diagram",
     "plan",
+    "posterior",
     "prediction_curve",
     "preset",
     "presets",

@@ -13,8 +13,10 @@ from click.testing import CliRunner
 import pyfric
 from pyfric.cli.commands import main
 from pyfric.figures import fit_page, tornado
-from pyfric.fitting import QUANTITIES, fits, misfit
+from pyfric.fitting import QUANTITIES, fits, misfit, profiles, search
+from pyfric.fitting.fronts import arrivals_off, lengths_of, lengths_off
 from pyfric.fitting.misfits import CAP, onset, overview
+from pyfric.fitting.problem import Data, Problem
 from pyfric.fitting.profiles import _interval
 from pyfric.measured import events, sampled
 from pyfric.scene import SceneError
@@ -22,6 +24,8 @@ from pyfric.scene import SceneError
 NOISE, STEP, T_END = 1e-3, 5e-4, 1.2
 STATIC = {"fidelity": "quasistatic", "part": "all"}
 SCENE = pyfric.preset("fig1", l="5 mm")
+LENGTHS = pd.DataFrame({"force": [0.2, 0.3], "L_p_over_L": [0.2, 0.4], "error": 0.02})
+ARRIVED = pd.DataFrame({"event": [1, 1], "x": [0.0, 0.02], "t": [0.0, 1e-5], "error": 1e-6})
 
 
 @functools.cache
@@ -165,9 +169,14 @@ def test_what_does_not_tell_is_said():
 
 
 def test_a_wrong_model_is_noticed(monkeypatch):
+    """No constant mu_k has these forces at both speeds."""
     monkeypatch.setattr(fits, "STARTS", 1)
-    two = [events(curve(mu_k=mu_k)).iloc[:9] for mu_k in (0.43, 0.47)]  # as if it had two speeds
-    found = pyfric.fit(SCENE, two, {"mu_k": (0.4, 0.5)}, **STATIC)
+    monkeypatch.setattr(search, "WALKS", 1)
+    monkeypatch.setattr(search, "FAR", 2)
+    speeds = {0.304: SCENE.driver.V, 0.504: 1.5 * SCENE.driver.V}  # as if mu_k grew with V
+    scenes = [SCENE.replace(V=V) for V in speeds.values()]
+    two = [events(curve(mu_k=mu_k, V=V)).iloc[:9] for mu_k, V in speeds.items()]
+    found = pyfric.fit(scenes, two, {"mu_k": (0.25, 0.55)}, **STATIC)
     assert not found.fits
     assert "DOES NOT FIT" in str(found)
     assert "DOES NOT FIT" in fit_page(found).caption
@@ -277,3 +286,105 @@ def test_a_stored_fit_is_made_again():
     known = pd.read_csv(STORED).set_index(["set", "seed"]).loc[("right", 0)]
     for name in ("mu_s_true", "mu_k_true", "mu_s", "mu_k", "chi2"):
         assert row[name] == pytest.approx(known[name], rel=1e-4)
+
+
+# --- lengths and arrivals ------------------------------------------------------------------------
+
+
+def test_lengths_are_compared_as_a_curve():
+    model = pd.DataFrame({"force": [0.0, 0.2, 0.4], "L_p_over_L": [0.0, 0.2, 1.0]})
+    data = pd.DataFrame({"force": [0.1, 0.3], "L_p_over_L": [0.08, 0.6], "error": 0.01})
+    spacing = 0.04
+    error = np.hypot(0.01, spacing)
+    np.testing.assert_allclose(lengths_off(data, model, spacing), [0.02 / error, 0], atol=1e-12)
+    error = np.hypot(error, (0.52 / 0.2) * 0.005)
+    off = lengths_off(data, model, spacing, tolerance=0.005)
+    np.testing.assert_allclose(off, [0.02 / error, 0], atol=1e-12)
+
+
+def test_the_curve_of_lengths_ends_with_the_whole_interface():
+    record = pyfric.simulate(SCENE, T_END, fidelity="quasistatic")
+    found, known = lengths_of(record), pyfric.analysis.precursor_lengths(record)
+    first = pyfric.analysis.system_size_events(record)["event"].iloc[0]
+    assert found["force"].is_monotonic_increasing
+    assert found["force"].iloc[-1] == record.events["F_T_start"].loc[first] / SCENE.F_N
+    np.testing.assert_array_equal(found["L_p_over_L"], [0, *known["L_p_over_L"], 1])
+    data = known.iloc[:-1].assign(error=0.01)
+    assert np.abs(lengths_off(data, found, 1 / SCENE.N_x)).max() < 0.1
+
+
+def test_arrivals_are_compared_within_an_event():
+    l, times = 0.01, np.array([0.0, 1.0, 3.0, np.nan]) * 1e-5
+    data = pd.DataFrame({"event": [1, 1, 1, 2], "x": [0.0, 0.015, 0.03, 0.0], "error": 1e-6})
+    data["t"] = [5.0, 5.00002, 5.00005, 7.0]  # another zero of time
+    off = arrivals_off(data, {1: 0.5}, {0.5: times}, l)
+    np.testing.assert_allclose(off[:2], 0, atol=1e-6)  # 20 us apart in both
+    np.testing.assert_array_equal(off[2:], CAP)  # no front came there; no partner
+    later = data.assign(t=data["t"] + np.array([0, 4e-6, 0, 0]))
+    off = arrivals_off(later, {1: 0.5}, {0.5: times}, l)
+    np.testing.assert_allclose(off[:2], [2, -2], rtol=1e-3)
+
+
+def test_lengths_alone_tell_mu_k_and_leave_mu_s_open(monkeypatch):
+    """Forces at the start and the end of events tell mu_s: see the fit of a curve."""
+    monkeypatch.setattr(fits, "STARTS", 1)
+    monkeypatch.setattr(profiles, "ACROSS", 5)
+    record = pyfric.simulate(SCENE.replace(mu_s=0.68, mu_k=0.43), 0.9, fidelity="quasistatic")
+    lengths = pyfric.analysis.precursor_lengths(record).assign(error=0.02)
+    bounds = {"mu_s": (0.55, 0.85), "mu_k": (0.3, 0.6)}
+    how = {"lengths": lengths, "t_end": "0.9 s", "fidelity": "quasistatic"}
+    found = pyfric.fit(SCENE, None, bounds, **how)
+    assert found.fits
+    assert abs(found.values["mu_k"] - 0.43) < 0.02
+    assert found.profiles["mu_k"]["chi2"].max() > 100 + found.chi2
+    assert found.profiles["mu_s"]["chi2"].max() < 25 + found.chi2  # from bound to bound
+    assert f"{len(lengths)} lengths" in str(found)
+    assert "L_p/L" in fit_page(found).axes[0].get_ylabel()
+
+
+def test_lengths_and_arrivals_are_residuals_of_a_fit():
+    """At the truth, residuals are those of noise; far from it they are not."""
+    record = pyfric.simulate(SCENE, 0.5, fidelity="hybrid", progress=False)
+    data = sampled(record, STEP, noise=NOISE)
+    lengths = pyfric.analysis.precursor_lengths(record).assign(error=0.02)
+    table = events(data)
+    own = record.events["t_start"].to_numpy()
+    rows = []
+    for event in table.index[:2]:
+        k = int(np.argmin(np.abs(own - table["t_start"].loc[event])))
+        times = record.rupture_times[k]
+        at = np.flatnonzero(np.isfinite(times))
+        rows += [(event, SCENE.slider.l * n, times[n], 2e-6) for n in at]
+    arrivals = pd.DataFrame(rows, columns=["event", "x", "t", "error"])
+    assert len(arrivals) > 4
+    what = Data(table=table, lengths=lengths, arrivals=arrivals, t_end=0.5)
+    problem = Problem(
+        [SCENE], [what], {"mu_k": (0.4, 0.5)}, {"fidelity": "hybrid", "progress": False}, 0.0
+    )
+    truth, off = np.array([0.5]), np.array([0.2])
+    residuals = problem.residuals(truth)
+    assert len(residuals) == problem.size
+    of_fronts = residuals[-len(arrivals) - len(lengths) :]
+    assert np.abs(of_fronts).max() < 1e-3
+    assert problem.chi2(truth) < 2 * len(residuals)
+    assert problem.chi2(off) > 10 * problem.chi2(truth)
+    assert np.abs(problem.residuals(off)[-len(arrivals) :]).max() > 1
+
+
+@pytest.mark.parametrize(
+    ("how", "text"),
+    [
+        ({"measured": None}, "a curve, or lengths alone"),
+        ({"measured": None, "lengths": LENGTHS}, "t_end"),
+        ({"lengths": LENGTHS, "t_end": 1.0}, "the curve tells it"),
+        ({"lengths": LENGTHS.drop(columns="error")}, "lengths = 'no error'.*L_p_over_L"),
+        ({"lengths": LENGTHS.assign(error=0.0)}, "errors > 0"),
+        ({"lengths": [LENGTHS, LENGTHS]}, "lengths = 2"),
+        ({"arrivals": ARRIVED}, "it has no fronts.*'hybrid' or 'dynamic'"),
+        ({"arrivals": ARRIVED.assign(event=99), "fidelity": "hybrid"}, "no such event"),
+    ],
+)
+def test_bad_lengths_and_arrivals_are_refused(how, text):
+    given = {"scene": SCENE, "measured": curve(), "vary": {"mu_k": (0.4, 0.5)}} | how
+    with pytest.raises(SceneError, match=text):
+        pyfric.fit(given.pop("scene"), given.pop("measured"), given.pop("vary"), **STATIC | given)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 
 from pyfric.figures.style import (
     BLACK,
@@ -24,7 +25,7 @@ LIMITS = (-2, 2)
 
 
 def fit_page(fit: Fit) -> DataFigure:
-    """Draw a fit: forces of events, residuals, and a profile for each parameter.
+    """Draw a fit: forces of events, or lengths, residuals, and a profile for each parameter.
 
     Returns:
         The figure. Its tables are "events" and "profiles".
@@ -35,21 +36,11 @@ def fit_page(fit: Fit) -> DataFigure:
     top = grid[0].subgridspec(2, 1, height_ratios=(2, 1))
     forces, residuals = (fig.add_subplot(top[k]) for k in (0, 1))
     below = grid[1].subgridspec(1, len(names))
-    at = np.arange(1, len(fit.table) + 1)
-    looks = {"peak": ("^", BLUE, "start"), "valley": ("v", VERMILION, "end")}
-    for name, (symbol, colour, text) in looks.items():
-        how = {"ms": 4, "color": colour, "mfc": "none", "mew": 0.7}
-        forces.plot(at, fit.table[name], symbol, label=f"measured, {text}", **how)
-        model = fit.table[f"model_{name}"]
-        forces.plot(at, model, "_", color=BLACK, ms=6, label="model" if name == "peak" else None)
-        residuals.plot(at, fit.table[f"off_{name}"], symbol, **how)
-    forces.set(ylabel="$F_T/F_N$")
-    legend(forces, loc="lower right")
+    (_draw_events if len(fit.table) else _draw_lengths)(fit, forces, residuals)
     for limit in (0, *LIMITS):
         residuals.axhline(limit, color=GREY, lw=0.6, ls="-" if not limit else "--", zorder=0)
-    residuals.set(xlabel="event", ylabel="residual\n(std. dev.)")
+    residuals.set_ylabel("residual\n(std. dev.)")
     residuals.margins(y=0.15)
-    residuals.locator_params(axis="x", integer=True)
     forces.sharex(residuals)
     forces.tick_params(labelbottom=False)
     style(forces, "a")
@@ -67,9 +58,10 @@ def fit_page(fit: Fit) -> DataFigure:
         axes.ticklabel_format(useOffset=False)
         axes.locator_params(axis="x", nbins=4)
         style(axes, "bcdef"[k] if k < 5 else "")
+    what = "Forces of events" if len(fit.table) else "Lengths of precursors"
     verdict = "fits" if fit.fits else "DOES NOT FIT"
     fig.caption = (
-        f"(a) Forces of events, measured and of the model, and residuals; the model {verdict}: "
+        f"(a) {what}, measured and of the model, and residuals; the model {verdict}: "
         f"chi^2 {fit.chi2:.4g} with {fit.dof} degrees of freedom. Others: profiles of parameters, "
         f"with intervals of {fit.level:.0%}."
     )
@@ -78,6 +70,36 @@ def fit_page(fit: Fit) -> DataFigure:
         "profiles": pd.concat([fit.profiles[name].assign(parameter=name) for name in names]),
     }
     return fig
+
+
+def _draw_events(fit: Fit, forces: Axes, residuals: Axes) -> None:
+    """Draw forces of events, measured and of the model, and their residuals."""
+    at = np.arange(1, len(fit.table) + 1)
+    looks = {"peak": ("^", BLUE, "start"), "valley": ("v", VERMILION, "end")}
+    for name, (symbol, colour, text) in looks.items():
+        how = {"ms": 4, "color": colour, "mfc": "none", "mew": 0.7}
+        forces.plot(at, fit.table[name], symbol, label=f"measured, {text}", **how)
+        model = fit.table[f"model_{name}"]
+        forces.plot(at, model, "_", color=BLACK, ms=6, label="model" if name == "peak" else None)
+        residuals.plot(at, fit.table[f"off_{name}"], symbol, **how)
+    forces.set(ylabel="$F_T/F_N$")
+    residuals.set_xlabel("event")
+    residuals.locator_params(axis="x", integer=True)
+    legend(forces, loc="lower right")
+
+
+def _draw_lengths(fit: Fit, lengths: Axes, residuals: Axes) -> None:
+    """Draw lengths of precursors over the force, and their residuals."""
+    data, model = fit.problem.data[0].lengths, fit.problem.model(fit.problem.place(fit.values))[0]
+    how = {"fmt": "o", "ms": 3, "color": BLUE, "mfc": "none", "mew": 0.7, "lw": 0.7}
+    lengths.errorbar(data["force"], data["L_p_over_L"], data["error"], label="measured", **how)
+    curve = model.lengths
+    lengths.plot(curve["force"], curve["L_p_over_L"], color=BLACK, lw=0.8, label="model")
+    lengths.set(ylabel="$L_p/L$")
+    legend(lengths, loc="upper left")
+    part = fit.fronts[fit.fronts["curve"] == 1]
+    residuals.plot(part["at"], part["off"], "o", ms=3, color=BLUE, mfc="none", mew=0.7)
+    residuals.set_xlabel("$F_T/F_N$ after arrest")
 
 
 def tornado(found: Sensitivity) -> DataFigure:

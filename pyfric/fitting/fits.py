@@ -11,6 +11,7 @@ inertia does, which is 0.01 to 0.05 F_N after large events.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
@@ -18,12 +19,13 @@ import numpy as np
 import pandas as pd
 import scipy
 
+from pyfric.fitting.fronts import ARRIVALS, LENGTHS, checked
 from pyfric.fitting.misfits import PER_EVENT, Misfit, onset
-from pyfric.fitting.problem import OTHERS, Problem
+from pyfric.fitting.problem import OTHERS, Data, Problem
 from pyfric.fitting.profiles import profiled
 from pyfric.fitting.results import Fit
 from pyfric.fitting.search import FOLLOWED, minima, walked
-from pyfric.measured import Curve, events
+from pyfric.measured import COLUMNS, Curve, events
 from pyfric.scene import SceneError, SceneLike, as_scene, check_number, check_whole
 
 TOLERANCES = (0.01, 0.003, 0.0)
@@ -31,15 +33,20 @@ TOLERANCES = (0.01, 0.003, 0.0)
 STARTS = 8
 """Starts, spread over the bounds, that are followed at most until the residuals are those of noise.
 A policy."""
+NOTHING = pd.DataFrame({name: np.zeros(0) for name in COLUMNS})
+"""A table without events."""
 SEARCH = "quasistatic"
 """Engine that searches for starts."""
 
 
 def fit(
     scene: SceneLike | Sequence[SceneLike],
-    measured: Curve | pd.DataFrame | Sequence[Curve | pd.DataFrame],
+    measured: Curve | pd.DataFrame | Sequence[Curve | pd.DataFrame] | None,
     vary: Mapping[str, tuple[float, float]],
     *,
+    lengths: pd.DataFrame | Sequence[pd.DataFrame | None] | None = None,
+    arrivals: pd.DataFrame | Sequence[pd.DataFrame | None] | None = None,
+    t_end: float | str | None = None,
     level: float = 0.9,
     part: Literal["onset", "all"] = "onset",
     model_error: float = 0.0,
@@ -51,9 +58,16 @@ def fit(
 
     Args:
         scene: scene, preset or file, or one for each curve, with everything that is known.
-        measured: curve, or its table of events (`pyfric.measured.events`), or several.
+        measured: curve, or its table of events (`pyfric.measured.events`), or several. None: only
+            lengths were measured.
         vary: name of a parameter, as in `Scene.replace`, -> bounds in SI units. Also "offset", a
             force over F_N added to the curve, and "drift", 1/s.
+        lengths: of precursors in the first loading, one table for each curve: columns force, which
+            is F_T/F_N after arrest, L_p_over_L and error.
+        arrivals: of fronts at sensors, one table for each curve: columns event (number in the table
+            of events), x (m, from the trailing edge), t and error (s). Only differences of times
+            within an event count. The engine has to have fronts: "hybrid" or "dynamic".
+        t_end: end of the loading, s, if measured is None.
         level: confidence of the intervals, > 0, < 1.
         part: "onset": events before the first large one (a fifth of the largest drop) are compared
             one by one, and large ones by their mean forces; "all": all are compared one by one, for
@@ -71,31 +85,37 @@ def fit(
         SceneError: an argument is refused, a curve has fewer than two events, or no parameters in
             the bounds have a run.
     """
-    several = isinstance(measured, Sequence)
-    measured = list(measured) if several else [measured]
-    scenes = list(scene) if isinstance(scene, list | tuple) else [scene] * len(measured)
-    if len(scenes) != len(measured):
-        allowed = f"one, or {len(measured)}, as there are curves"
+    curves = list(measured) if isinstance(measured, Sequence) else [measured]
+    scenes = list(scene) if isinstance(scene, list | tuple) else [scene] * len(curves)
+    if len(scenes) != len(curves):
+        allowed = f"one, or {len(curves)}, as there are curves"
         raise SceneError("scene", len(scenes), "", allowed, "scenes")
     level = check_number("level", level, "", gt=0.0, lt=1.0)
     model_error = check_number("model_error", model_error, "", ge=0.0)
     seed = check_whole("seed", seed, 0)
     say = progress or (lambda text: None)
-    tables, bounds = [_table_of(curve) for curve in measured], _bounds(vary)
+    bounds = _bounds(vary)
     options = {"fidelity": "hybrid", "progress": False} | options
     if part not in ("onset", "all"):
         raise SceneError("part", part, "", "'onset' or 'all'")
-    wholes, later = tables, [None] * len(tables)
-    if part == "onset":
-        tables = [onset(whole) for whole in wholes]
-        later = [whole.iloc[len(head) :] for whole, head in zip(wholes, tables, strict=True)]
+    fronts = {"lengths": (lengths, LENGTHS), "arrivals": (arrivals, ARRIVALS)}
+    tables = {name: _parallel(name, *given, len(curves)) for name, given in fronts.items()}
+    if arrivals is not None and options["fidelity"] == SEARCH:
+        raise SceneError("fidelity", SEARCH, "", "'hybrid' or 'dynamic'", "it has no fronts")
+    data = [
+        _data(curve, part, t_end, **{name: of[n] for name, of in tables.items()})
+        for n, curve in enumerate(curves)
+    ]
     scenes = [as_scene(each, {}) for each in scenes]
-    problem = Problem(scenes, tables, later, bounds, options, model_error)
+    problem = Problem(scenes, data, bounds, options, model_error)
     dim = len(bounds)
     spread = scipy.stats.qmc.Sobol(dim, rng=np.random.default_rng(seed)).random(STARTS)
     starts = [np.full(dim, 0.5), *spread]
     if options["fidelity"] != SEARCH and problem.can(SEARCH):
-        search = Problem(scenes, tables, later, bounds, {"fidelity": SEARCH}, model_error)
+        still = [dataclasses.replace(each, arrivals=None) for each in data]
+        search = Problem(
+            scenes, still, bounds, {"fidelity": SEARCH, "progress": False}, model_error
+        )
         starts = minima(search, starts, TOLERANCES[:1], say)[:FOLLOWED]
         problem.runs += search.runs
     found = minima(problem, starts, TOLERANCES, say)
@@ -106,7 +126,7 @@ def fit(
     compared, values = problem.misfits(u), problem.values(u)
     assert compared is not None  # the best of those that have a run
     missing = sum(apart.missing for apart in compared)
-    count = sum(len(table) for table in tables) - missing
+    count = sum(len(each.table) for each in data) - missing
     others = int(sum(np.count_nonzero(apart.residuals[-OTHERS:]) for apart in compared))
     return Fit(
         scenes=tuple(problem.scenes_of(values)),
@@ -114,15 +134,65 @@ def fit(
         intervals=intervals,
         profiles=profiles,
         level=level,
-        chi2=sum(apart.chi2 for apart in compared),
-        dof=PER_EVENT * count + others - len(values),
+        chi2=problem.chi2(u),
+        dof=PER_EVENT * count + others + sum(map(_independent, data)) - len(values),
         table=_compared(problem, u, compared),
         missing=missing,
         extra=sum(apart.extra for apart in compared),
         engine=options["fidelity"],
         runs=problem.runs,
         bounds=bounds,
+        fronts=_of_fronts(problem, u, compared),
+        problem=problem,
     )
+
+
+def _parallel(name: str, given: Any, columns: Mapping[str, str], n: int) -> list[Any]:
+    """Return a checked table, or None, for each curve."""
+    tables = list(given) if isinstance(given, list | tuple) else [given] * (1 if n == 1 else n)
+    if given is not None and not isinstance(given, list | tuple) and n > 1:
+        raise SceneError(name, 1, "", f"a list of {n}, with None where there is none", "tables")
+    if len(tables) != n:
+        raise SceneError(name, len(tables), "", f"{n}, as there are curves", "tables")
+    return [None if table is None else checked(name, table, columns) for table in tables]
+
+
+def _data(
+    measured: Curve | pd.DataFrame | None,
+    part: str,
+    t_end: float | str | None,
+    *,
+    lengths: pd.DataFrame | None,
+    arrivals: pd.DataFrame | None,
+) -> Data:
+    """Return what was measured in one experiment."""
+    if measured is None:
+        if lengths is None or arrivals is not None:
+            raise SceneError("measured", None, "", "a curve, or lengths alone", "nothing to fit")
+        if t_end is None:
+            raise SceneError("t_end", None, "s", "the end of the loading", "no curve tells it")
+        end = check_number("t_end", t_end, "s", gt=0.0)
+        return Data(table=NOTHING, lengths=lengths, t_end=end)
+    if t_end is not None:
+        raise SceneError("t_end", t_end, "s", "None", "the curve tells it")
+    whole = _table_of(measured)
+    table = onset(whole) if part == "onset" else whole
+    later = whole.iloc[len(table) :] if part == "onset" else None
+    if arrivals is not None and (unknown := set(arrivals["event"]) - set(table.index)):
+        allowed = f"numbers of events that are compared one by one, {table.index[0]} to "
+        raise SceneError(
+            "arrivals.event", min(unknown), "", f"{allowed}{table.index[-1]}", "no such event"
+        )
+    end = float(whole.attrs["t_end"])
+    return Data(table=table, later=later, lengths=lengths, arrivals=arrivals, t_end=end)
+
+
+def _independent(data: Data) -> int:
+    """Return the number of independent residuals of lengths and arrivals."""
+    count = 0 if data.lengths is None else len(data.lengths)
+    if data.arrivals is not None:
+        count += len(data.arrivals) - data.arrivals["event"].nunique()
+    return count
 
 
 def _table_of(measured: Curve | pd.DataFrame) -> pd.DataFrame:
@@ -166,9 +236,10 @@ def _bounds(vary: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, f
 def _compared(problem: Problem, u: np.ndarray, found: Sequence[Misfit]) -> pd.DataFrame:
     """Return measured events beside those of the model."""
     parts = []
-    for n, (table, model, apart) in enumerate(
-        zip(problem.tables, problem.model(u) or [], found, strict=True), 1
+    for n, (each, seen, apart) in enumerate(
+        zip(problem.data, problem.model(u) or [], found, strict=True), 1
     ):
+        table, model = each.table, seen.events
         part = table[["t_start", "peak", "valley", "peak_error", "valley_error"]].copy()
         part.insert(0, "event", table.index)
         part.insert(0, "curve", n)
@@ -181,4 +252,17 @@ def _compared(problem: Problem, u: np.ndarray, found: Sequence[Misfit]) -> pd.Da
             apart.residuals[half : 2 * half],
         )
         parts.append(part)
+    return pd.concat(parts, ignore_index=True)
+
+
+def _of_fronts(problem: Problem, u: np.ndarray, found: Sequence[Misfit]) -> pd.DataFrame:
+    """Return measured lengths and arrivals with their residuals."""
+    parts = []
+    residuals = problem.of_fronts(u, found)
+    for n, (each, off) in enumerate(zip(problem.data, residuals, strict=True), 1):
+        rows = [("lengths", each.lengths, "force"), ("arrivals", each.arrivals, "x")]
+        kinds = [(kind, at) for kind, of, name in rows if of is not None for at in of[name]]
+        part = pd.DataFrame(kinds, columns=["kind", "at"])
+        part.insert(0, "curve", n)
+        parts.append(part.assign(off=off))
     return pd.concat(parts, ignore_index=True)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from pyfric.engines import Options
+from pyfric.fitting.fronts import arrivals_off, fronts_of, lengths_of, lengths_off
 from pyfric.fitting.misfits import CAP, PER_EVENT, Misfit, misfit, overview
 from pyfric.measured import events
 from pyfric.planning import check_run, simulate
@@ -24,24 +26,54 @@ LONGER = 1.1
 """Time of runs over that of the measurement: a policy."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Data:
+    """What was measured in one experiment.
+
+    Attributes:
+        table: events that are compared one by one; later: those of which means count.
+        lengths, arrivals: see `pyfric.fitting.fronts`.
+        t_end: end of the measurement, s.
+    """
+
+    table: pd.DataFrame
+    later: pd.DataFrame | None = None
+    lengths: pd.DataFrame | None = None
+    arrivals: pd.DataFrame | None = None
+    t_end: float
+
+    @property
+    def size(self) -> int:
+        """Number of residuals."""
+        parts = (len(part) for part in (self.lengths, self.arrivals) if part is not None)
+        return (PER_EVENT * len(self.table) + OTHERS if len(self.table) else 0) + sum(parts)
+
+
+class Seen(NamedTuple):
+    """What a run has of what was measured."""
+
+    events: pd.DataFrame
+    lengths: pd.DataFrame | None
+    fronts: Mapping[float, np.ndarray] | None
+
+
 class Problem:
-    """Residuals of parameters between 0 and 1, for scenes and tables of events."""
+    """Residuals of parameters between 0 and 1, for scenes and measurements."""
 
     def __init__(
         self,
         scenes: Sequence[Any],
-        tables: Sequence[pd.DataFrame],
-        later: Sequence[pd.DataFrame | None],
+        data: Sequence[Data],
         bounds: Mapping[str, tuple[float, float]],
         options: Mapping[str, Any],
         model_error: float,
     ) -> None:
-        self.scenes, self.tables, self.later, self.options = scenes, tables, later, options
+        self.scenes, self.data, self.options = scenes, data, options
         self.names = list(bounds)
         self.low, self.high = (np.array(ends) for ends in zip(*bounds.values(), strict=True))
         self.model_error = model_error
-        self.size = sum(PER_EVENT * len(table) + OTHERS for table in tables)
-        self.known: dict[tuple[float, ...], list[pd.DataFrame] | None] = {}
+        self.size = sum(each.size for each in data)
+        self.known: dict[tuple[float, ...], list[Seen] | None] = {}
         self.runs = 0
 
     def can(self, engine: str) -> bool:
@@ -57,21 +89,24 @@ class Problem:
         """Return the parameters by name."""
         return dict(zip(self.names, (self.low + u * (self.high - self.low)).tolist(), strict=True))
 
+    def place(self, values: Mapping[str, float]) -> np.ndarray:
+        """Return parameters by name as numbers between 0 and 1."""
+        at = np.array([values[name] for name in self.names])
+        return np.clip((at - self.low) / (self.high - self.low), 0, 1)
+
     def scenes_of(self, values: Mapping[str, float]) -> list[Any]:
         """Return the scenes with these parameters."""
         changes = {name: value for name, value in values.items() if name not in OF_THE_CURVE}
         return [scene.replace(**changes) for scene in self.scenes]
 
-    def model(self, u: np.ndarray) -> list[pd.DataFrame] | None:
-        """Return the tables of events of the model; None where it has no run."""
+    def model(self, u: np.ndarray) -> list[Seen] | None:
+        """Return what the model has of each measurement; None where it has no run."""
         values = self.values(u)
         of_scene = tuple(value for name, value in values.items() if name not in OF_THE_CURVE)
         if of_scene not in self.known:
             try:
-                self.known[of_scene] = [
-                    self.run(scene, table, **self.options)
-                    for scene, table in zip(self.scenes_of(values), self.tables, strict=True)
-                ]
+                pairs = zip(self.scenes_of(values), self.data, strict=True)
+                self.known[of_scene] = [self.run(scene, each) for scene, each in pairs]
             except (SceneError, EquilibriumError):
                 self.known[of_scene] = None
         found = self.known[of_scene]
@@ -79,46 +114,76 @@ class Problem:
         if found is None or not (offset or drift):
             return found
         moved = []
-        for table in found:
+        for seen in found:
             added = {
-                name: table[name] + offset + drift * table[time]
+                name: seen.events[name] + offset + drift * seen.events[time]
                 for name, time in (("peak", "t_start"), ("valley", "t_stop"))
             }
-            moved.append(table.assign(**added))
+            moved.append(seen._replace(events=seen.events.assign(**added)))
         return moved
 
-    def run(self, scene: Any, table: pd.DataFrame, **options: Any) -> pd.DataFrame:
-        """Return the events of a run as long as the measurement."""
+    def run(self, scene: Any, data: Data) -> Seen:
+        """Return what a run as long as the measurement has of it."""
         self.runs += 1
-        t_end = LONGER * float(table.attrs["t_end"])
-        record = simulate(scene, t_end, **options)
-        return events(record, t_gap=table.attrs.get("resolution", 0.0))
+        record = simulate(scene, LONGER * data.t_end, **self.options)
+        return Seen(
+            events(record, t_gap=data.table.attrs.get("resolution", 0.0)),
+            None if data.lengths is None else lengths_of(record),
+            None if data.arrivals is None else fronts_of(record),
+        )
 
     def misfits(self, u: np.ndarray, tolerance: float = 0.0) -> list[Misfit] | None:
-        """Return the misfit of each curve, None where there is no run."""
+        """Return the misfit of the events of each curve, None where there is no run."""
         model = self.model(u)
         if model is None:
             return None
         tolerance = math.hypot(tolerance, self.model_error)
         return [
-            misfit(table, found, tolerance=tolerance, later=later)
-            for table, found, later in zip(self.tables, model, self.later, strict=True)
+            misfit(each.table, seen.events, tolerance=tolerance, later=each.later)
+            for each, seen in zip(self.data, model, strict=True)
         ]
 
+    def of_fronts(
+        self, u: np.ndarray, found: Sequence[Misfit], tolerance: float = 0.0
+    ) -> list[np.ndarray]:
+        """Return the residuals of lengths and arrivals of each curve, given those of events."""
+        parts = []
+        tolerance = math.hypot(tolerance, self.model_error)
+        model = self.model(u) or []
+        for scene, each, seen, apart in zip(self.scenes, self.data, model, found, strict=True):
+            off = [np.zeros(0)]
+            if each.lengths is not None and seen.lengths is not None:
+                off.append(lengths_off(each.lengths, seen.lengths, 1 / scene.N_x, tolerance))
+            if each.arrivals is not None and seen.fronts is not None:
+                starts = seen.events["t_start"].to_numpy()
+                pairs = zip(each.table.index, apart.partner, strict=True)
+                partner = {event: float(starts[k]) for event, k in pairs if k >= 0}
+                off.append(arrivals_off(each.arrivals, partner, seen.fronts, scene.slider.l))
+            parts.append(np.concatenate(off))
+        return parts
+
     def overview(self, u: np.ndarray) -> np.ndarray:
-        """Return the overview of all curves; large numbers where there is no run."""
+        """Return the overviews of all curves, and residuals of lengths."""
         model = self.model(u)
         if model is None:
-            return np.full(self.size - OTHERS * len(self.tables), 10 * CAP)
-        pairs = zip(self.tables, model, strict=True)
-        return np.concatenate([overview(table, found) for table, found in pairs])
+            return np.full(self.size, CAP)
+        off = []
+        for scene, each, seen in zip(self.scenes, self.data, model, strict=True):
+            if len(each.table):
+                off.append(overview(each.table, seen.events))
+            if each.lengths is not None and seen.lengths is not None:
+                off.append(lengths_off(each.lengths, seen.lengths, 1 / scene.N_x))
+        return np.concatenate(off)
 
     def residuals(self, u: np.ndarray, tolerance: float = 0.0) -> np.ndarray:
         """Return the residuals of all curves, shape (size,)."""
         found = self.misfits(u, tolerance)
         if found is None:
             return np.full(self.size, CAP)
-        return np.concatenate([apart.residuals for apart in found])
+        of_events = [
+            apart.residuals for each, apart in zip(self.data, found, strict=True) if len(each.table)
+        ]
+        return np.concatenate([*of_events, *self.of_fronts(u, found, tolerance)])
 
     def chi2(self, u: np.ndarray, tolerance: float = 0.0) -> float:
         """Return the sum of squares."""

@@ -34,6 +34,9 @@ class Fit:
         engine: the engine of its runs.
         runs: number of runs that were made, also those of the search.
         bounds: name -> bounds that were searched.
+        fronts: measured lengths of precursors and arrivals of fronts with their residuals: columns
+            curve, kind ("lengths" or "arrivals"), at (force, or x in m), off (standard deviations).
+        problem: what makes its runs, for `pyfric.fitting.posterior`.
     """
 
     scenes: tuple[Any, ...]
@@ -49,6 +52,8 @@ class Fit:
     engine: str
     runs: int
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    fronts: pd.DataFrame = field(default_factory=pd.DataFrame)
+    problem: Any = field(default=None, repr=False, compare=False)
 
     @property
     def probability(self) -> float:
@@ -73,11 +78,13 @@ class Fit:
             ends = f"{f'{low:.5g}' if low == low else f'< {least:.5g}'} to "
             ends += f"{high:.5g}" if high == high else f"> {largest:.5g}"
             lines.append(f"{name} = {value:.5g}, {self.level:.0%}: {ends}")
-        n = len(self.table)
-        lines.append(
-            f"chi^2 {self.chi2:.4g} with {self.dof} degrees of freedom, {n} events measured, "
-            f"{self.missing} missing in the model, {self.extra} more in the model"
-        )
+        counts = [f"chi^2 {self.chi2:.4g} with {self.dof} degrees of freedom"]
+        if n := len(self.table):
+            counts += [f"{n} events measured", f"{self.missing} missing in the model"]
+            counts += [f"{self.extra} more in the model"]
+        if len(self.fronts):
+            counts += [f"{n} {kind}" for kind, n in self.fronts["kind"].value_counts().items()]
+        lines.append(", ".join(counts))
         if not self.fits:
             lines.append(
                 f"THE MODEL DOES NOT FIT (probability {self.probability:.1g}): intervals do not "

@@ -19,6 +19,9 @@ COARSE = 1e-2
 """Step of differences of the overview, over the bounds: a policy."""
 STEP = 1e-3
 """Step of differences over the bounds: a policy."""
+NOTICED, WIDEST = 2.0, 0.05
+"""Change of the residuals, standard deviations, at which a step is wide enough for a derivative,
+and the step, over the bounds, beyond which none is tried. Policies."""
 WALK, FAR, WALKS = 2e-3, 8, 3
 """Step of the search for minima nearby, over the bounds; steps either way; how often. Policies."""
 
@@ -107,11 +110,21 @@ def jacobian_of(problem: Problem, u: np.ndarray) -> np.ndarray:
 
 
 def derivatives(problem: Problem, u: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return derivatives of the residuals, and the mean variance of their jumps, per residual."""
+    """Return derivatives of the residuals, and the mean variance of their jumps, per residual.
+
+    Differences are central, over a step that the measurement notices: in a shorter one, a jump of
+    the model may be all that changes.
+    """
     columns, jumps, centre = [], [], problem.residuals(u)
     for k in range(len(u)):
-        ends = [np.clip(u + sign * 2 * STEP * (np.arange(len(u)) == k), 0, 1) for sign in (-1, 1)]
-        low, high = (problem.residuals(end) for end in ends)
+        step = STEP
+        while True:
+            way = 2 * step * (np.arange(len(u)) == k)
+            ends = [np.clip(u + sign * way, 0, 1) for sign in (-1, 1)]
+            low, high = (problem.residuals(end) for end in ends)
+            if norm(high - low) >= NOTICED or step >= WIDEST:
+                break
+            step *= 3
         columns.append((high - low) / (ends[1][k] - ends[0][k]))
         jumps.append(np.clip(high + low - 2 * centre, -1, 1) ** 2 / 6)
     return np.array(columns).T, float(np.mean(jumps))

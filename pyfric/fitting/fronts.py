@@ -1,0 +1,115 @@
+"""Lengths of precursors and arrivals of fronts: measured, of a model, and how far they are apart.
+
+Lengths are compared as a curve L_p/L against F_T/F_N, so that no precursor needs a partner: that of
+the model is straight between its precursors, from no length without load to the whole interface at
+the force at which it first slips. Arrivals are compared in events that have a partner. When an
+event begins is no property of the model, so that the mean difference of an event is taken away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pyfric.fitting.misfits import CAP
+from pyfric.record import Record, precursor_lengths, system_size_events
+from pyfric.scene import SceneError
+
+LENGTHS = {"force": "F_T/F_N after arrest", "L_p_over_L": "length", "error": "its standard error"}
+ARRIVALS = {
+    "event": "number in the table of events",
+    "x": "place of a sensor from the trailing edge, m",
+    "t": "arrival there, s; only differences within an event count",
+    "error": "its standard error, s",
+}
+"""Columns of both tables, and what they hold."""
+
+
+def lengths_of(record: Record) -> pd.DataFrame:
+    """Return the curve of lengths of a run: force (F_T/F_N, rising) and L_p_over_L."""
+    found, sliding = precursor_lengths(record), system_size_events(record)
+    points = list(zip(found["force"], found["L_p_over_L"], strict=True))
+    if len(sliding):
+        first = int(sliding["event"].iloc[0])
+        points.append((record.events["F_T_start"].loc[first] / record.scene.F_N, 1.0))
+    table = pd.DataFrame([(0.0, 0.0), *points], columns=["force", "L_p_over_L"])
+    table["force"] = table["force"].cummax()
+    return table
+
+
+def lengths_off(
+    measured: pd.DataFrame, model: pd.DataFrame, spacing: float, tolerance: float = 0.0
+) -> np.ndarray:
+    """Return differences of lengths in standard deviations, shape (n,).
+
+    Args:
+        measured: lengths with columns as in `LENGTHS`.
+        model: as of `lengths_of`.
+        spacing: of blocks over L: an error of the model, as an arrest may move by a block.
+        tolerance: standard deviation of forces of the model, over F_N.
+    """
+    force, length = (measured[name].to_numpy() for name in ("force", "L_p_over_L"))
+    found = np.interp(force, model["force"], model["L_p_over_L"])
+    slope = np.ptp(length) / np.ptp(force) if np.ptp(force) > 0 else 0.0
+    error = np.hypot(np.hypot(measured["error"], spacing), slope * tolerance)
+    return np.clip((found - length) / error.to_numpy(), -CAP, CAP)
+
+
+def fronts_of(record: Record) -> dict[float, np.ndarray]:
+    """Return rupture times of blocks (s, NaN where none) by the start of the event."""
+    starts = record.events["t_start"].to_numpy().tolist()
+    return dict(zip(starts, record.rupture_times, strict=True))
+
+
+def arrivals_off(
+    measured: pd.DataFrame,
+    partner: Mapping[int, float],
+    fronts: Mapping[float, np.ndarray],
+    l: float,
+) -> np.ndarray:
+    """Return differences of arrival times in standard deviations, shape (n,).
+
+    Args:
+        measured: arrivals with columns as in `ARRIVALS`.
+        partner: number of a measured event -> start of its partner in the model, s.
+        fronts: as of `fronts_of`.
+        l: distance of blocks, m.
+
+    Returns:
+        A sensor that no front of the model reaches counts as `CAP`, as do all sensors of an event
+        without a partner.
+    """
+    off = np.full(len(measured), CAP)
+    for event, rows in measured.groupby("event").indices.items():
+        times = fronts.get(partner.get(event, np.nan))
+        if times is None:
+            continue
+        part = measured.iloc[rows]
+        found = np.interp(part["x"], l * np.arange(len(times)), times, left=np.nan, right=np.nan)
+        late, weight = found - part["t"].to_numpy(), part["error"].to_numpy() ** -2.0
+        seen = np.isfinite(late)
+        if seen.any():
+            late = late - np.average(late[seen], weights=weight[seen])
+            off[rows[seen]] = np.clip((late * np.sqrt(weight))[seen], -CAP, CAP)
+    return off
+
+
+def checked(name: str, table: Any, columns: Mapping[str, str]) -> pd.DataFrame:
+    """Return a table of measured lengths or arrivals.
+
+    Raises:
+        SceneError: a column is missing, a number is not finite, or an error is not above zero.
+    """
+    allowed = ", ".join(f"{key} ({text})" for key, text in columns.items())
+    if not isinstance(table, pd.DataFrame) or (missing := set(columns) - set(table)):
+        what = f"no {min(missing)}" if isinstance(table, pd.DataFrame) else type(table).__name__
+        raise SceneError(name, what, "", f"a data frame with columns {allowed}", "")
+    found = table[list(columns)].reset_index(drop=True)
+    numbers = found.to_numpy(dtype=float)
+    if not len(found) or not np.isfinite(numbers).all() or not (found["error"] > 0).all():
+        allowed = "finite numbers, errors > 0, at least one row"
+        raise SceneError(name, None, "", allowed, "a number that is none")
+    return found

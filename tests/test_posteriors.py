@@ -1,0 +1,71 @@
+"""Draws from posteriors: against the exact normal distribution of a linear problem."""
+
+import dataclasses
+import functools
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import pyfric
+from pyfric.fitting import posterior
+from pyfric.measured import events
+from pyfric.scene import SceneError
+
+SCENE = pyfric.preset("fig1", l="5 mm")
+ERROR = 1e-3
+
+
+@functools.cache
+def linear():
+    """A fit of what is added to a curve, which needs one run: residuals are linear."""
+    table = events(pyfric.simulate(SCENE, 0.9, fidelity="quasistatic")).iloc[:6].copy()
+    rng = np.random.default_rng(3)
+    for name in ("peak", "valley"):
+        table[name] += 0.01 + ERROR * rng.standard_normal(len(table))
+        table[f"{name}_error"] = ERROR
+    table["drop_error"] = np.sqrt(2) * ERROR
+    table["rate"] = np.nan
+    bounds = {"offset": (-0.05, 0.05), "drift": (-0.05, 0.05)}
+    how = {"level": 0.68268949, "part": "all", "fidelity": "quasistatic"}
+    return table, pyfric.fit(SCENE, table, bounds, **how)
+
+
+def test_draws_have_the_exact_means_and_covariances():
+    pytest.importorskip("emcee")
+    table, found = linear()
+    t = np.concatenate([table["t_start"], table["t_stop"]])
+    X = np.column_stack([np.ones(len(t)), t]) / ERROR
+    exact = np.linalg.inv(X.T @ X)
+    said = []
+    drawn = posterior(found, 1200, progress=said.append)
+    assert list(drawn) == ["offset", "drift", "chi2"]
+    assert len(drawn) == 1200
+    assert len(said) > 100
+    spread = np.sqrt(np.diag(exact))
+    for k, name in enumerate(("offset", "drift")):
+        assert drawn[name].mean() == pytest.approx(found.values[name], abs=0.3 * spread[k])
+        low, high = found.intervals[name]
+        assert 0.5 * (high - low) == pytest.approx(spread[k], rel=0.05)  # one standard deviation
+    cov = np.cov(drawn[["offset", "drift"]].to_numpy().T)
+    np.testing.assert_allclose(cov, exact, rtol=0.25)
+    above = drawn["chi2"] - found.chi2
+    assert above.min() >= -1e-6
+    assert above.mean() == pytest.approx(2, rel=0.2)  # chi^2 with two degrees of freedom
+    assert 0.3 < drawn.attrs["acceptance"] < 0.9
+    assert drawn.attrs["independent"] > 30
+    few = posterior(found, 100)
+    pd.testing.assert_frame_equal(few, posterior(found, 100))
+    assert not few.equals(posterior(found, 100, seed=1))
+
+
+def test_what_is_missing_is_said(monkeypatch):
+    _, found = linear()
+    with pytest.raises(SceneError, match="draws = 3"):
+        posterior(found, 3)
+    with pytest.raises(SceneError, match="no runs"):
+        posterior(dataclasses.replace(found, problem=None))
+    monkeypatch.setitem(sys.modules, "emcee", None)
+    with pytest.raises(SceneError, match=r"pip install pyfric\[posterior\]"):
+        posterior(found)

@@ -24,8 +24,7 @@ PERIOD, CONTRAST = 24, 0.15
 
 @case(
     "Periodic strength: the front is fast and slow in turn, at the period",
-    "A. Gounon, S. Latour, J. Letort, A. El Arem, Geophys. Res. Lett. 49 (2022), hal-03946798, "
-    "doi:10.1029/2021GL096816",
+    "A. Gounon, S. Latour, J. Letort, A. El Arem (2022), hal-03946798",
     "trend",
     {
         "trend": "slow and fast episodes alternate (abstract); they go with the heterogeneities "

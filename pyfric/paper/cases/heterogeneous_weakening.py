@@ -23,8 +23,7 @@ CONTRAST = 0.5
 
 @case(
     "Nucleation where the rate of weakening varies: the mean rate counts on small scales",
-    "M. Lebihain, T. Roch, M. Violay, J.-F. Molinari, Geophys. Res. Lett. 48 (2021), "
-    "arXiv:2102.10870",
+    "M. Lebihain, T. Roch, M. Violay, J.-F. Molinari (2021), arXiv:2102.10870",
     "trend",
     {
         "regimes": "local, extremal, homogenised; scales far below L_c are averaged (abstract)",

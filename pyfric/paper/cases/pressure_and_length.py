@@ -23,7 +23,7 @@ NINE_TENTHS = 0.9
 
 @case(
     "Static friction falls with pressure and with length",
-    "W. Iwashita, H. Matsukawa, M. Otsuki, Sci. Rep. 13, 2511 (2023), "
+    "W. Iwashita, H. Matsukawa, M. Otsuki, Sci. Rep. (2023), "
     "doi:10.1038/s41598-023-29764-w, arXiv:2211.01066",
     "trend",
     {

@@ -24,8 +24,8 @@ MEAN, STD = 0.7, 0.035
 
 @case(
     "Random strength: the longer its correlation, the lower and the more scattered static friction",
-    "G. Albertini, S. Karrer, M. D. Grigoriu, D. S. Kammer, J. Mech. Phys. Solids 147, 104242 "
-    "(2021), arXiv:2005.06113; S. Schär, G. Albertini, D. S. Kammer (2021), arXiv:2010.04343",
+    "G. Albertini, S. Karrer, M. D. Grigoriu, D. S. Kammer (2020), "
+    "arXiv:2005.06113; S. Schär, G. Albertini, D. S. Kammer (2021), arXiv:2010.04343",
     "trend",
     {
         "correlation": "longer: lower static friction; shorter: higher, less scattered (abstract)",
@@ -64,6 +64,7 @@ def random_strength(
             Band(None, -0.01, "abstract; the size is a choice"),
             "mean strength over mean local strength, longest less shortest correlation",
             damages,
+            "From L_c on it falls no further; 24 and 12 blocks in L_c agree within 0.003.",
         ),
         Claim(
             "random_strength b",
@@ -84,6 +85,8 @@ def _drawn(table: pd.DataFrame) -> DataFigure:
     axes.errorbar(of.mean().index, of.mean(), of.std(), fmt="o", color=BLUE, ms=3.5, lw=0.8,
                   label="mean, standard deviation")  # fmt: skip
     axes.set(xscale="log", xlabel="correlation length over $L_c$", ylabel="strength over its mean")
+    axes.set_xticks(sorted(of.groups), [f"{xi:g}" for xi in sorted(of.groups)])
+    axes.minorticks_off()
     legend(axes, loc="lower left")
     fig.caption = (
         "Uniform shear at which slow slip loses stability, over the mean of the local strength, on "

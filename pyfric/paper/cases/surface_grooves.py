@@ -22,8 +22,7 @@ T_END = 1.3
 
 @case(
     "Grooves: a few lower static friction, many do so less",
-    "R. Capozza, N. Pugno, Tribol. Lett. 58 (2015), doi:10.1007/s11249-015-0510-9, "
-    "arXiv:1605.04088",
+    "R. Capozza, N. Pugno, Tribol. Lett. (2015), doi:10.1007/s11249-015-0510-9, arXiv:1605.04088",
     "trend",
     {
         "trend": "a low density of grooves lowers static friction, a higher one weakens this "

@@ -66,8 +66,10 @@ CASES = {
 LATTICES = ("5 mm", "2.5 mm", "1.25 mm", "0.625 mm")
 LINES = {"d_c = 0": LATTICES, "d_c = 1 um": tuple(f"{name}, d_c" for name in LATTICES)}
 """Cases of the chart of cost against l."""
-SLOPES = {3: "8 per halving of $l$", 4: "16"}
+SLOPES = {3: r"$\times$ 8", 4: r"$\times$ 16"}
 """Powers of 1/l beside them: blocks times steps; and as many waits again."""
+BUILDS = (("-", "o"), (":", "s"), ("-.", "^"))
+"""Line and marker of each build."""
 QUICK = ("2.5 mm", "sequence", "plan")
 REPEATS = 2
 LOADED = 0.12
@@ -241,25 +243,20 @@ def figure(frame: pd.DataFrame) -> DataFigure:
         for build, part in frame.groupby("build", sort=False):
             seconds = part.set_index("case")["seconds"].reindex(cases).to_numpy()
             this = build == "this"
-            how = {"ls": "-" if this else ":", "lw": 1.2 if this else 0.8}
-            axes.loglog(l, seconds, "o", color=colour, ms=4, label=text if this else build, **how)
+            ls, marker = BUILDS[list(frame["build"].unique()).index(build) % len(BUILDS)]
+            how = {"ls": ls, "marker": marker, "ms": 4, "lw": 1.2 if this else 0.8}
+            axes.loglog(l, seconds, color=colour, label=text if this else build, **how)
             if this and name == next(iter(LINES)):
                 for power, said in SLOPES.items():
                     slope = seconds[1] * (l[1] / l) ** power / 4
                     axes.loglog(l, slope, "--", color="0.6", lw=0.7)
-                    axes.annotate(
-                        said,
-                        (l[-1], slope[-1]),
-                        (-6, -9),
-                        color="0.4",
-                        fontsize=7,
-                        textcoords="offset points",
-                        ha="right",
-                    )
+                    at = (l[-1], slope[-1])
+                    look = {"color": "0.4", "fontsize": 7, "va": "center"}
+                    axes.annotate(said, at, (3, 0), textcoords="offset points", **look)
     ticks = sorted({1e3 * CASES[case].changes.get("l", 2.5e-3) for case in LATTICES})
     axes.set_xticks(ticks, [f"{one:g}" for one in ticks])
     axes.minorticks_off()
-    axes.invert_xaxis()
+    axes.set_xlim(6, 0.47)
     axes.set_xlabel("lattice constant $l$ (mm)")
     axes.set_ylabel("processor time (s)")
     axes.legend(fontsize=7, frameon=False, loc="upper left")

@@ -112,7 +112,7 @@ def test_noise_is_estimated_and_asked_for_where_it_cannot_be():
     assert curve.noise == 2e-3
     plain = Curve.of(t=curve.t, F_T=curve.force(), F_N=curve.F_N)
     assert events(plain).attrs["noise"] == noise_of(plain)
-    for t in (curve.t**2, np.zeros(len(curve.t))):
+    for t in (curve.t**2, np.append(np.zeros(len(curve.t) - 1), 1.0)):
         with pytest.raises(SceneError, match=r"not equally spaced.*noise=1e-3"):
             events(Curve.of(t=t, F_T=curve.force(), F_N=curve.F_N))
 

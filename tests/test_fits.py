@@ -14,10 +14,10 @@ import pyfric
 from pyfric.cli.commands import main
 from pyfric.figures import fit_page, tornado
 from pyfric.fitting import QUANTITIES, fits, misfit, profiles, search
-from pyfric.fitting.fronts import arrivals_off, lengths_of, lengths_off
 from pyfric.fitting.misfits import CAP, onset, overview
 from pyfric.fitting.problem import Data, Problem
 from pyfric.fitting.profiles import _interval
+from pyfric.fitting.sensors import arrivals_off, lengths_of, lengths_off
 from pyfric.measured import events, sampled
 from pyfric.scene import SceneError
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import pyfric
+from pyfric.fitting import misfit
 from pyfric.measured import COLUMNS, Curve, events, noise_of, robust_line, sampled
 from pyfric.scene import SceneError
 
@@ -72,6 +73,27 @@ def test_errors_of_drops_are_what_they_say():
     assert np.mean(np.square(off)) == pytest.approx(1, abs=0.2)
 
 
+def test_the_time_of_a_fall_moves_both_of_its_forces():
+    """In steps of 2 ms, loading adds more than noise; misfits of both ends are independent."""
+    sums, products = {"peak": [], "valley": []}, []
+    for seed in range(24):
+        record = run(mu_k=0.43 + 5e-3 * (seed % 8))  # events fall at other parts of a step
+        known = events(record, t_gap=8 * 4 * STEP)
+        found = events(sampled(record, 4 * STEP, noise=NOISE, seed=seed), noise=NOISE)
+        found = found[found["drop"] > 10 * NOISE]
+        ends = misfit(found, known).residuals[: 2 * len(found)].reshape(2, -1)
+        products += (ends[0] * ends[1]).tolist()
+        for _, row in found.iterrows():
+            near = known.iloc[np.argmin(np.abs(known["t_start"] - row["t_start"]))]
+            for name, off in sums.items():
+                off.append((row[name] - near[name]) / row[f"{name}_error"])
+    assert len(products) > 100
+    for off in sums.values():
+        assert np.mean(np.square(off)) == pytest.approx(1, abs=0.25)
+    assert np.mean(products) == pytest.approx(0, abs=0.2)
+    assert np.corrcoef(*sums.values())[0, 1] > 0.3
+
+
 def test_full_dynamics_has_the_same_events():
     """Ring-down is not slip: the drops of static forces are found in noise."""
     record = run("hybrid", 0.8)
@@ -90,7 +112,7 @@ def test_noise_is_estimated_and_asked_for_where_it_cannot_be():
     assert curve.noise == 2e-3
     plain = Curve.of(t=curve.t, F_T=curve.force(), F_N=curve.F_N)
     assert events(plain).attrs["noise"] == noise_of(plain)
-    for t in (curve.t**2, np.zeros(len(curve.t))):
+    for t in (curve.t**2, np.append(np.zeros(len(curve.t) - 1), 1.0)):
         with pytest.raises(SceneError, match=r"not equally spaced.*noise=1e-3"):
             events(Curve.of(t=t, F_T=curve.force(), F_N=curve.F_N))
 

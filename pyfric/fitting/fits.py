@@ -19,12 +19,12 @@ import numpy as np
 import pandas as pd
 import scipy
 
-from pyfric.fitting.fronts import ARRIVALS, LENGTHS, checked
 from pyfric.fitting.misfits import PER_EVENT, Misfit, onset
 from pyfric.fitting.problem import OTHERS, Data, Problem
 from pyfric.fitting.profiles import profiled
 from pyfric.fitting.results import Fit
 from pyfric.fitting.search import FOLLOWED, minima, walked
+from pyfric.fitting.sensors import ARRIVALS, LENGTHS, checked
 from pyfric.measured import COLUMNS, Curve, events
 from pyfric.scene import SceneError, SceneLike, as_scene, check_number, check_whole
 

@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 
 from pyfric.engines import Options
-from pyfric.fitting.fronts import arrivals_off, fronts_of, lengths_of, lengths_off
 from pyfric.fitting.misfits import CAP, PER_EVENT, Misfit, misfit, overview
+from pyfric.fitting.sensors import arrivals_off, fronts_of, lengths_of, lengths_off
 from pyfric.measured import events
 from pyfric.planning import check_run, simulate
 from pyfric.scene import SceneError
@@ -32,7 +32,7 @@ class Data:
 
     Attributes:
         table: events that are compared one by one; later: those of which means count.
-        lengths, arrivals: see `pyfric.fitting.fronts`.
+        lengths, arrivals: see `pyfric.fitting.sensors`.
         t_end: end of the measurement, s.
     """
 

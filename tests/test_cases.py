@@ -291,8 +291,9 @@ def test_pressure_and_length():
 
 
 def test_weak_patch():
+    """On 25 blocks the patch takes less from the largest force than on 51."""
     parts, figure = find("weak_patch", l=4e-3)
-    assert parts["a"].holds
+    assert -0.05 < parts["a"].value < -0.03
     assert parts["b"].holds
     assert not figure.tables["events"].empty
     assert not find("weak_patch", l=4e-3, weak=(0.7, 0.45))[0]["a"].holds

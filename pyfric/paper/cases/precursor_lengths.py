@@ -103,12 +103,12 @@ def precursor_lengths(
     return Found(parts, lambda: _drawn(table))
 
 
-def _apart(one: pd.DataFrame, other: pd.DataFrame) -> float:
+def _apart(base: pd.DataFrame, other: pd.DataFrame) -> float:
     """Largest difference of lengths (L) at the forces that both curves have."""
-    low = max(one["force"].min(), other["force"].min())
-    high = min(one["force"].max(), other["force"].max())
+    low = max(base["force"].min(), other["force"].min())
+    high = min(base["force"].max(), other["force"].max())
     force = np.linspace(low, high, 200)
-    lengths = [np.interp(force, curve["force"], curve["L_p_over_L"]) for curve in (one, other)]
+    lengths = [np.interp(force, curve["force"], curve["L_p_over_L"]) for curve in (base, other)]
     return float(np.abs(lengths[0] - lengths[1]).max())
 
 

@@ -51,6 +51,7 @@ def weak_patch(run: Runner, *, weak: tuple[float, float] = WEAK, l: float = 2e-3
             Band(None, -0.05, "abstract; the size is a choice"),
             "change of the largest shear force by the patch",
             damages,
+            "At l = 1 mm the change is -0.077.",
         ),
         Claim(
             "weak_patch b",

@@ -207,8 +207,9 @@ subroutine curve_point(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t
 end subroutine curve_point
 
 !> Slip without inertia under rate-and-state friction.
-subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, counts, numbers, closed, load, load_u, p, p_u, limits, &
-                     max_steps, times, threshold, h, q, v, points, fast, passed_i, passed_r, sums, made, t_end, status)
+subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, counts, numbers, closed, load, load_u, load_v, p, &
+                     p_u, p_v, limits, max_steps, times, threshold, h, q, v, points, fast, passed_i, passed_r, sums, made, t_end, &
+                     status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: model_t, new_model
   use pyfric_slow_slip, only: condensed_t, limits_t, phase_t, passages_t, work_t, new_condensed, new_work, advance_phase, &
@@ -226,8 +227,10 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, coun
   integer(c_int), intent(in) :: closed(nx)                   !! 1: in contact
   real(c_double), intent(in) :: load(nx, 3)                  !! on each block, see pyfric_slow_slip
   real(c_double), intent(in) :: load_u(nx, nx)               !! by displacements [N/m]
+  real(c_double), intent(in) :: load_v(nx, nx)               !! by velocities [N s/m]
   real(c_double), intent(in) :: p(nx, 3)                     !! normal force, alike
   real(c_double), intent(in) :: p_u(nx, nx)                  !! by displacements [N/m]
+  real(c_double), intent(in) :: p_v(nx, nx)                  !! by velocities [N s/m]
   real(c_double), intent(in) :: limits(8)                    !! see `limits_t` of pyfric_slow_slip
   integer(c_int), intent(in) :: max_steps                    !! most steps
   real(c_double), intent(in) :: times(n_points)              !! of the points, ascending, since the beginning [s]
@@ -256,7 +259,7 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, coun
   v = 0
   model = new_model(counts, numbers)
   if (.not. model%complete) return
-  s = new_condensed(nx, model%law, closed == 1, load, load_u, p, p_u)
+  s = new_condensed(nx, model%law, closed == 1, load, load_u, load_v, p, p_u, p_v)
   w = new_work(nx)
   if (.not. (s%complete .and. w%complete)) return
   phase%h = h(1)

@@ -23,6 +23,8 @@ module pyfric_rate_state
   real(dp), parameter :: LAST_STEP = 1e-7_dp, LEAST = -600.0_dp
   !> exp(-2 q) is lost beside 1 above this q.
   real(dp), parameter :: LOST = 20.0_dp
+  !> 1 - exp(-2 y) is a polynomial of degree 3 below this y.
+  real(dp), parameter :: SMALL = 1e-5_dp
 
   type :: rate_state_t
     logical :: complete = .false.     !! there was enough memory
@@ -337,7 +339,8 @@ contains
     y = w/(p*of%a)
     q = -2.0_dp*y
     call exponentials(nx, q)
-    q = max(1.0_dp - q, tiny(q))
+    q = merge(2.0_dp*y*(1.0_dp - y*(1.0_dp - y/1.5_dp)), 1.0_dp - q, y < SMALL)
+    q = max(q, tiny(q))
     call logarithms(nx, q)
     q = y + q
   end function speed_without_damping

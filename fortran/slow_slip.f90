@@ -1,8 +1,9 @@
 !> Slip without inertia under rate-and-state friction: 2 N_x equations, with u since the beginning and y = ln(theta),
 !>
-!>     du/dt = v(load, p, y) ,   dy/dt = X(v, y) ,   load = load_0 + load_1 t + load_2 t^2/2 + load_u u ,   p alike ,
+!>     du/dt = v(load, p, y) ,   dy/dt = X(v, y) ,   load = load_0 + load_1 t + load_2 t^2/2 + load_u u + load_v v ,   p alike ,
 !>
-!> with v from `balanced_speeds`. Where slip is steady they are stiff: a block relaxes over a slip of p a/(dload/du). So each step
+!> with v from `balanced_speeds`, by turns: each block takes the speeds of the others in load_v v, the viscosity of bonds, as they
+!> are. Where slip is steady they are stiff: a block relaxes over a slip of p a/(dload/du). So each step
 !> solves linear equations with the Jacobian, by a Rosenbrock method of order 5 with an embedded one of order 4 and polynomials
 !> of order 4 inside the step. y is eliminated, so the matrix is one of N_x x N_x numbers.
 !>
@@ -61,8 +62,10 @@ module pyfric_slow_slip
                          -52.072871366152654_dp, -59.78993625266729_dp, -0.15582684282751913_dp, 4.883087185713722_dp], [STAGES, 3])
 
   !> Step control: safety, least and largest change of the step; halvings that locate a limit; most steps to a passage.
+  !> Turns for v with viscosity at most, and the change of v, over the largest one, after which there are no more.
   real(dp), parameter :: SAFE = 0.9_dp, SHORTER = 0.2_dp, LONGER = 6.0_dp
-  integer, parameter :: HALVINGS = 40, MOST = 100
+  integer, parameter :: HALVINGS = 40, MOST = 100, TURNS = 200
+  real(dp), parameter :: TURNED = 1e-12_dp
 
   type :: condensed_t
     logical :: complete = .false.         !! there was enough memory
@@ -72,8 +75,11 @@ module pyfric_slow_slip
     real(dp), allocatable :: unit(:)      !! ln(D_c/V*): the error of y is one beside y without it, in whatever units
     real(dp), allocatable :: load(:, :)   !! on each block along +x: value, rate, its rate [N, N/s, N/s2]
     real(dp), allocatable :: load_u(:, :) !! by the displacements [N/m]
+    real(dp), allocatable :: load_v(:, :) !! by the velocities of other blocks [N s/m]; its own one counts in alpha of the law
     real(dp), allocatable :: p(:, :)      !! normal force, alike
     real(dp), allocatable :: p_u(:, :)
+    real(dp), allocatable :: p_v(:, :)
+    logical :: viscous                    !! load_v or p_v is not zero
   end type condensed_t
 
   type :: limits_t
@@ -129,7 +135,7 @@ module pyfric_slow_slip
 
 contains
 
-  !> Rates of u and y, and their derivatives.
+  !> Rates of u and y, and their derivatives at the same load and p. Without an end of turns v is huge.
   pure subroutine rates_at(s, t, q, f, slopes, p)
     type(condensed_t), intent(in) :: s
     real(dp), intent(in) :: t                 !! [s]
@@ -137,15 +143,53 @@ contains
     real(dp), intent(out) :: f(s%nx, 2)       !! [m/s], [1/s]
     type(slopes_t), intent(inout) :: slopes
     real(dp), intent(out) :: p(s%nx)          !! [N]
-    real(dp) :: load(s%nx), pressed(s%nx)
+    real(dp), dimension(s%nx) :: load, load_0, p_0, v, pressed
+    integer :: n
 
-    load = s%load(:, 1) + t*(s%load(:, 2) + 0.5_dp*t*s%load(:, 3)) + applied(s%nx, s%load_u, q(:, U))
-    p = s%p(:, 1) + t*(s%p(:, 2) + 0.5_dp*t*s%p(:, 3)) + applied(s%nx, s%p_u, q(:, U))
-    pressed = merge(p, 0.0_dp, s%closed)
-    call balanced_speeds(s%law%rate_state, s%nx, load, pressed, q(:, Y), f(:, U), slopes%by_load, slopes%by_p, slopes%by_y)
+    load_0 = s%load(:, 1) + t*(s%load(:, 2) + 0.5_dp*t*s%load(:, 3)) + applied(s%nx, s%load_u, q(:, U))
+    p_0 = s%p(:, 1) + t*(s%p(:, 2) + 0.5_dp*t*s%p(:, 3)) + applied(s%nx, s%p_u, q(:, U))
+    load = load_0
+    p = p_0
+    v = 0.0_dp
+    do n = 1, TURNS
+      pressed = merge(p, 0.0_dp, s%closed)
+      call balanced_speeds(s%law%rate_state, s%nx, load, pressed, q(:, Y), f(:, U), slopes%by_load, slopes%by_p, slopes%by_y)
+      if (.not. s%viscous .or. maxval(abs(f(:, U) - v)) <= TURNED*maxval(abs(f(:, U)))) exit
+      v = f(:, U)
+      load = load_0 + applied(s%nx, s%load_v, v)
+      p = p_0 + applied(s%nx, s%p_v, v)
+    end do
+    if (n > TURNS) f(:, U) = huge(v)
     call evolution_rates(s%law%rate_state, s%nx, f(:, U), q(:, Y), f(:, Y), slopes%x_v, slopes%x_y)
-    slopes%by_t = slopes%by_load*(s%load(:, 2) + t*s%load(:, 3)) + slopes%by_p*(s%p(:, 2) + t*s%p(:, 3))
+    slopes%by_t = damped(s, slopes, slopes%by_load*(s%load(:, 2) + t*s%load(:, 3)) + slopes%by_p*(s%p(:, 2) + t*s%p(:, 3)))
   end subroutine rates_at
+
+  !> What viscosity takes from changes of v: (by_load load_v + by_p p_v) x.
+  pure function resisted(s, slopes, x) result(y)
+    type(condensed_t), intent(in) :: s
+    type(slopes_t), intent(in) :: slopes
+    real(dp), intent(in) :: x(s%nx)      !! [m/s] or its rates
+    real(dp) :: y(s%nx)
+
+    y = 0.0_dp
+    if (s%viscous) y = slopes%by_load*applied(s%nx, s%load_v, x) + slopes%by_p*applied(s%nx, s%p_v, x)
+  end function resisted
+
+  !> Changes x of v with viscosity from those without: x = free + `resisted` x, by turns.
+  pure function damped(s, slopes, free) result(x)
+    type(condensed_t), intent(in) :: s
+    type(slopes_t), intent(in) :: slopes
+    real(dp), intent(in) :: free(s%nx)
+    real(dp) :: x(s%nx), before(s%nx)
+    integer :: n
+
+    x = free
+    do n = 1, merge(TURNS, 0, s%viscous)
+      before = x
+      x = free + resisted(s, slopes, before)
+      if (maxval(abs(x - before)) <= TURNED*maxval(abs(x))) exit
+    end do
+  end function damped
 
   !> Accelerations [m/s2].
   pure function accelerations(s, f, slopes) result(acceleration)
@@ -154,8 +198,8 @@ contains
     type(slopes_t), intent(in) :: slopes
     real(dp) :: acceleration(s%nx)
 
-    acceleration = slopes%by_t + slopes%by_load*applied(s%nx, s%load_u, f(:, U)) &
-                   + slopes%by_p*applied(s%nx, s%p_u, f(:, U)) + slopes%by_y*f(:, Y)
+    acceleration = slopes%by_t + damped(s, slopes, slopes%by_load*applied(s%nx, s%load_u, f(:, U)) &
+                                        + slopes%by_p*applied(s%nx, s%p_u, f(:, U)) + slopes%by_y*f(:, Y))
   end function accelerations
 
   !> Whether inertia, speeds and contacts allow that a phase goes on.
@@ -199,20 +243,23 @@ contains
     call new_slopes(nx, w%others, w%complete)
   end function new_work
 
-  pure function new_condensed(nx, law, closed, load, load_u, p, p_u) result(s)
+  pure function new_condensed(nx, law, closed, load, load_u, load_v, p, p_u, p_v) result(s)
     integer, intent(in) :: nx
     type(law_t), intent(in) :: law
     logical, intent(in) :: closed(nx)      !! in contact
     real(dp), intent(in) :: load(nx, 3)    !! see `condensed_t`
     real(dp), intent(in) :: load_u(nx, nx)
+    real(dp), intent(in) :: load_v(nx, nx)
     real(dp), intent(in) :: p(nx, 3)
     real(dp), intent(in) :: p_u(nx, nx)
+    real(dp), intent(in) :: p_v(nx, nx)
     type(condensed_t) :: s
-    integer :: failed
+    integer :: failed, i
 
     s%nx = nx
     s%law = law
-    allocate (s%closed(nx), s%unit(nx), s%load(nx, 3), s%load_u(nx, nx), s%p(nx, 3), s%p_u(nx, nx), stat=failed)
+    allocate (s%closed(nx), s%unit(nx), s%load(nx, 3), s%load_u(nx, nx), s%load_v(nx, nx), s%p(nx, 3), s%p_u(nx, nx), &
+              s%p_v(nx, nx), stat=failed)
     s%complete = failed == 0
     if (.not. s%complete) return
     s%closed(:) = closed
@@ -222,6 +269,13 @@ contains
     s%load_u(:, :) = load_u
     s%p(:, :) = p
     s%p_u(:, :) = p_u
+    s%load_v(:, :) = load_v
+    do i = 1, nx
+      s%law%rate_state%alpha(i) = s%law%rate_state%alpha(i) - load_v(i, i)
+      s%load_v(i, i) = 0.0_dp
+    end do
+    s%p_v(:, :) = p_v
+    s%viscous = any(abs(load_v) > 0.0_dp) .or. any(abs(p_v) > 0.0_dp)
   end function new_condensed
 
   !> Velocities [m/s].
@@ -247,7 +301,7 @@ contains
     integer :: i
 
     do i = 1, s%nx
-      lu(:, i) = -slopes%by_load*s%load_u(:, i) - slopes%by_p*s%p_u(:, i)
+      lu(:, i) = -slopes%by_load*(s%load_u(:, i) + inverse*s%load_v(:, i)) - slopes%by_p*(s%p_u(:, i) + inverse*s%p_v(:, i))
     end do
     do i = 1, s%nx
       lu(i, i) = lu(i, i) + inverse*(1.0_dp - slopes%by_y(i)*slopes%x_v(i)/(inverse - slopes%x_y(i)))
@@ -266,7 +320,7 @@ contains
     real(dp) :: rest(s%nx)
 
     rest = (k(:, Y) - slopes%x_v*k(:, U))/(inverse - slopes%x_y)
-    k(:, U) = k(:, U) + slopes%by_y*rest
+    k(:, U) = k(:, U) - resisted(s, slopes, k(:, U)) + slopes%by_y*rest
     call solve(s%nx, lu, pivot, k(:, U))
     k(:, Y) = rest + slopes%x_v*inverse/(inverse - slopes%x_y)*k(:, U)
   end subroutine increments

@@ -446,6 +446,20 @@ def rated(out: Path, tell: Tell) -> None:
     tell.table(frame, rated.report)
 
 
+@main.command("rated-spacing", section="Physics")
+@file_option("--out", metavar="FILE", help="Write the table as CSV.")
+@overwrite_option
+@telling
+def rated_spacing(out: Path | None, overwrite: bool, tell: Tell) -> None:
+    """Nucleation with rate-and-state friction on lattices of four spacings (a minute)."""
+    check_table(out, overwrite)
+    import rated_spacing as own
+
+    frame = own.study(say=tell.step)
+    save_table(frame, out, f"{RUN} rated-spacing", "%.5g")
+    tell.table(frame, own.report)
+
+
 @main.command("rated-ruptures", section="Physics")
 @folder_option("--out", required=True, metavar="DIR", help="Folder of its files.")
 @telling

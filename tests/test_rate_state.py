@@ -51,7 +51,7 @@ def test_friction_is_that_of_the_literature(evolution, V_c):
 def test_speed_balances_the_load(alpha, V_c):
     scene = row(8, V_c=V_c, alpha=alpha)
     law, p = scene.law, np.full(8, 20.0)
-    load = np.array([-14.0, -5.0, -1e-3, 0.0, 1e-6, 0.1, 12.0, 16.0])
+    load = np.array([-14.0, -5.0, -1e-3, 0.0, 1e-6, 1e-30, 12.0, 16.0])
     for theta in (1e-5, 1.0, 1e6):
         v = slow(scene, np.log(theta), load, speed=0.0).v  # which no block is below
         force = (p * coefficient(law.kind, v, theta)).astype(float) + alpha * v
@@ -251,6 +251,16 @@ def test_values_that_cannot_be_meant_are_refused(changes, field):
     refused(lambda: laws.RateAndState(**(LAW | changes)), f"interface.law.{field}")
 
 
+def test_pmma_has_the_friction_of_its_source():
+    """f_0 + a ln(1 + v/v*) + b f_0 ln(1 + theta/phi*), at speeds above v* (cRacklet)."""
+    law = pyfric.preset("rate_and_state_pmma").interface.law
+    a, b, f_0, v_star, phi_star, D = 0.005, 0.075, 0.285, 1e-7, 3.3e-4, 5e-7
+    for v in (1e-5, 1e-3, 0.1):
+        for theta in (D / v, 1e-3, 1.0):
+            known = f_0 + a * np.log(1 + v / v_star) + b * f_0 * np.log(1 + theta / phi_star)
+            assert coefficient(law, v, theta) == pytest.approx(known, abs=2e-3)
+
+
 def test_an_interface_has_no_other_coefficients():
     law = laws.RateAndState(**LAW)
     refused(lambda: chain(interface=Interface(mu_s=0.7, law=law)).law, "interface.mu_s", "f_star")
@@ -286,15 +296,18 @@ def test_other_laws_have_no_implicit_steps():
 
 @pytest.mark.portable
 def test_precursors_of_the_preset_are_those_of_full_dynamics():
-    """Forces within the accuracy, with the run of the study; full dynamics is stored."""
+    """Forces within a tenth of the accuracy, and the same blocks; full dynamics is stored.
+
+    Without the viscosity of bonds between ruptures forces are 6e-5 to 8e-5 F_N off.
+    """
     stored = pd.read_csv(STORED / "rated_precursors.csv")
     full = stored[stored["case"] == "full dynamics"]
     record = study.run(*study.CASES["V = 0.4 mm/s"], 0.48e-3)
     events = record.events[record.events["is_main"]]
     assert len(full) == len(events) == 2
     off = events["F_T_start"].to_numpy() / record.scene.F_N - full["F_T_over_F_N"].to_numpy()
-    assert 0 < np.abs(off).max() < record.method.accuracy
-    assert np.abs(events["n_blocks"].to_numpy() - full["n_blocks"].to_numpy()).max() <= 1
+    assert 0 < np.abs(off).max() < 0.1 * record.method.accuracy
+    assert events["n_blocks"].to_list() == full["n_blocks"].to_list()
 
 
 @pytest.mark.portable
@@ -314,7 +327,7 @@ def test_the_stored_study_is_that_of_its_command():
 @pytest.mark.portable
 def test_tau_over_p_after_a_precursor_is_the_friction_at_its_speed():
     """In the preset, within 0.01; its fronts are slow."""
-    table = rated_ruptures.study(("V = 0.4 mm/s",), 0.48e-3)
+    table = rated_ruptures.study(("V = 0.4 mm/s",), 0.49e-3)
     assert len(table) == 2
     assert (np.abs(table["tau_over_p_after"] - table["steady_friction"]) < 0.01).all()
     assert (table["tau_over_p_before"] > table["tau_over_p_after"]).all()

@@ -1,9 +1,12 @@
 """Slip without inertia: own integrations, linear theory, the hand-over, runs that were cut."""
 
 import functools
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+import rated_spacing
 from helpers import bits
 from rate_state import EVOLUTIONS, LAW, coefficient, rated, row, slow
 from scipy.integrate import solve_ivp
@@ -11,9 +14,11 @@ from scipy.linalg import expm
 
 import pyfric
 from pyfric import core
-from pyfric.engines.slow_slip import interface_at
+from pyfric.engines.slow_slip import interface_at, viscosity
 from pyfric.scene import chain, setup1, setup2
-from pyfric.statics import StaticSolver, loaded_state
+from pyfric.statics import StaticSolver, damping, loaded_state, stiffness
+
+STORED = Path(__file__).parents[1] / "reference_data" / "rated"
 
 
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
@@ -33,6 +38,29 @@ def test_condensed_loads_are_those_of_static_states(geometry):
     error = max(error, abs(force - there.F_T)) / changed
     assert error < (1e-9 if geometry == "linear" else 3e-3)
     assert geometry == "linear" or error > 1e-6
+
+
+@pytest.mark.parametrize("rows", [0.015, 0.0])
+def test_viscosity_of_slow_slip_is_that_of_slow_oscillations(rows):
+    """Of the lattice with complex stiffness K + i w C, condensed at a small frequency w."""
+    scene = setup1(L=0.03, H=rows, h=0.005, l=0.0025, F_N=200.0) if rows else chain(L=0.02)
+    scene = scene.replace({"interface": rated()})
+    closed, N_x = np.arange(scene.N_x) != (3 if rows else -1), scene.N_x
+    load, p = viscosity(StaticSolver(scene, "linear"), closed)
+    w = 1e-9
+    whole = stiffness(scene, closed=closed).toarray() + 1j * w * damping(scene).toarray()
+    at = np.flatnonzero(closed)
+    inside = np.setdiff1d(np.arange(len(whole)), at)
+    moved = np.zeros((len(whole), len(at)), complex)
+    moved[at, range(len(at))] = 1.0
+    moved[inside] = -np.linalg.solve(whole[np.ix_(inside, inside)], whole[np.ix_(inside, at)])
+    forces = (whole @ moved)[at].imag / w
+    np.testing.assert_allclose(-load[np.ix_(at, at)], forces, rtol=0, atol=1e-12 * forces.max())
+    pressed = -np.outer(scene.k_f * closed, np.ones(len(at))) * moved[N_x : 2 * N_x].imag / w
+    np.testing.assert_allclose(p[:, at], pressed, rtol=0, atol=1e-12 * forces.max())
+    assert not rows or np.abs(p).max() > 0.01 * forces.max()
+    assert not load[~closed].any()
+    assert not load[:, ~closed].any()
 
 
 def creep(**how):
@@ -60,18 +88,31 @@ def by_cvode(rates, start, times, atol):
     return solver.solve(np.append(0.0, times), start).y[1:]
 
 
+VISCOUS = 1e3 * np.array(
+    [
+        [[-2.0, 1.0, 0.0], [1.0, -2.0, 1.0], [0.0, 1.0, -1.0]],
+        [[0.0, 1.0, 0.0], [-1.0, 0.5, 0.0], [0.2, 0.0, -0.3]],
+    ]
+)
+"""Load and normal force over velocities, N s/m: up to 10 % of the direct effect at 10 um/s."""
+
+
+@pytest.mark.parametrize("viscous", [0 * VISCOUS, VISCOUS])
 @pytest.mark.parametrize("other", [by_radau, by_cvode])
 @pytest.mark.parametrize("evolution", EVOLUTIONS)
-def test_slow_slip_is_that_of_another_method(evolution, other):
+def test_slow_slip_is_that_of_another_method(evolution, other, viscous):
     """Against SciPy's Radau and CVODE; the error follows the tolerance."""
-    scene, load, found = creep(evolution=evolution)
+    how = {"evolution": evolution, "viscous": tuple(viscous)}
+    scene, load, found = creep(**how)
     law = scene.interface.law
 
     def rates(t, y):
         u, x = y[:3], y[3:]
-        psi = np.log(law.V_star / law.D_c) + x
-        v = np.sinh((load + 6.0 * t - 6e5 * u) / (20.0 * law.a))
-        v *= 2 * law.V_star * np.exp(-(law.f_star + law.b * psi) / law.a)
+        psi, v = np.log(law.V_star / law.D_c) + x, np.zeros(3)
+        speed = 2 * law.V_star * np.exp(-(law.f_star + law.b * psi) / law.a)
+        for _ in range(30):
+            pushed, p = load + 6.0 * t - 6e5 * u + viscous[0] @ v, 20.0 + viscous[1] @ v
+            v = speed * np.sinh(pushed / (p * law.a))
         rate = v / law.D_c
         evolves = np.exp(-x) - rate if evolution == "ageing" else -rate * (np.log(rate) + x)
         return np.concatenate([v, evolves])
@@ -83,7 +124,7 @@ def test_slow_slip_is_that_of_another_method(evolution, other):
     def error(run):
         return np.abs(run.points[:, :2].reshape(3, 6) / exact - 1).max()
 
-    loose = creep(evolution=evolution, relative=1e-5, u=1e-13, log_theta=1e-5)[2]
+    loose = creep(**how, relative=1e-5, u=1e-13, log_theta=1e-5)[2]
     assert exact[-1, 0] > 3 * law.D_c
     assert error(found) < 1e-9
     assert 1e-6 < error(loose) < 1e-4
@@ -259,6 +300,21 @@ def test_nucleation_is_wider_the_closer_a_is_to_b():
     assert halves[1] == pytest.approx(halves[0], abs=1 / 16)
     assert 1.2 * halves[1] < halves[2] < halves[3]
     assert halves[3] > 1.5 * halves[0]
+
+
+@pytest.mark.portable
+def test_nucleation_does_not_depend_on_the_spacing():
+    """With 3 and 6 blocks in L_b; the stored table is that of its command."""
+    stored = pd.read_csv(STORED / "spacing.csv")
+    assert len(stored) == len(rated_spacing.BLOCKS) * len(rated_spacing.RATIOS)
+    rows = stored.set_index(["a_over_b", "blocks_in_L_b"])
+    coarse, fine = (np.array(rated_spacing.case(n, 0.5)) for n in (3, 6))
+    for n, found in ((3, coarse), (6, fine)):
+        np.testing.assert_allclose(found, rows.loc[0.5, n], rtol=1e-3)
+    time, slip, width = np.abs(coarse - fine)
+    assert time < 1e-3 * fine[0]
+    assert slip < 0.04 * fine[1]
+    assert width < 1 / 3
 
 
 @functools.cache
@@ -492,3 +548,13 @@ def test_plans_measure_their_errors():
     assert run.errors.holds is True
     exact = cycles(0).events["F_T_start"].iloc[0]
     assert abs(run.events["F_T_start"].iloc[0] - exact) < 1e-3 * scene.F_N
+    assert "leaves out inertia between ruptures" in str(pyfric.plan(scene, t_end=6e-3))
+
+
+def test_sweeps_know_the_law(tmp_path):
+    """The direct effect makes the slider hold more before it slips."""
+    over, how = {"interface.law.a": [0.008, 0.01]}, {"fidelity": "hybrid", "accuracy": 1e-4}
+    sweep = pyfric.Sweep(scene=cycles(1e-4).scene, over=over, t_end=6e-3, options=how)
+    found = sweep.run(tmp_path / "sweep").table
+    assert (found["status"] == "complete").all()
+    assert found["t_slide"].iloc[0] < 6e-3

@@ -261,6 +261,7 @@ def slow_slip(
     log_theta: np.ndarray,
     limits: SlowLimits,
     *,
+    viscous: tuple[np.ndarray, np.ndarray] | None = None,
     closed: np.ndarray | None = None,
     times: np.ndarray | None = None,
     h: float = 0.0,
@@ -277,6 +278,8 @@ def slow_slip(
         p: the same for the normal force.
         log_theta: ln of theta (s) at the beginning, shape (N_x,).
         limits: what ends it.
+        viscous: matrices of load and normal force over velocities, shapes (N_x, N_x), in N s/m;
+            None means 0.
         closed: blocks in contact, shape (N_x,), bool; None means all.
         times: times of points, ascending, in s.
         h: length of the first step, in s; 0 means dt.
@@ -297,6 +300,11 @@ def slow_slip(
         raise ValueError(f"slow_slip: needs rate-and-state friction and arrays of {N_x} blocks")
     times = np.zeros(0) if times is None else np.asarray(times, dtype=float)
     contact = np.ones(N_x) if closed is None else closed
+    none = np.zeros((N_x, N_x))
+    by_v = (none, none) if viscous is None else viscous
+    if any(array.shape != none.shape for array in by_v):
+        raise ValueError(f"slow_slip: needs viscosity of {N_x} x {N_x} blocks")
+    elastic = (array for part, v in zip((load, p), by_v, strict=True) for array in (*part, v))
     q = np.array([np.zeros(N_x), log_theta])
     points, step = np.zeros((max(len(times), 1), 3, N_x)), np.array([h or limits.dt])
     passed_i = np.zeros((4 * N_x, 2), dtype=np.int32)
@@ -305,7 +313,7 @@ def slow_slip(
     v, made, t, status = load_variant(variant).slow_slip(
         *model,
         contact.astype(np.int32),
-        *(np.asfortranarray(array) for part in (load, p) for array in part),
+        *(np.asfortranarray(array) for array in elastic),
         np.array(limits[:-1]),
         limits.steps,
         times if len(times) else np.array([np.inf]),

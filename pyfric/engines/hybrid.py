@@ -517,7 +517,7 @@ def follow(scene: Scene, t_end: float, options: Options, **how: Any) -> Record:
 
 HYBRID = Engine(
     name=HybridRun.name,
-    models="dynamics inside events, closed forms between them",
+    models="dynamics inside events, closed forms or slip without inertia between them",
     leaves_out=("fast modes, once they have nearly decayed",),
     options=owned("run", "events", "steps", "jumps", "energies"),
     steppers=("rk4", "rk4_opposite", "imex"),

@@ -3,12 +3,12 @@
 Elasticity is linear, and the slider is condensed onto its interface (`pyfric.statics`). Friction
 then gives the speed of each block from the load on it and from its state:
 
-    p_i(u, t) a asinh( v_i/(2V*) exp((f* + b psi_i)/a) ) + alpha v_i = tau_i(u, t) ,
+    p_i(u, v, t) a asinh( v_i/(2V*) exp((f* + b psi_i)/a) ) + alpha v_i = tau_i(u, v, t) ,
     du_i/dt = v_i ,   d(ln theta_i)/dt by the evolution law ,
 
 2 N_x equations. An implicit method of order 5 advances them, for seconds or years alike
 (pyfric_slow_slip in Fortran). In finite geometry they are those of linear geometry, with the static
-state in which a phase begins.
+state in which a phase begins. The viscosity of bonds acts to first order (`viscosity`).
 
 `RateHybridRun` hands over to full dynamics where inertia is no longer small: where the sum over
 columns of M/N_x |dv_i/dt| reaches the accuracy times F_N. It returns when the sum of |m a| over all
@@ -27,10 +27,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pyfric import core
-from pyfric.core import OPEN
+from pyfric.core import OPEN, STUCK
 from pyfric.engines.dynamic import Run
 from pyfric.engines.integration import just_after
-from pyfric.statics import ContactProblem, Route, Values, table_rows
+from pyfric.statics import ContactProblem, Route, Values, ends, table_rows
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene
@@ -42,6 +42,8 @@ SLOW_STEPS, SLOW_POINTS, SLOW_WORK = 1000, 1000, 4e8
 """Most slow steps, points of the curve, and steps times N_x^3 between two looks at Ctrl-C."""
 OF_STEP = 0.01
 """Error of a slow step over the accuracy, as some hundred steps lead to an event."""
+COLUMNS = 64
+"""Columns of a solution with many right sides, for memory."""
 MOVED = 5e-3
 """Displacement over which velocities of the slider are differences, over D_c (rounding)."""
 
@@ -95,6 +97,32 @@ def interface_at(
     )
 
 
+def viscosity(known: StaticSolver, closed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the matrices of load and normal force over velocities, (N_x, N_x), in N s/m.
+
+    The slider moves as static states do, q = G u. Its bonds then take the forces C G v, from which
+    its inner coordinates w differ by -K_ww^-1 (C G v)_w. To first order in eta, the load changes by
+    -G' C G v.
+    """
+    mode = np.where(closed, STUCK, OPEN)
+    inside, at, N_x = known.unknown(mode), np.flatnonzero(closed), len(closed)
+    at_load = known.coordinates(known.loaded.u, known.loaded.rod)
+    K, C = known.tangents(mode), known.damping(at_load)
+    inner = known.factor(mode, driven=True)
+    load, p = np.zeros((N_x, N_x)), np.zeros((N_x, N_x))
+    outward = K[at][:, inside]
+    k_f = np.broadcast_to(known.scene.k_f, N_x) * closed
+    for part in np.array_split(at, -(-len(at) // COLUMNS)):
+        q = np.zeros((K.shape[0], len(part)))
+        q[part, range(len(part))] = 1.0
+        q[inside] = -inner.solve(K[inside][:, part].toarray())
+        taken = C @ q
+        q[inside] = inner.solve(taken[inside])
+        load[np.ix_(at, part)] = outward @ q[inside] - taken[at]
+        p[:, part] = k_f[:, None] * q[ends(N_x).u_z]
+    return load, p
+
+
 def is_bursting(fast: np.ndarray) -> bool:
     """Return whether a block is fast that became so with contact; see `core.Log`."""
     return bool(((fast[0] != 0) & (fast[1] == 0)).any())
@@ -111,6 +139,7 @@ class RateHybridRun(Run):
         self.worth = self.state.step  # the step at which inertia is looked at next
         if not (self.state.sub or self.state.since):
             self.worth += -self.worth % LOOK
+        self.viscous: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
         self.limit = self.method.accuracy * self.scene.F_N
 
     def call_length(self) -> int:
@@ -175,6 +204,7 @@ class RateHybridRun(Run):
             *interface[:2],
             np.log(state.theta),
             limits,
+            viscous=self.viscosity(closed),
             closed=closed,
             times=points * state.dt,
             h=state.sub,
@@ -200,6 +230,13 @@ class RateHybridRun(Run):
         if text and state.step == last:
             self.ending = self.stopping.named(text)
         return found.goes_on and n > 0
+
+    def viscosity(self, closed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return what `viscosity` returns, which is kept."""
+        key = closed.tobytes()
+        if key not in self.viscous:
+            self.viscous = {key: viscosity(self.known, closed)}
+        return self.viscous[key]
 
     def _moving(self) -> np.ndarray:
         """Return u_x (m), theta (s) and v_x (m/s) of the interface, shape (3, N_x)."""

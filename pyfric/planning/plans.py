@@ -90,6 +90,8 @@ def as_made(scene: Scene, level: Level, lasts: float, before: Record | None) -> 
 def left_out(scene: Scene, level: Level) -> str:
     """Return what a level leaves out, in words."""
     words = [word for word in ENGINES[level.engine].leaves_out if word != ROTATION_OF_BONDS]
+    if words and scene.law.flows:
+        words = ["inertia between ruptures"]
     if level.geometry != default_geometry(scene):
         words.append(ROTATION_OF_BONDS)
     return "; ".join(words) or "nothing"

@@ -128,6 +128,15 @@ _RATED = Scene(
     interface=Interface(law=RateAndState(a=0.01, b=0.015, D_c=2e-7)),
     name="rate_and_state",
 )
+_RATED_PMMA = Scene(
+    slider=_RATED.slider,
+    top=_RATED.top,
+    driver=_RATED.driver,
+    interface=Interface(
+        law=RateAndState(a=0.005, b=0.0214, D_c=5e-7, f_star=0.49, V_star=1e-7, V_c=5e-7 / 3.3e-4)
+    ),
+    name="rate_and_state_pmma",
+)
 _CHAIN = Scene(
     slider=Slider(L=0.14, H=0.0, l=2.5e-3, k=5.4e8, M=0.0756),
     top=PrescribedLoad(p=3500.0 / 57),
@@ -218,7 +227,7 @@ def slow(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
 
 
 def rate_and_state(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
-    """Return setup 1 with rate-and-state friction.
+    """Return setup 1 with rate-and-state friction of rock.
 
     L = 140 mm, H = 75 mm, l = 2.5 mm, k = 13.5 MN/m, M = 75.6 g, F_N = 3500 N, K = 4 MN/m, h = 5 mm
     as in `setup1`, V = 0.4 mm/s. a = 0.01, b = 0.015, f* = 0.6 and V* = 1 um/s are those of the
@@ -231,6 +240,22 @@ def rate_and_state(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scen
     Source: B. A. Erickson et al., Seismol. Res. Lett. 91, 874 (2020), problem BP1.
     """
     return _made(_RATED, joined(changes, fields), slider_M=_mass)
+
+
+def rate_and_state_pmma(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
+    """Return setup 1 with rate-and-state friction of PMMA, the material of its experiments.
+
+    Values of the test of cRacklet for PMMA: a = 0.005, b = 0.075 f_0 = 0.0214 with f_0 = 0.285, D_c
+    = 0.5 um, V* = 0.1 um/s. There f = f_0 + a ln(1 + v/V*) + b ln(1 + theta/phi*) with phi* = 0.33
+    ms, so that f* = f_0 + b ln(D_c/(V* phi*)) = 0.49, and steady friction rises again near the
+    cut-off speed V_c = D_c/phi* = 1.5 mm/s. Other values are those of `rate_and_state`. Parameters
+    of `pyfric.laws.RateAndState` can be changed by name, too.
+
+    Changes and errors are those of `preset`.
+
+    Source: T. Roch et al., J. Open Source Softw. 7, 3724 (2022), test_rate_and_state_PMMA.
+    """
+    return _made(_RATED_PMMA, joined(changes, fields), slider_M=_mass)
 
 
 def grooves(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
@@ -445,7 +470,13 @@ PRESETS: MappingProxyType[str, Preset] = MappingProxyType(
             ("chain", chain, {}, "setup 1 lumped into one row"),
             ("burridge_knopoff", burridge_knopoff, {}, "a chain under springs from a plate"),
             ("slow", slow, {}, "setup 1 on junctions that break and pin again: slow fronts"),
-            ("rate_and_state", rate_and_state, {}, "setup 1 with rate-and-state friction"),
+            ("rate_and_state", rate_and_state, {}, "setup 1 with rate-and-state friction of rock"),
+            (
+                "rate_and_state_pmma",
+                rate_and_state_pmma,
+                {},
+                "setup 1 with rate-and-state friction of PMMA",
+            ),
             ("tpv3", tpv3, {}, "a benchmark of earthquake rupture"),
         )
     }

@@ -86,6 +86,8 @@ def _drawn(table: pd.DataFrame) -> DataFigure:
         rows = table[table["what"] == what]
         axes.plot(rows["ratio"], rows["force"], "o-", color=colour, ms=3.5, lw=0.8, label=label)
     axes.set(xscale="log", xlabel="length, or pressure, over that of setup 1", ylabel="$F_T/F_N$")
+    axes.set_xticks([0.25, 0.5, 1, 2], ["0.25", "0.5", "1", "2"])
+    axes.minorticks_off()
     legend(axes)
     fig.caption = "Shear force at the first event over nine tenths of the interface of setup 1."
     fig.tables = {"forces": table}

@@ -160,17 +160,17 @@ def test_the_page_of_the_docs_shows_stored_results():
 # --- cases in their shortest form ----------------------------------------------------------------
 
 
-def test_farkas_2005():
+def test_peak_friction():
     short = {"widths": (0.0,), "N": 4}
-    parts, figure = find("farkas_2005", **short)
+    parts, figure = find("peak_friction", **short)
     assert parts["a"].value == pytest.approx(2.0, abs=0.01)
     assert figure.tables["ratios"]["peak"][0] == pytest.approx(1.0, rel=1e-9)
-    kept = find("farkas_2005", **short, kept=1 / 3)[0]["a"]
+    kept = find("peak_friction", **short, kept=1 / 3)[0]["a"]
     assert kept.value == pytest.approx(1.5, abs=0.01)  # 1/((1 + 1/3)/2)
 
 
-def test_sakaguchi_2013():
-    parts, figure = find("sakaguchi_2013", alpha=(1.5,), N=30, periods=0.5)
+def test_event_sizes():
+    parts, figure = find("event_sizes", alpha=(1.5,), N=30, periods=0.5)
     row = figure.tables["b"].iloc[0]
     assert row["events"] > 10
     assert 0.2 < parts["a"].value == row["b"] < 2

@@ -9,15 +9,15 @@ module of its own, which the imports below name.
 """
 
 from pyfric.paper.cases import chain_fronts as chain_fronts
-from pyfric.paper.cases import farkas_2005 as farkas_2005
+from pyfric.paper.cases import event_sizes as event_sizes
 from pyfric.paper.cases import heterogeneous_weakening as heterogeneous_weakening
 from pyfric.paper.cases import loading_place as loading_place
 from pyfric.paper.cases import patch as patch
+from pyfric.paper.cases import peak_friction as peak_friction
 from pyfric.paper.cases import periodic_strength as periodic_strength
 from pyfric.paper.cases import precursor_lengths as precursor_lengths
 from pyfric.paper.cases import pressure_and_length as pressure_and_length
 from pyfric.paper.cases import random_strength as random_strength
-from pyfric.paper.cases import sakaguchi_2013 as sakaguchi_2013
 from pyfric.paper.cases import slow_fronts as slow_fronts
 from pyfric.paper.cases import strip as strip
 from pyfric.paper.cases import surface_grooves as surface_grooves

@@ -35,7 +35,7 @@ SAMPLES = 499
         "broken": "a spring holds again without strain: blocks with mu_k = mu_s/2; choice",
     },
 )
-def farkas_2005(
+def peak_friction(
     run: Runner,
     *,
     widths: tuple[float, ...] = WIDTHS,
@@ -55,7 +55,7 @@ def farkas_2005(
     exact = 2 * (1 - table["width"])
     parts = [
         Claim(
-            "farkas_2005 a",
+            "peak_friction a",
             "first peak over steady friction at equal thresholds",
             float(table["ratio"].iloc[0]),
             Band(1.99, 2.01, "upper bound 2; samples of the mean"),
@@ -63,7 +63,7 @@ def farkas_2005(
             [given("a third of the strain is kept", kept=1 / 3)],
         ),
         Claim(
-            "farkas_2005 b",
+            "peak_friction b",
             "the ratio falls with the width, from 2 towards 1",
             float(np.abs(table["ratio"] / exact - 1).max()),
             Band(None, 0.01, "samples of the mean, and a finite number of springs"),

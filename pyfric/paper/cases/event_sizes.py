@@ -39,7 +39,7 @@ PERIODS = 4.0
         "alpha": "1, 1.5 and 2.5; choice",
     },
 )
-def sakaguchi_2013(
+def event_sizes(
     run: Runner, *, alpha: tuple[float, ...] = ALPHA, N: int = 80, periods: float = PERIODS
 ) -> Found:
     """Exponent of sizes over the weakening; events of one block have one size only."""
@@ -55,7 +55,7 @@ def sakaguchi_2013(
     middle = table.iloc[len(table) // 2]
     parts = [
         Claim(
-            "sakaguchi_2013 a",
+            "event_sizes a",
             "the exponent of sizes is close to 2/3 where the weakening is intermediate",
             float(middle["b"]),
             Band(2 / 3 - 0.1, 2 / 3 + 0.1, "close to 2/3; the width is a choice"),

@@ -24,7 +24,7 @@ KINDS = {
         "pauses": "AT_REST BLOCKS COLUMNS",
         "stopping": "TRANSITS",
         "pairs": "PERTURBATION SAFETY",
-        "slow_slip": "LOOK OF_STEP SLOW_POINTS SLOW_STEPS SLOW_WORK",
+        "slow_slip": "COLUMNS LOOK OF_STEP SLOW_POINTS SLOW_STEPS SLOW_WORK",
         "simulation": "LONG SHORT STATIC_SHARE",
         "starts": "EXCESS",
         "heights": "TILT UNBALANCED",

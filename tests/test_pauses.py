@@ -14,7 +14,7 @@ from pyfric.engines.pauses import longest_pause, pause_notes
 from pyfric.record import build_catalogue
 from pyfric.scene import PRESETS, preset, setup1, setup2
 
-OTHERS = ("burridge_knopoff", "rate_and_state", "run4", "slow", "tpv3")
+OTHERS = ("burridge_knopoff", "rate_and_state", "rate_and_state_pmma", "run4", "slow", "tpv3")
 """Presets that are not at F_N and V of a setup of the paper."""
 
 

@@ -31,7 +31,8 @@ def test_a_run_sampled_fully_has_the_events_of_its_catalogue():
     own = events(record)
     for name in COLUMNS:
         np.testing.assert_allclose(found[name], own[name], rtol=1e-9, atol=1e-9)
-    assert found.attrs == {"noise": 0.0, "smooth": 1, "threshold": pytest.approx(5e-10, rel=0.1)}
+    threshold = pytest.approx(5e-10, rel=0.1)
+    assert found.attrs == {"noise": 0.0, "smooth": 1, "threshold": threshold, "resolution": 0.0}
 
 
 def test_stiffness_and_rate_are_those_of_the_apparatus():

@@ -199,9 +199,7 @@ def _table_of(measured: Curve | pd.DataFrame) -> pd.DataFrame:
     """Return a table of events that knows where it ends, and what it resolves."""
     if isinstance(measured, Curve):
         table, t = events(measured), measured.t
-        step = float(np.median(np.diff(t)))
-        resolution = table.attrs["smooth"] * step if table.attrs["noise"] else 0.0
-        table.attrs |= {"t_end": float(t[-1] - t[0]), "resolution": resolution}
+        table.attrs["t_end"] = float(t[-1] - t[0])
     else:
         table = measured.copy()
         table.attrs = {"t_end": float(table["t_stop"].max()), **measured.attrs}

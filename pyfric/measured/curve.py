@@ -1,4 +1,4 @@
-"""A measured loading curve: times, forces or their ratio, displacements, in SI units."""
+"""A measured curve: times, forces or their ratio, displacements, in SI units."""
 
 from __future__ import annotations
 
@@ -11,13 +11,18 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from pyfric.measured.meanings import MEANINGS
+from pyfric.measured.sensors import displacement
 from pyfric.record import Record
 from pyfric.scene import SceneError, check_number, check_whole
+
+FORCES = frozenset({"F_T", "tau", "mu"})
+SIGNALS = FORCES | {"slip"}
+"""Columns of which a curve has one or more: what events are found in."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """A loading curve as measured. `read` makes one from a file, `Curve.of` one from arrays.
+    """A curve as measured. `read` makes one from a file, `Curve.of` one from arrays.
 
     Attributes:
         table: a row for each sample, with columns t (s) and some of F_T, F_N (N), tau, sigma_n
@@ -25,7 +30,8 @@ class Curve:
             decrease.
         F_N: normal force, N, where the table has none; None: not known.
         area: of the interface, m^2; None: not known.
-        noise: standard deviation of the noise of F_T/F_N; None: not known.
+        noise: standard deviation of the noise of F_T/F_N, or of slip (m) in a curve without forces;
+            None: not known.
         source: where it is from.
         notes: what was understood, in words.
     """
@@ -57,8 +63,8 @@ class Curve:
 
         Raises:
             SceneError: a name is not known, lengths differ, times decrease, are all the same or not
-                finite, no force is among them, normal forces or stresses are not above 0 in their
-                median, or F_N or area is refused.
+                finite, neither a force nor slip is among them, normal forces or stresses are not
+                above 0 in their median, or F_N or area is refused.
         """
         if np.ndim(F_N) > 0:
             columns, F_N = columns | {"F_N": F_N}, None
@@ -75,8 +81,8 @@ class Curve:
                 raise SceneError(name, shape, "", "one row of numbers, all of one length", "shape")
         if "t" not in found:
             raise SceneError("t", None, "s", "times", "missing")
-        if not {"F_T", "tau", "mu"} & set(found):
-            raise SceneError("F_T", None, "N", "one of F_T, tau and mu", "no force")
+        if not SIGNALS & set(found):
+            raise SceneError("F_T", None, "N", "one of F_T, tau, mu and slip", "no force")
         t = found["t"]
         later = np.isfinite(t) & np.append(True, np.diff(t) >= 0)
         if len(t) < 3 or not later.all():
@@ -103,14 +109,22 @@ class Curve:
         return self.table["t"].to_numpy()
 
     @property
+    def has_forces(self) -> bool:
+        """Whether there are forces; a curve of a slip sensor may have none."""
+        return bool(FORCES & set(self.table))
+
+    @property
     def over_F_N(self) -> np.ndarray:
         """F_T/F_N, shape (n,): mu, else F_T over F_N, else tau over sigma_n.
 
         It is NaN, a gap, where F_N or sigma_n is not above 0.
 
         Raises:
-            SceneError: F_N is not known, nor sigma_n, so that a force says nothing.
+            SceneError: F_N is not known, nor sigma_n, so that a force says nothing; or the curve
+                has no forces.
         """
+        if not self.has_forces:
+            raise SceneError("F_T", None, "N", "a curve with F_T, tau or mu", "no force")
         if "mu" in self.table:
             return self.table["mu"].to_numpy()
         if "F_T" in self.table:
@@ -166,25 +180,39 @@ def _above_zero(values: pd.Series) -> np.ndarray:
 
 
 def sampled(
-    record: Record, step: float | str | None = None, *, noise: float = 0.0, seed: int = 0
+    record: Record,
+    step: float | str | None = None,
+    *,
+    noise: float | str = 0.0,
+    seed: int = 0,
+    x: float | str | None = None,
 ) -> Curve:
-    """Return the loading curve of a run as an instrument would have sampled it.
+    """Return the loading curve of a run, or slip at a place, as an instrument would sample it.
 
     Args:
         record: a run.
         step: time between samples, s, > 0, or a quantity such as "0.5 ms"; None: the samples of the
             record.
-        noise: standard deviation of the noise of the force, over F_N, >= 0.
+        noise: standard deviation of the noise of the force, over F_N, >= 0; with x that of slip, m.
         seed: of the noise.
+        x: place of a slip sensor from the trailing edge, m; None: the force.
 
     Returns:
-        A curve with t, F_T, F_N and load_point, the displacement of the driver.
+        A curve with t, F_T, F_N and load_point, the displacement of the driver; with x a curve with
+        t and slip (`pyfric.measured.sensors`).
 
     Raises:
-        SceneError: step, noise or seed is refused.
+        SceneError: step, noise, seed or x is refused.
     """
-    noise = check_number("noise", noise, "", ge=0.0)
+    noise = check_number("noise", noise, "" if x is None else "m", ge=0.0)
     check_whole("seed", seed, 0)
+    if x is not None:
+        t, slip = displacement(record, x)
+        if step is not None:
+            t, slip = _at_steps(t, slip, check_number("step", step, "s", gt=0.0))
+        slip = slip + noise * np.random.default_rng(seed).standard_normal(len(t))
+        table = pd.DataFrame({"t": t, "slip": slip})
+        return Curve(table=table, noise=noise, source=f"a run, slip sampled at {x}")
     t, F_T = (record.curve[name].to_numpy() for name in ("t", "F_T"))
     if step is not None:
         t, F_T = _at_steps(t, F_T, check_number("step", step, "s", gt=0.0))

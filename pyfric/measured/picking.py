@@ -1,4 +1,4 @@
-"""Events of a loading curve: one table for measurements and for runs.
+"""Events of a loading curve, or of slip at a sensor: one table for measurements and for runs.
 
 An event is a fall of F_T/F_N. In noise, falls are found with the difference D of the means of
 ``smooth`` samples after and before each sample, less what loading adds, which has the standard
@@ -8,14 +8,19 @@ deviation noise sqrt(2/smooth). A fall counts where D is below `CLEAR` of these:
 robust straight lines through the samples on either side, so that their errors are known, too. The
 time of a sudden fall is not known within a step; what loading adds in this time moves both forces,
 and not the drop.
+
+A step of slip is a fall of -slip, with creep in place of loading. Both are found in the same way.
 """
 
 from __future__ import annotations
+
+from typing import Literal
 
 import numpy as np
 import pandas as pd
 
 from pyfric.measured.curve import Curve
+from pyfric.measured.sensors import slips
 from pyfric.record import T_GAP, Record
 from pyfric.scene import SceneError, check_number, check_whole
 
@@ -33,6 +38,22 @@ COLUMNS = {
     "recurrence": ("s", "time since the start of the event before"),
 }
 """Columns of a table of events: unit and meaning."""
+OF_SLIP = {
+    "t_start": ("s", "last time before the step"),
+    "t_stop": ("s", "first time after it"),
+    "before": ("m", "slip at t_start"),
+    "after": ("m", "slip at t_stop"),
+    "slip": ("m", "after - before: of the event"),
+    "before_error": ("m", "standard error of before"),
+    "after_error": ("m", "standard error of after"),
+    "slip_error": ("m", "standard error of slip"),
+    "speed": ("m/s", "slip/(t_stop - t_start): no more than the speed, as a step may be shorter"),
+    "rate": ("m/s", "creep since the event before"),
+    "recurrence": ("s", "time since the start of the event before"),
+}
+"""The same of a table of steps of slip."""
+NAMES = {"peak": "before", "valley": "after", "drop": "slip"}
+"""Names of what is found in -slip, as of slip."""
 SMOOTH = 8
 """Samples of a mean in noise: a policy."""
 CLEAR = 5.0
@@ -56,91 +77,157 @@ EQUAL = 0.01
 def noise_of(curve: Curve) -> float:
     """Return the standard deviation of white noise of F_T/F_N, from its second differences.
 
-    Their median is not moved by events.
+    In a curve without forces it is that of slip, m. Events do not move the median of differences.
 
     Raises:
-        SceneError: samples are not equally spaced, so that it is not known.
+        SceneError: it is not known: samples are not equally spaced, or most of them are equal.
     """
-    t, f = _samples(curve)
+    return _noise_of(*_samples(curve, curve.has_forces))
+
+
+def _noise_of(t: np.ndarray, f: np.ndarray) -> float:
+    """Return the same of samples."""
     steps = np.diff(t)
     if np.quantile(np.abs(steps / np.median(steps) - 1), 0.9) > EQUAL if steps.all() else True:
-        allowed = "the standard deviation over F_N, such as noise=1e-3, or 0"
+        allowed = 'the standard deviation, such as noise=1e-3 (over F_N) or "1 um" (of slip), or 0'
         raise SceneError("noise", None, "", allowed, "samples are not equally spaced")
     second = np.diff(f, 2)
-    return float(NORMAL * np.median(np.abs(second - np.median(second))) / np.sqrt(6))
+    noise = float(NORMAL * np.median(np.abs(second - np.median(second))) / np.sqrt(6))
+    if not noise:
+        allowed = "the standard deviation, such as that of the last digit, or 0"
+        raise SceneError("noise", None, "", allowed, "digits are coarser than the noise")
+    return noise
 
 
 def events(
     of: Curve | Record,
     *,
-    noise: float | None = None,
+    column: Literal["force", "slip"] | None = None,
+    x: float | str | None = None,
+    noise: float | str | None = None,
     smooth: int | None = None,
-    threshold: float | None = None,
+    threshold: float | str | None = None,
     t_gap: float | None = None,
 ) -> pd.DataFrame:
-    """Return the events of a loading curve, as measured or of a run.
+    """Return the events of a loading curve, or of slip at a sensor, as measured or of a run.
 
     Args:
         of: a measured curve, or a run. The events of a run are those of its catalogue, with static
             forces; `pyfric.measured.sampled` makes a curve of it.
-        noise: standard deviation of the noise of F_T/F_N, >= 0; None: estimated (`noise_of`).
+        column: of a curve in which events are found; None: force, or slip where there is no force.
+        x: of a run: place of a slip sensor from the trailing edge, m; None: the force.
+        noise: standard deviation of the noise of F_T/F_N, or of slip (m), >= 0; None: estimated
+            (`noise_of`).
         smooth: number of samples of a mean; None: 8, or 1 without noise. Falls within so many
             samples are one event.
-        threshold: smallest drop of an event, over F_N; None: what is clear of the noise.
+        threshold: smallest drop of an event, over F_N, or its smallest slip, m; None: what is clear
+            of the noise.
         t_gap: without noise, and in runs: falls within this pause are one event, s, at the time of
             the largest, whose drop is the sum of theirs; None: that of `pyfric.build_catalogue`.
+            Without noise, all slip is a step, creep too.
 
     Returns:
-        A data frame with a row for each event, counted from 1, and columns as in `COLUMNS`; its
-        attrs have noise, smooth and threshold.
+        A data frame with a row for each event, counted from 1, and columns as in `COLUMNS`, or
+        as in `OF_SLIP`; its attrs have noise, smooth, threshold and resolution: within so many
+        seconds, events are one.
 
     Raises:
-        SceneError: an argument is refused; F_N or the noise is not known.
+        SceneError: an argument is refused; F_N or the noise is not known; slip decreases.
     """
+    in_force = _in_force(of, column, x)
+    unit = "" if in_force else "m"
     if t_gap is not None:
         t_gap = check_number("t_gap", t_gap, "s", ge=0.0)
     if threshold is not None:
-        threshold = check_number("threshold", threshold, "", ge=0.0)
+        threshold = check_number("threshold", threshold, unit, ge=0.0)
     if isinstance(of, Record):
-        return _of_record(of, threshold or 0.0, t_gap or 0.0)
+        if x is None:
+            return _of_record(of, threshold or 0.0, t_gap or 0.0)
+        return _slips_of_record(of, x, threshold or 0.0, t_gap or 0.0)
     t_gap = T_GAP if t_gap is None else t_gap
+    t, f = _samples(of, in_force)
     if noise is None:
-        noise = noise_of(of) if of.noise is None else of.noise
-    noise = check_number("noise", noise, "", ge=0.0)
+        noise = of.noise if in_force or not of.has_forces else None
+        noise = _noise_of(t, f) if noise is None else noise
+    noise = check_number("noise", noise, unit, ge=0.0)
     smooth = check_whole("smooth", smooth or (SMOOTH if noise else 1), 1)
-    t, f = _samples(of)
-    x = (
-        of.table["load_point"].to_numpy()
-        if "load_point" in of.table
-        else np.full(len(of.t), np.nan)
-    )
-    x = x[np.isfinite(of.over_F_N)]
+    point = np.full(len(t), np.nan)
+    if in_force and "load_point" in of.table:
+        point = of.table["load_point"].to_numpy()[np.isfinite(of.over_F_N)]
     clear = (
         float(CLEAR * noise * np.sqrt(2 / smooth)) if noise else float(ROUNDED * np.abs(f).max())
     )
     threshold = clear if threshold is None else threshold
     falls = _falls(t, f, smooth, max(clear, threshold)) if noise else _steps(t, f, clear, t_gap)
-    table = _table(t, f, x, falls, noise, smooth)
+    if not in_force and np.median(f[-smooth:]) > np.median(f[:smooth]) + clear:
+        allowed = 'slip that grows; with the other sign, calibration={"slip": "-1 m"} of '
+        raise SceneError("slip", None, "m", f"{allowed}pyfric.measured.read", "it decreases")
+    table = _table(t, f, point, falls, noise, smooth)
     table = table[table["drop"] >= threshold] if not noise else table[table["drop"] > 0]
-    return _finished(table, noise, smooth, threshold)
+    resolution = float(smooth * np.median(np.diff(t))) if noise else 0.0
+    table = table if in_force else _of_slip(table)
+    return _finished(table, noise, smooth, threshold, resolution)
 
 
-def _samples(curve: Curve) -> tuple[np.ndarray, np.ndarray]:
-    """Return times and F_T/F_N of a curve, without gaps."""
-    f = curve.over_F_N
+def _in_force(of: Curve | Record, column: str | None, x: float | str | None) -> bool:
+    """Whether events are those of the force, not of slip."""
+    if isinstance(of, Record):
+        if column not in (None, "force" if x is None else "slip"):
+            allowed = "None: x, the place of a slip sensor, tells it in a run"
+            raise SceneError("column", column, "", allowed)
+        return x is None
+    if x is not None:
+        raise SceneError("x", x, "m", "None: a curve has its place", "it is of runs")
+    known = ["force"] * of.has_forces + ["slip"] * ("slip" in of.table)
+    if column is not None and column not in known:
+        raise SceneError("column", column, "", " or ".join(known), "the curve has no other")
+    return (column or known[0]) == "force"
+
+
+def _samples(curve: Curve, in_force: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Return times, and F_T/F_N or -slip (m), of a curve, without gaps."""
+    f = curve.over_F_N if in_force else -curve.table["slip"].to_numpy()
     kept = np.isfinite(f)
     if kept.sum() < 3:
-        raise SceneError("curve", int(kept.sum()), "", "three or more samples of the force", "gaps")
+        raise SceneError("curve", int(kept.sum()), "", "three or more samples", "gaps")
     return curve.t[kept], f[kept]
 
 
-def _finished(table: pd.DataFrame, noise: float, smooth: int, threshold: float) -> pd.DataFrame:
+def _finished(
+    table: pd.DataFrame, noise: float, smooth: int, threshold: float, resolution: float
+) -> pd.DataFrame:
     table = table.reset_index(drop=True)
     table.index = pd.RangeIndex(1, len(table) + 1, name="event")
     table["recurrence"] = table["t_start"].diff()
-    table = table[list(COLUMNS)]
+    table = table[list(OF_SLIP if "slip" in table else COLUMNS)]
     table.attrs = {"noise": noise, "smooth": smooth, "threshold": threshold}
+    table.attrs["resolution"] = resolution
     return table
+
+
+def _of_slip(table: pd.DataFrame) -> pd.DataFrame:
+    """Return falls of -slip as steps of slip."""
+    table = table.assign(before=-table["peak"], after=-table["valley"], rate=-table["rate"])
+    table = table.rename(columns={f"{name}_error": f"{new}_error" for name, new in NAMES.items()})
+    table = table.rename(columns={"drop": "slip"})
+    return table.assign(speed=table["slip"] / (table["t_stop"] - table["t_start"]))
+
+
+def _slips_of_record(
+    record: Record, x: float | str, threshold: float, t_gap: float
+) -> pd.DataFrame:
+    """Return the slip at a place in each event of a run that is above a threshold."""
+    names = ["t_start", "t_stop", "before", "after"]
+    table = pd.DataFrame(slips(record, x, t_gap), columns=names, dtype=float)
+    table["slip"] = table["after"] - table["before"]
+    table = table[table["slip"] > threshold]
+    passed = table["t_stop"] - table["t_start"]
+    table["speed"] = (table["slip"] / passed).where(passed > 0)
+    t = table["t_stop"].shift().fillna(float(record.curve["t"].iloc[0]))
+    creep, passed = table["before"] - table["after"].shift().fillna(0.0), table["t_start"] - t
+    table["rate"] = (creep / passed).where(passed > 0)
+    table = table.assign(**{f"{name}_error": 0.0 for name in NAMES.values()})
+    return _finished(table, 0.0, 1, threshold, 0.0)
 
 
 def _steps(t: np.ndarray, f: np.ndarray, clear: float, t_gap: float) -> list[tuple[int, int]]:
@@ -171,13 +258,16 @@ def _falls(t: np.ndarray, f: np.ndarray, smooth: int, clear: float) -> list[tupl
     peaks, told = find_peaks(-D, height=clear, prominence=clear)
     widths, _, left, right = peak_widths(-D, peaks, 0.5, _heights(told))
     first = smooth - 1  # the last sample of the mean before in D[0]
-    falls = []
+    falls: list[tuple[int, int]] = []
     for peak, width, begin, end in zip(peaks, widths, left, right, strict=True):
         at = int(peak) + first
         slow = width > smooth + 2
         start = int(np.ceil(begin + smooth / 2)) + first if slow else at
         stop = int(end - smooth / 2) + first + 1 if slow else at + 1
-        falls.append((max(start, 0), min(max(stop, start + 1), len(f) - 1)))
+        start, stop = max(start, 0), min(max(stop, start + 1), len(f) - 1)
+        if falls and start < falls[-1][1]:  # a shoulder of the one before
+            start, stop = falls[-1][0], max(falls.pop()[1], stop)
+        falls.append((start, stop))
     return falls
 
 
@@ -221,7 +311,8 @@ def _table(
                 "stiffness": _slope(x[before], f[before]),
             }
         )
-    return pd.DataFrame(rows, columns=[name for name in COLUMNS if name != "recurrence"])
+    columns = [name for name in COLUMNS if name != "recurrence"]
+    return pd.DataFrame(rows, columns=columns, dtype=float)
 
 
 def robust_line(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
@@ -289,8 +380,9 @@ def _of_record(record: Record, threshold: float, t_gap: float) -> pd.DataFrame:
             row["stiffness"] = rise / moved if moved else np.nan
             rows.append(row)
             t, valley = row["t_stop"], row["valley"]
-    table = pd.DataFrame(rows, columns=[name for name in COLUMNS if name != "recurrence"])
-    return _finished(table, 0.0, 1, threshold)
+    columns = [name for name in COLUMNS if name != "recurrence"]
+    table = pd.DataFrame(rows, columns=columns, dtype=float)
+    return _finished(table, 0.0, 1, threshold, 0.0)
 
 
 def _as_one(falls: list[tuple[float, ...]]) -> dict[str, float]:

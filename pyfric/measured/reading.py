@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from pyfric.measured.containers import Column, Found, contents, refused
-from pyfric.measured.curve import Curve
+from pyfric.measured.curve import SIGNALS, Curve
 from pyfric.measured.meanings import AMBIGUOUS, MEANINGS, bare, factor, meaning_of, unit_of_name
 from pyfric.scene import SceneError, check_number, check_whole, parse_quantity
 
@@ -30,7 +30,7 @@ def read(
     decimal: Literal[".", ","] | None = None,
     restarts: Restarts | None = None,
 ) -> Curve:
-    """Read a measured loading curve.
+    """Read a measured loading curve, or the curve of a slip sensor.
 
     Files may be text (columns separated by commas, semicolons, tabs or blanks), MATLAB up to 7.3,
     HDF5, TDMS (with the extra ``tdms``) or Look; the content tells which. Units and meanings come
@@ -136,7 +136,7 @@ def _chosen(found: Found, columns: Mapping[str, str | int]) -> dict[str, str]:
 
 
 def _check_chosen(path: Any, found: Found, table: Mapping[str, Any]) -> None:
-    """Refuse a file without times, or without a force; say which columns may be meant."""
+    """Refuse a file without times, or without force and slip; say which columns may be meant."""
     may = [
         f"{name!r} may be {AMBIGUOUS[bare(column.head)]}"
         for name, column in found.columns.items()
@@ -147,9 +147,9 @@ def _check_chosen(path: Any, found: Found, table: Mapping[str, Any]) -> None:
     if "t" not in table:
         allowed = 'columns={"t": name or number, ...}, or step= for equal steps'
         raise refused(path, allowed + said, "no column is known to be the time" + may)
-    if not {"F_T", "tau", "mu"} & set(table):
-        allowed = 'columns={"t": ..., "F_T": name or number}, or tau, or mu'
-        raise refused(path, allowed + said, "no column is known to be F_T, tau or mu" + may)
+    if not SIGNALS & set(table):
+        allowed = 'columns={"t": ..., "F_T": name or number}, or tau, mu or slip'
+        raise refused(path, allowed + said, "no column is known to be F_T, tau, mu or slip" + may)
 
 
 def _scale(

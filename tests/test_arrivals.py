@@ -8,6 +8,7 @@ import pytest
 
 import pyfric
 from pyfric.figures import event_frames
+from pyfric.fitting.problem import Data, Problem
 from pyfric.fitting.sensors import ARRIVALS, checked
 from pyfric.measured import OF_SLIP, Curve, arrivals, events, noise_of, sampled
 from pyfric.measured.sensors import displacement
@@ -208,6 +209,17 @@ def test_arrivals_of_slip_that_begins_smoothly_are_late_together():
     assert 0 < off[1:].mean() < FINE
     assert 0 < off[0] < 4 * FINE
     assert np.ptp(record.rupture_times[4][:8]) > 25 * FINE
+
+
+def test_arrivals_are_residuals_of_a_fit():
+    """At the truth they are those of noise."""
+    record, table, sensors = recorded(5, 1e-8, 0, frames=False)
+    data = Data(table=table, arrivals=arrivals(table, sensors), t_end=0.5)
+    how = {"fidelity": "hybrid", "progress": False}
+    problem = Problem([record.scene], [data], {"mu_k": (0.4, 0.5)}, how, 0.0)
+    off = [problem.residuals(np.array([u]))[-len(data.arrivals) :] for u in (0.5, 0.2)]
+    assert 0.1 < np.mean(off[0] ** 2) < 3
+    assert np.mean(off[1] ** 2) > 10
 
 
 def test_sensors_belong_to_the_events_of_a_curve():

@@ -116,6 +116,23 @@ def test_slip_is_the_displacement_of_the_block():
     np.testing.assert_allclose(at, quiet["u_x"][quiet["kind"] < 0][:, 2], atol=1e-12)
 
 
+def test_slip_of_a_run_that_records_motion():
+    """Motion at points of the curve, against the slip episodes."""
+    scene = pyfric.preset("chain", V=0.05, d_c=1e-8, alpha=0.05)
+    how = {"sample": 1e-6, "threshold": "1 um/s", "t_gap": 1e-5, "dt": 1e-7, "progress": False}
+    record = pyfric.simulate(scene, 2e-3, fidelity="dynamic", **how).with_events()
+    for x in (0.0, 2 * scene.slider.l):
+        t, slip = displacement(record, x)
+        assert len(t) == len(record.curve)
+        assert slip[-1] > 0
+        known = events(record, x=x)
+        assert len(known) > 2
+        assert known["slip"].sum() == pytest.approx(known["after"].iloc[-1], rel=1e-9, abs=0)
+        for name, time in (("before", "t_start"), ("after", "t_stop")):
+            at = np.interp(known[time], t, slip)
+            np.testing.assert_allclose(at, known[name], rtol=1e-3, atol=1e-9)
+
+
 def test_a_curve_has_forces_or_slip_or_both(tmp_path):
     t = np.arange(400) * STEP
     slip = 30e-6 * (t > 0.1) + NOISE * np.random.default_rng(1).standard_normal(len(t))
@@ -224,7 +241,13 @@ def test_arrivals_are_residuals_of_a_fit():
 
 def test_sensors_belong_to_the_events_of_a_curve():
     _, table, sensors = recorded(5, 1e-8, 0, frames=False)
-    for kept, text in (({}, "none does"), ({-0.1: sensors[0.0]}, "sensors = -0.1")):
+    wrong = "place -> Curve"
+    for kept, text in (
+        ([], wrong),
+        ({0.0: table}, wrong),
+        ({}, "none does"),
+        ({-0.1: sensors[0.0]}, "sensors = -0.1"),
+    ):
         with pytest.raises(SceneError, match=text):
             arrivals(table, kept)
     later = {x: Curve.of(t=c.t + 0.02, slip=c.table["slip"]) for x, c in sensors.items()}

@@ -46,6 +46,10 @@ def arrivals(
     """
     if within is not None:
         within = check_number("within", within, "s", ge=0.0)
+    if not isinstance(sensors, Mapping) or not all(
+        isinstance(curve, Curve) for curve in sensors.values()
+    ):
+        raise SceneError("sensors", type(sensors).__name__, "", "a dict: place -> Curve with slip")
     rows = []
     for place, curve in sensors.items():
         x = check_number("sensors", place, "m", ge=0.0)

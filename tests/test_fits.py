@@ -286,7 +286,7 @@ def test_stored_fits_find_their_truths():
     fits = right["probability"] > 1e-3
     assert fits.mean() > 0.97, "another minimum is rare, and says that it does not fit"
     for name in ("mu_s", "mu_k"):
-        assert ((right[name] / right[f"{name}_true"] - 1).abs()[fits] < 1e-3).all()
+        assert ((right[name] / right[f"{name}_true"] - 1).abs()[fits] < 2e-3).all()
     assert (table.loc[table["set"] != "right", "probability"] < 0.01).all()
     assert "90 % intervals cover" in study.report(table)
 

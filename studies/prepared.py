@@ -21,12 +21,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from slow import AVERAGED, SLOW, longest_stretch, passages, speeds, wave_speed
+from slow import SLOW, longest_stretch
 
 from pyfric import figures
 from pyfric.engines import Options, step_size
 from pyfric.figures.style import legend
-from pyfric.scene import preset, slab
+from pyfric.paper.cases.slow_fronts import AVERAGED, passages, prepared, speeds
+from pyfric.record import material_of
+from pyfric.scene import preset
 from pyfric.sweeps import Job, PhaseDiagram, phase_diagram
 
 if TYPE_CHECKING:
@@ -41,10 +43,8 @@ TAU = tuple(np.round(np.arange(0.1, 0.1701, 0.005), 3))
 """tau_0/p."""
 WIDTH = tuple(np.round(np.arange(0.0, 0.501, 0.1), 3))
 """Half width of stretches over u_s."""
-HEIGHT, T_END = 30e-3, 60e-3
-"""Height of the slab, m; end of runs that do not pass all blocks before, s: 30 mean times t_R."""
-PUSHED, EXCESS = 5, 0.2
-"""Blocks that are pushed, and how far beyond mu_s p, over mu_s p."""
+T_END = 60e-3
+"""End of runs that do not pass all blocks before, s: 30 mean times t_R."""
 SAMPLE = 1e-4
 """Time between points of the curve, s."""
 CHECKS = {"as in the map": {}, "half the step": {"share": 0.5}, "seed 1": {"seed": 1}}
@@ -59,22 +59,8 @@ def job(tau: float, width: float, share: float = 1.0, seed: int = 0) -> Job:
         share: step over that of the map.
         seed: of the junctions' times.
     """
-    slow = preset("slow")
-    slider, interface, p = slow.slider, slow.interface, slow.F_N / slow.N_x
-    push = EXCESS * interface.mu_s * p + (interface.mu_s - tau) * p
-    scene = slab(
-        p=p,
-        tau=tau * p,
-        L=slider.L,
-        H=HEIGHT,
-        l=slider.l,
-        eta=slow.eta,
-        dashpots=slider.dashpots,
-        law=dataclasses.replace(interface.law, stretch=float(width), seed=seed),
-        mu_s=interface.mu_s,
-        mu_k=interface.mu_k,
-        push=[(n, push) for n in range(1, PUSHED + 1)],
-    )
+    law = dataclasses.replace(preset("slow").interface.law, stretch=float(width), seed=seed)
+    scene = prepared(tau, law)
     dt = share * step_size(scene, "auto", "rk4")
     end = f"reached = {(scene.N_x - 1) * scene.slider.l!r} m"
     how = Options(fidelity="dynamic", dt=dt, sample=SAMPLE, stop_when=end)
@@ -86,7 +72,9 @@ def _front(record: Record) -> tuple[np.ndarray, tuple[int, int] | None]:
     if record.events.empty:
         return np.full(record.scene.N_x, np.nan), None
     t = passages(record, int(record.events["n_blocks"].idxmax()))
-    return t, longest_stretch(speeds(t, record.scene.slider.l), SLOW * wave_speed(record.scene))
+    return t, longest_stretch(
+        speeds(t, record.scene.slider.l), SLOW * material_of(record.scene).c_S
+    )
 
 
 def kind(record: Record) -> str:
@@ -103,7 +91,12 @@ def slowest(record: Record) -> float:
     if stretch is None:
         return np.nan
     first, last = stretch
-    return (last - first) * record.scene.slider.l / (t[last] - t[first]) / wave_speed(record.scene)
+    return (
+        (last - first)
+        * record.scene.slider.l
+        / (t[last] - t[first])
+        / material_of(record.scene).c_S
+    )
 
 
 def diagram(folder: Path) -> PhaseDiagram:

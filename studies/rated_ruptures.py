@@ -16,6 +16,7 @@ import rated
 
 import pyfric
 from pyfric.figures import DataFigure
+from pyfric.record import material_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -30,11 +31,6 @@ CHECK = {"half the step": {"dt": 0.3e-6}, "accuracy 1e-5": {"accuracy": 1e-5}}
 """Options with which the first case is made again."""
 
 
-def wave_speed(scene: Any) -> float:
-    """Return the speed of long shear waves, in m/s."""
-    return float(scene.slider.l * np.sqrt(scene.slider.k / (2 * scene.m)))
-
-
 def ruptures(record: Any) -> pd.DataFrame:
     """Return one row for each precursor at the trailing edge."""
     scene, events, rows = record.scene, record.events, []
@@ -46,7 +42,7 @@ def ruptures(record: Any) -> pd.DataFrame:
         stresses = (record.tau_before, record.p_before), (record.tau_after, record.p_after)
         before, after = (float(tau[at][inside].sum() / p[at][inside].sum()) for tau, p in stresses)
         front = pyfric.front_speed(record.rupture_times[at], scene.slider.l)
-        front = np.abs(front[np.isfinite(front)]) / wave_speed(scene)
+        front = np.abs(front[np.isfinite(front)]) / material_of(scene).c_S
         steady = law.f_star + (law.a - law.b) * np.log(speed / law.V_star)
         row = events.loc[event, ["t_start", "F_T_start", "L_p_over_L"]].to_list()
         rows.append((*row, speed, before, after, steady, np.median(front) if len(front) else None))

@@ -30,8 +30,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from pyfric import figures, theory
+from pyfric import figures
 from pyfric.engines import step_size
+from pyfric.paper.cases.slow_fronts import passages, speeds
+from pyfric.record import material_of
 from pyfric.scene import preset
 from pyfric.sweeps import Job, run_all
 
@@ -40,9 +42,8 @@ if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Scene
 
-__all__ = ["CASES", "amontons_coulomb", "figure", "jobs", "longest_stretch", "passages",
-           "report", "ruptures", "slip_speeds", "speed_figure", "speeds", "study", "tables",
-           "wave_speed"]  # fmt: skip
+__all__ = ["CASES", "amontons_coulomb", "figure", "jobs", "longest_stretch",
+           "report", "ruptures", "slip_speeds", "speed_figure", "study", "tables"]  # fmt: skip
 
 STORED = Path(__file__).parents[1] / "reference_data"
 """Stored runs of the paper."""
@@ -54,8 +55,6 @@ BAND, RATIO, LEAST = (0.01, 0.03), 20.0, 5
 """Speeds of slow fronts over c_S; how many times faster what is beside; fewest blocks."""
 SLOW = BAND[1]
 """Speed over c_S up to which a block counts as slow."""
-AVERAGED = 4
-"""Blocks over which a speed is taken."""
 BESIDE = 2
 """Fewest blocks with a speed before and after a stretch that is between fast ones."""
 SLIPS = 0.2e-3
@@ -105,28 +104,6 @@ def study(
     return records
 
 
-def wave_speed(scene: Scene) -> float:
-    """Return the speed of shear waves c_S, m/s."""
-    slider = scene.slider
-    return theory.Material.of_lattice(slider.k, scene.m, slider.l, 1.0).c_S
-
-
-def passages(record: Record, event: int) -> np.ndarray:
-    """Return when the front passes each block, from the trailing edge on, (N_x,), s; NaN: never."""
-    of_event = record.episodes[record.episodes["event"] == event]
-    first = of_event.groupby("n")["t_start"].min()
-    times = first.reindex(np.arange(1, record.scene.N_x + 1)).to_numpy()
-    return np.maximum.accumulate(times)  # NaN from the first block on that does not rupture
-
-
-def speeds(t: np.ndarray, l: float) -> np.ndarray:
-    """Return front speeds from passages, (N_x,), m/s; NaN at two blocks from either end."""
-    v, half = np.full(len(t), np.nan), AVERAGED // 2
-    with np.errstate(divide="ignore"):
-        v[half:-half] = AVERAGED * l / (t[AVERAGED:] - t[:-AVERAGED])
-    return v
-
-
 def longest_stretch(v: np.ndarray, slow: float) -> tuple[int, int] | None:
     """Return first and last block (from 0) of the longest slow stretch, None if it is too short."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], (v <= slow).astype(int), [0]])))
@@ -156,11 +133,11 @@ def ruptures(record: Record) -> pd.DataFrame:
         since = event
         found |= {name: row[name] / scene.F_N for name in ("F_T_start", "F_T_arrest")}
         found |= dict.fromkeys(("first", "last", "speed", "before", "after"), np.nan)
-        stretch = longest_stretch(v, SLOW * wave_speed(scene))
+        stretch = longest_stretch(v, SLOW * material_of(scene).c_S)
         if stretch is not None:
             first, last = stretch
             speed = (last - first) * scene.slider.l / (t[last] - t[first])
-            found |= {"first": first + 1, "last": last + 1, "speed": speed / wave_speed(scene)}
+            found |= {"first": first + 1, "last": last + 1, "speed": speed / material_of(scene).c_S}
             for name, part in (("before", v[:first]), ("after", v[last + 1 :])):
                 known = part[~np.isnan(part)]
                 found[name] = np.median(known) / speed if len(known) >= BESIDE else np.nan
@@ -263,7 +240,7 @@ def amontons_coulomb() -> pd.DataFrame:
     for name in ("run1", "run2", "run3", "run4"):
         scene = preset(name)
         points = pd.read_csv(STORED / f"{name}_finite" / "fronts.csv").dropna()
-        ratio = points["v_c"] / wave_speed(scene)
+        ratio = points["v_c"] / material_of(scene).c_S
         parts.append(points.assign(v=ratio, x=(points["n"] - 1) / (scene.N_x - 1)))
     return pd.concat(parts, ignore_index=True)
 
@@ -277,7 +254,7 @@ def speed_figure(scene: Scene, found: pd.DataFrame, name: str) -> DataFigure:
         name: of the run.
     """
     exponent, r2 = power_law(found)
-    wave, before = wave_speed(scene), amontons_coulomb()
+    wave, before = material_of(scene).c_S, amontons_coulomb()
     fig = figures.DataFigure(figsize=(9.2, 3.1), layout="constrained")
     FigureCanvasAgg(fig)
     left, middle, right = fig.subplots(1, 3)

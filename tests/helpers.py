@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 import pytest
 
+import pyfric
 from pyfric import core
 from pyfric.core import OPEN
 from pyfric.record import budget_left
@@ -168,3 +169,15 @@ def seal_again(path):
 def operators(scene, closed=None):
     """M (diagonal), K and C of the linear geometry, without friction."""
     return mass(scene), stiffness(scene, closed=closed), damping(scene)
+
+
+def dynamic(scene, t_end, **options):
+    """A run by full dynamics in linear geometry."""
+    how = {"fidelity": "dynamic", "geometry": "linear", "progress": False} | options
+    return pyfric.simulate(scene, t_end, **how)
+
+
+def first_slips(record):
+    """Times of the first slips, from the trailing edge on, NaN where there is none."""
+    first = record.episodes.groupby("n")["t_start"].min()
+    return first.reindex(range(1, record.scene.N_x + 1)).to_numpy()

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from helpers import mirrored_scene, refused, small_rod
+from helpers import dynamic, first_slips, mirrored_scene, refused, small_rod
 from scipy.integrate import solve_ivp
 
 import pyfric
@@ -25,17 +25,6 @@ def limited(scene, limit, limit_from=None):
     return scene.replace({"interface.limit": limit, "interface.limit_from": limit_from})
 
 
-def run_of(scene, t_end, **options):
-    how = {"fidelity": "dynamic", "geometry": "linear", "progress": False} | options
-    return pyfric.simulate(scene, t_end, **how)
-
-
-def first_slips(record):
-    """Times of the first slips, from the trailing edge on, NaN where there is none."""
-    first = record.episodes.groupby("n")["t_start"].min()
-    return first.reindex(range(1, record.scene.N_x + 1)).to_numpy()
-
-
 # --- the law ------------------------------------------------------------------------------------
 
 
@@ -43,10 +32,10 @@ def test_a_block_slips_when_its_limit_falls_to_the_stress():
     """The time is exact, also where the limit of one block begins later than that of others."""
     scene = resting()
     later = [0.0] + [math.inf] * (scene.N_x - 1)
-    record = run_of(limited(scene, FALLS, later), 2.2e-4)
+    record = dynamic(limited(scene, FALLS, later), 2.2e-4)
     times = first_slips(record)
     assert times[0] == pytest.approx(BINDS, rel=1e-12)
-    record = run_of(limited(scene, FALLS, [7e-5, *later[1:]]), 3e-4)
+    record = dynamic(limited(scene, FALLS, [7e-5, *later[1:]]), 3e-4)
     assert first_slips(record)[0] == pytest.approx(BINDS + 7e-5, rel=1e-12)
 
 
@@ -54,7 +43,7 @@ def test_a_block_slips_when_its_limit_falls_to_the_stress():
 def test_mu_of_t_moves_blocks_as_newton_says(stepper):
     """m u'' = tau - mu(t) p, whose solution is a cubic until the limit ends and a parabola then."""
     scene, t_end = limited(resting(mu_s=0.8, mu_k=0.8), FALLS), 4e-4
-    record = run_of(scene, t_end, stepper=stepper)
+    record = dynamic(scene, t_end, stepper=stepper)
     state, m, slope = record.final_state, scene.m, 0.6 / 2e-4
     fallen, after, a = 3e-4 - BINDS, state.t - 3e-4, TAU - 0.2 * P
     v = (P * slope * fallen**2 / 2 + a * after) / m
@@ -73,7 +62,7 @@ def test_friction_weakens_over_slip_or_time_whichever_is_sooner():
         share = min(max(y[0] / d_c, t / t_0), 1.0)
         return y[1], (TAU - (mu_s - (mu_s - mu_k) * share) * P) / m
 
-    state = run_of(scene, 1.15 * t_0).final_state
+    state = dynamic(scene, 1.15 * t_0).final_state
     t_end = state.t
     exact = solve_ivp(moves, (binds, t_end), [0.0, 0.0], rtol=1e-11, atol=1e-16, max_step=1e-6)
     u, v = exact.y
@@ -86,7 +75,7 @@ def test_friction_weakens_over_slip_or_time_whichever_is_sooner():
 
 def test_a_limit_above_friction_changes_nothing():
     scene = small_rod(V=0.5)
-    one, other = (run_of(s, 2e-3) for s in (scene, limited(scene, ((0.0, 0.7),))))
+    one, other = (dynamic(s, 2e-3) for s in (scene, limited(scene, ((0.0, 0.7),))))
     assert len(one.switches["t"])
     assert one.final_state == other.final_state
     assert one.curve.equals(other.curve)
@@ -96,11 +85,11 @@ def test_a_chain_mirrors_and_goes_on_over_breakpoints():
     scene = limited(small_rod(V=0.0, mu_s=0.7), ((1e-5, 0.7), (4e-5, 0.1)), 1e-5)
     starts = [2e-6 * n for n in range(scene.N_x)]
     scene = scene.replace({"interface.limit_from": starts})
-    whole = run_of(scene, 1.2e-4)
+    whole = dynamic(scene, 1.2e-4)
     assert np.isfinite(first_slips(whole)).sum() >= 3
-    part = run_of(scene, 3.3e-5)
-    assert run_of(scene, 1.2e-4, initial=part).final_state == whole.final_state
-    other = run_of(mirrored_scene(scene), 1.2e-4)
+    part = dynamic(scene, 3.3e-5)
+    assert dynamic(scene, 1.2e-4, initial=part).final_state == whole.final_state
+    other = dynamic(mirrored_scene(scene), 1.2e-4)
     np.testing.assert_allclose(first_slips(other), first_slips(whole), rtol=1e-13)
 
 
@@ -112,7 +101,7 @@ def test_a_forced_rupture_runs_at_its_speed_and_ends_where_it_should():
     speed, over = 300.0, 2e-5
     scene = pyfric.chain(L=0.1, p=P, tau=2.0, K=0.0, V=0.0)
     forced = pyfric.weakened(scene, x=0.0, length=0.1, speed=speed, over=over, mu=0.19)
-    record = run_of(forced, 3e-4)
+    record = dynamic(forced, 3e-4)
     times, blocks = first_slips(record), np.arange(scene.N_x)
     n = round(0.05 / scene.slider.l)
     assert np.isfinite(times[: n + 1]).all()
@@ -121,7 +110,7 @@ def test_a_forced_rupture_runs_at_its_speed_and_ends_where_it_should():
     assert (after > 0).all()
     assert (after < over).all()
     at_once = pyfric.weakened(scene, x=0.0, length=0.1, speed=speed, mu=0.19)
-    times = first_slips(run_of(at_once, 3e-4))[: n + 1]
+    times = first_slips(dynamic(at_once, 3e-4))[: n + 1]
     np.testing.assert_allclose(times[1:], blocks[1 : n + 1] * scene.slider.l / speed, rtol=1e-12)
 
 
@@ -155,7 +144,7 @@ def test_jumps_follow_constant_limits():
     middle = [math.inf] * scene.N_x
     middle[4:7] = [4e-3, 4e-3, 5e-3]
     scene = limited(scene, ((0.0, 0.7), (1e-3, 0.3)), middle)
-    runs = [run_of(scene, 0.03, fidelity=f) for f in ("dynamic", "hybrid")]
+    runs = [dynamic(scene, 0.03, fidelity=f) for f in ("dynamic", "hybrid")]
     exact, jumped = runs
     assert jumped.counts["jumps"] >= 2
     assert jumped.counts["steps_spared"] > 0.5 * jumped.counts["steps"]
@@ -165,7 +154,7 @@ def test_jumps_follow_constant_limits():
     np.testing.assert_allclose(
         jumped.events["F_T_start"], exact.events["F_T_start"], atol=1e-3 * F_N
     )
-    free = run_of(small_rod(V=0.02), 0.03, fidelity="hybrid")
+    free = dynamic(small_rod(V=0.02), 0.03, fidelity="hybrid")
     assert len(free.events) != len(jumped.events) or not np.allclose(
         free.events["F_T_start"], jumped.events["F_T_start"], atol=5e-3 * F_N
     )
@@ -177,7 +166,7 @@ def test_long_chains_know_their_limits():
     scene = chain(L=0.2, p=p, K=1e6, V=0.2, side="top", mu_s=0.7, mu_k=0.05)
     weak = [0.0 if n in (3, 4, 5, 70, 71) else math.inf for n in range(scene.N_x)]
     scene = limited(scene, ((0.0, 0.1),), weak)
-    exact, jumped = (run_of(scene, 6e-4, fidelity=f) for f in ("dynamic", "hybrid"))
+    exact, jumped = (dynamic(scene, 6e-4, fidelity=f) for f in ("dynamic", "hybrid"))
     times, ends = first_slips(exact), exact.episodes.groupby("n")["t_stop"].max()
     np.testing.assert_allclose(first_slips(jumped), times, rtol=1e-6)
     assert times[3] < times[70] < ends[4]

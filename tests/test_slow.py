@@ -7,6 +7,8 @@ import pandas as pd
 import pytest
 import slow
 
+from pyfric.paper.cases.slow_fronts import passages
+from pyfric.record import material_of
 from pyfric.scene import preset
 
 SCENE = preset("slow")
@@ -38,7 +40,7 @@ def test_a_slow_stretch_between_fast_ones_is_found():
     made = record(front(10.0))
     (row,) = slow.ruptures(made).itertuples()
     assert (row.event, row.arrest, row.between, row.accepted) == (2, 25, True, True)
-    assert row.speed == pytest.approx(10 / slow.wave_speed(made.scene), rel=1e-9)
+    assert row.speed == pytest.approx(10 / material_of(made.scene).c_S, rel=1e-9)
     assert abs(row.first - 21) <= 2  # speeds are over five blocks
     assert abs(row.last - 32) <= 2
     assert row.before == row.after == pytest.approx(50)
@@ -65,7 +67,7 @@ def test_a_front_that_stays_slow_is_not_between_fast_ones():
 def test_a_block_that_ruptures_ahead_does_not_count_before_the_front_has_come():
     plain, ahead = record(front(10.0)), record(front(10.0))
     ahead.episodes.loc[ahead.episodes["n"] == 30, "t_start"] = 0.4
-    t, early = slow.passages(plain, 2), slow.passages(ahead, 2)
+    t, early = passages(plain, 2), passages(ahead, 2)
     np.testing.assert_array_equal(np.delete(early, 29), np.delete(t, 29))
     assert early[29] == t[28]
 

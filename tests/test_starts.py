@@ -2,7 +2,16 @@
 
 import numpy as np
 import pytest
-from helpers import GEOMETRIES, advance, mirrored_scene, refused, small_free, small_rod
+from helpers import (
+    GEOMETRIES,
+    advance,
+    dynamic,
+    first_slips,
+    mirrored_scene,
+    refused,
+    small_free,
+    small_rod,
+)
 from test_lattice import twin_forces
 
 import pyfric
@@ -29,17 +38,6 @@ def rest_of(scene, geometry="linear"):
     return (-scene.d * state.f)[order], scene.law.hold(state.p)[order]
 
 
-def run_of(scene, t_end, **options):
-    how = {"fidelity": "dynamic", "geometry": "linear", "progress": False} | options
-    return pyfric.simulate(scene, t_end, **how)
-
-
-def first_slips(record):
-    """Times of the first slips, from the trailing edge on, NaN where there is none."""
-    first = record.episodes.groupby("n")["t_start"].min()
-    return first.reindex(range(1, record.scene.N_x + 1)).to_numpy()
-
-
 # --- forces --------------------------------------------------------------------------------------
 
 
@@ -51,7 +49,7 @@ def test_a_block_at_rest_takes_a_push_by_its_friction(name):
     n, rate = 5, 1e6
     pushed = pyfric.ramped(scene, x=4 * scene.slider.l, rate=rate)
     until = 0.9 * (strength[n - 1] - tau[n - 1]) / rate
-    record = run_of(pushed, until)
+    record = dynamic(pushed, until)
     state = record.final_state
     assert record.events.empty
     model = core.model(pushed, "linear", state.u_drv0, state.t)
@@ -89,7 +87,7 @@ def test_energy_of_pushes(name, geometry):
     pushed = scene.replace(
         {"top.push": ((2, force, 0.0, 3e-5), (6, 0.0, 1e-5, 8e-5, force / 2e-5))}
     )
-    record = run_of(pushed, 1.5e-4, geometry=geometry, energies=True, dt=1e-7)
+    record = dynamic(pushed, 1.5e-4, geometry=geometry, energies=True, dt=1e-7)
     assert budget_error(record.curve) < 1e-6
     moved = record.curve[["work_load", "dissipated_bonds"]].iloc[-1]
     assert moved["work_load"] > moved["dissipated_bonds"] > 0
@@ -112,7 +110,7 @@ def test_the_same_bits_on_any_number_of_threads():
 
 def test_mirrored_pushes():
     scene = pyfric.ramped(small_rod(V=0.0), x=5 * L, rate=1e7)
-    one, other = (run_of(s, 5e-5).final_state for s in (scene, mirrored_scene(scene)))
+    one, other = (dynamic(s, 5e-5).final_state for s in (scene, mirrored_scene(scene)))
     np.testing.assert_array_equal(one.mode, -other.mode[::-1])
     np.testing.assert_allclose(one.y[:, 0], -other.y[:, 0, ::-1], rtol=1e-9)
     assert (one.mode == 1).any()
@@ -127,7 +125,7 @@ def test_a_ramp_starts_slip_where_it_reaches_the_strength(name):
     tau, strength = rest_of(scene)
     pushed = pyfric.ramped(scene, x=6 * scene.slider.l, rate=1e7, begin=1e-5)
     due = 1e-5 + (strength[6] - tau[6]) / 1e7
-    first = first_slips(run_of(pushed, due + 1e-6, stop_when="main_events"))
+    first = first_slips(dynamic(pushed, due + 1e-6, stop_when="main_events"))
     assert np.nanargmin(first) == 6
     assert first[6] == pytest.approx(due, rel=1e-9)
 
@@ -139,7 +137,7 @@ def test_a_patch_starts_where_it_is(name):
     l = scene.slider.l
     pushed = pyfric.overstressed(scene, x=6 * l, length=4.2 * l, begin=2e-5)
     assert [one.block for one in pushed.top.push] == [5, 6, 7, 8, 9]
-    first = first_slips(run_of(pushed, 4e-5))
+    first = first_slips(dynamic(pushed, 4e-5))
     np.testing.assert_allclose(first[4:9], 2e-5, rtol=1e-6)
     assert not (np.delete(first, range(4, 9)) <= 2e-5 * (1 + 1e-6)).any()
     tau, strength = rest_of(scene, default_geometry(scene))
@@ -155,7 +153,7 @@ def test_a_forced_rupture_runs_at_its_speed(name, speed):
     l, x = scene.slider.l, 6.5 * SCENES[name].slider.l
     pushed = pyfric.forced(scene, x=x, length=9 * l, speed=speed, excess=0.1)
     t_end = 6 * l / speed
-    first = first_slips(run_of(pushed, t_end))
+    first = first_slips(dynamic(pushed, t_end))
     at = np.arange(scene.N_x) * l
     inside = abs(at - x) <= 4.5 * l * (1 + 1e-9)
     assert inside.sum() == 10
@@ -167,7 +165,7 @@ def test_fronts_leave_a_patch_by_themselves():
     """A slab near its strength: the rupture of a small patch gets to both ends, later."""
     slab = pyfric.slab(p=60.0, tau=38.0, L=60 * L, H=20 * L, l=L)
     pushed = pyfric.overstressed(slab, x=30 * L, length=4 * L)
-    record = run_of(pushed, 4e-4)
+    record = dynamic(pushed, 4e-4)
     first = first_slips(record)
     assert np.isfinite(first).all()
     assert (np.diff(first[:29]) < 0).all()
@@ -185,7 +183,7 @@ def test_sliders_that_are_driven():
     assert margin.min() > 0
     pushed = pyfric.overstressed(scene, x=3 * L, length=0.0, begin=t)
     assert pushed.top.push[0].force == pytest.approx(1.05 * scene.law.hold(state.p)[3] + state.f[3])
-    record = run_of(pushed, t + 1e-5, geometry="finite")
+    record = dynamic(pushed, t + 1e-5, geometry="finite")
     assert first_slips(record)[3] == pytest.approx(t, rel=1e-6)
     too_little = scene.replace({"top.push": ((4, 0.99 * float(margin[3]), t),)})
     refused(
@@ -232,7 +230,7 @@ def test_refused_starts():
         ((1, 0.0), "pushes nothing"),
     ):
         weak = dict.fromkeys(["push"], (push,))
-        refused(lambda weak=weak: run_of(scene.replace(weak), 1e-4), "top.push", said)
+        refused(lambda weak=weak: dynamic(scene.replace(weak), 1e-4), "top.push", said)
     pushed = pyfric.overstressed(scene, **patch)
     for fidelity in ("hybrid", "quasistatic", "equilibrium"):
         run = {"fidelity": fidelity}
@@ -293,11 +291,11 @@ def test_what_a_slip_overloads_slips_at_once():
     tau, strength = rest_of(slipped(scene, EDGE, 8.0))
     over = np.flatnonzero(np.abs(tau) > strength) + 1
     assert 0 < len(over) < 6
-    records = [run_of(slipped(scene, EDGE, 8.0), 1e-4, fidelity=f) for f in ("dynamic", "hybrid")]
+    records = [dynamic(slipped(scene, EDGE, 8.0), 1e-4, fidelity=f) for f in ("dynamic", "hybrid")]
     first = records[0].episodes.query("t_start < 1e-6")["n"]
     assert sorted(first) == over.tolist()
     assert records[1].episodes.equals(records[0].episodes)
-    quiet = run_of(slipped(scene, EDGE, 0.3), 1e-4)
+    quiet = dynamic(slipped(scene, EDGE, 0.3), 1e-4)
     assert quiet.episodes.empty
     assert np.abs(quiet.final_state.y[:, 2:]).max() < 1e-9
     wrong = slipped(scene, EDGE, 8.0)
@@ -307,7 +305,7 @@ def test_what_a_slip_overloads_slips_at_once():
 def test_the_sequence_starts_from_a_slip():
     scene = slipped(small_free(V=0.02), EDGE, 0.3)
     how = {"fidelity": "quasistatic", "geometry": "linear", "progress": False}
-    static, exact = pyfric.simulate(scene, 0.01, **how), run_of(scene, 0.01)
+    static, exact = pyfric.simulate(scene, 0.01, **how), dynamic(scene, 0.01)
     plain = pyfric.simulate(small_free(V=0.02), 0.01, **how)
     first = [r.events["F_T_start"].iloc[0] for r in (static, exact, plain)]
     assert first[0] == pytest.approx(first[1], abs=1e-4 * scene.F_N)

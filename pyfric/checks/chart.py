@@ -19,11 +19,10 @@ import pandas as pd
 from pyfric.engines import RunError, default_switching, full_work, machine_speed
 from pyfric.figures import DataFigure
 from pyfric.planning import simulate
-from pyfric.record import Record, differences
+from pyfric.record import Record, differences, material_of
 from pyfric.scene import Scene, SceneError, SceneLike, as_scene, check_number, default_geometry
 from pyfric.signals import at_once
 from pyfric.statics import EquilibriumError, stability_limit
-from pyfric.theory import Material
 
 WANTS = {
     "loading_curve": "loading curve: RMS of F_T over F_N",
@@ -125,8 +124,7 @@ def _default_end(scene: Scene) -> float:
     t_end = None
     if scene.has_rests and scene.law.rests and scene.driver.V > 0:
         t_end = after_events(scene, EVENTS)
-    material = Material.of_lattice(scene.slider.k, scene.m, scene.slider.l, 1.0)
-    return TRANSITS * scene.slider.L / material.c_S if t_end is None else t_end
+    return TRANSITS * scene.slider.L / material_of(scene).c_S if t_end is None else t_end
 
 
 def _reference(scene: Scene, t_end: float, budget: float) -> Method:

@@ -23,7 +23,7 @@ from pyfric.figures.style import (
     style,
     time_unit,
 )
-from pyfric.record import Record, energy_release, front
+from pyfric.record import Record, energy_release, front, material_of
 from pyfric.scene import Scene, SceneError
 from pyfric.signals import at_once
 
@@ -112,7 +112,7 @@ def speeds(scene: Scene) -> dict[str, float]:
     if scene.N_z == 1:
         chain = theory.lattice_waves(slider.k, scene.m, slider.l, polarisation="chain")
         return {"c": float(chain.phase)}
-    material = theory.Material.of_lattice(slider.k, scene.m, slider.l, 1.0)  # for any thickness
+    material = material_of(scene)
     return {"c_R": material.c_R, "c_S": material.c_S, "c_L": material.c_P}
 
 

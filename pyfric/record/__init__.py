@@ -38,6 +38,7 @@ from pyfric.record.zones import (
     RESOLVED,
     blocks_needed,
     chain_notes,
+    material_of,
     pace_limits,
     viscous_error,
     zone_notes,

@@ -13,12 +13,14 @@ from pyfric.figures import BLUE, GREY, VERMILION, DataFigure, legend, panels
 from pyfric.paper.cases.case import Found, Runner, case
 from pyfric.paper.claims.claim import Band, Claim
 from pyfric.paper.claims.damage import given
+from pyfric.record import material_of
 from pyfric.scene import preset, slab
 from pyfric.sweeps import Job
-from pyfric.theory import Material
 
 if TYPE_CHECKING:
     from pyfric.record import Record
+    from pyfric.scene import Scene
+    from pyfric.scene.laws import Law
 
 SHEAR = (0.12, 0.135, 0.17)
 """tau_0/p of the interfaces."""
@@ -30,6 +32,8 @@ HEIGHT, T_END = 30e-3, 30e-3
 """Height of the slab (m), end of runs (s): 15 mean times t_R."""
 SLOW = 0.03
 """Front speed over c_S below which it counts as slow."""
+AVERAGED = 4
+"""Blocks over which a speed is taken."""
 
 
 @case(
@@ -50,9 +54,8 @@ def slow_fronts(
     """Fronts on slabs under uniform shear; t_R is the mean time of slip of a junction, s."""
     rows = []
     for tau, record in zip(shear, run([_job(tau, t_R, t_end) for tau in shear]), strict=True):
-        passed = _passages(record)
-        v = np.full(len(passed), np.nan)
-        v[2:-2] = 4 * record.scene.slider.l / (passed[4:] - passed[:-4]) / _c_S(record)
+        passed = passages(record, int(record.events["n_blocks"].idxmax()))
+        v = speeds(passed, record.scene.slider.l) / material_of(record.scene).c_S
         rows.append(
             pd.DataFrame(
                 {"tau_over_p": tau, "block": np.arange(1, len(v) + 1), "t": passed, "v_over_c_S": v}
@@ -85,12 +88,26 @@ def slow_fronts(
 
 
 def _job(tau: float, t_R: float, t_end: float) -> Job:
-    """A slab of the preset `slow` under uniform shear, its first blocks pushed."""
+    law = dataclasses.replace(
+        preset("slow").interface.law, t_R=t_R, t_R_std=0.3 * t_R, stretch=WIDTH
+    )
+    scene = prepared(tau, law, name=f"tau_0 = {tau:g} p")
+    how = {"fidelity": "dynamic", "verify": "none", "energies": False, "sample": t_end / 100}
+    return Job(scene, t_end, how | {"stop_when": f"reached = {scene.slider.L!r} m"})
+
+
+def prepared(tau: float, law: Law, name: str = "") -> Scene:
+    """Return a slab of the preset `slow` under uniform shear, its first blocks pushed for ever.
+
+    Args:
+        tau: shear tau_0/p.
+        law: its law of junctions.
+        name: of the scene.
+    """
     slow = preset("slow")
     slider, interface, p = slow.slider, slow.interface, slow.F_N / slow.N_x
-    law = dataclasses.replace(interface.law, t_R=t_R, t_R_std=0.3 * t_R, stretch=WIDTH)
     push = EXCESS * interface.mu_s * p + (interface.mu_s - tau) * p
-    scene = slab(
+    return slab(
         p=p,
         tau=tau * p,
         L=slider.L,
@@ -102,23 +119,24 @@ def _job(tau: float, t_R: float, t_end: float) -> Job:
         mu_s=interface.mu_s,
         mu_k=interface.mu_k,
         push=[(n, push) for n in range(1, PUSHED + 1)],
-        name=f"tau_0 = {tau:g} p",
+        name=name,
     )
-    how = {"fidelity": "dynamic", "verify": "none", "energies": False, "sample": t_end / 100}
-    return Job(scene, t_end, how | {"stop_when": f"reached = {slider.L!r} m"})
 
 
-def _passages(record: Record) -> np.ndarray:
-    """When the front has passed each block, (N_x,), s; NaN where it never does."""
-    event = record.events["n_blocks"].idxmax()
-    episodes = record.episodes[record.episodes["event"] == event]
-    first = episodes.groupby("n")["t_start"].min().reindex(range(1, record.scene.N_x + 1))
-    return np.maximum.accumulate(first.to_numpy())
+def passages(record: Record, event: int) -> np.ndarray:
+    """Return when the front passes each block, from the trailing edge on, (N_x,), s; NaN: never."""
+    of_event = record.episodes[record.episodes["event"] == event]
+    first = of_event.groupby("n")["t_start"].min()
+    times = first.reindex(np.arange(1, record.scene.N_x + 1)).to_numpy()
+    return np.maximum.accumulate(times)  # NaN from the first block on that does not rupture
 
 
-def _c_S(record: Record) -> float:
-    slider = record.scene.slider
-    return Material.of_lattice(slider.k, record.scene.m, slider.l, 1.0).c_S
+def speeds(t: np.ndarray, l: float) -> np.ndarray:
+    """Return front speeds from passages, (N_x,), m/s; NaN at two blocks from either end."""
+    v, half = np.full(len(t), np.nan), AVERAGED // 2
+    with np.errstate(divide="ignore"):
+        v[half:-half] = AVERAGED * l / (t[AVERAGED:] - t[:-AVERAGED])
+    return v
 
 
 def _drawn(table: pd.DataFrame) -> DataFigure:

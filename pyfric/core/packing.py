@@ -80,16 +80,24 @@ class Constants(NamedTuple):
     g: float = 0.0
 
 
+OF_BLOCKS = (
+    *("x", "load", "shear", "push", "push_rate", "k_f", "gap"),
+    *("mu_s", "mu_k", "d_c", "alpha", "bare", "limit", "limit_rate"),
+)
+"""What a `Model` has for each block of the interface, in its order; the law of friction may take
+its five fields for others."""
+
+
 class Model(NamedTuple):
     """A scene in the form that the core takes; `model` makes and checks it.
 
     Attributes:
         counts: `Counts`, int32.
         numbers: the following numbers, one after the other. `Constants`; u_drv0 of each driven
-            block minus their mean (m). With N_x numbers each: x (m), load (p if it is prescribed)
-            and shear (N), pushes on the bottom row at t_seg (N) and their rates (N/s), k_f (N/m),
-            gap (m), the five fields of the friction law, limits of mu at t_seg and their rates
-            (1/s). x and y of each knot of its tables.
+            block minus their mean (m). With N_x numbers each, `OF_BLOCKS`: x (m), load (p if it is
+            prescribed) and shear (N), pushes on the bottom row at t_seg (N) and their rates (N/s),
+            k_f (N/m), gap (m), the five fields of the friction law, limits of mu at t_seg and their
+            rates (1/s). x and y of each knot of its tables.
     """
 
     counts: np.ndarray
@@ -247,4 +255,4 @@ def springs(
     )
     counts = _counts(scene, geometry)._replace(rigid=0, prescribed=0, left=0, right=0, top=0)
     none = np.zeros(scene.n_driven)
-    return _packed(counts, constants, none, scene.x, np.zeros(13 * scene.N_x))
+    return _packed(counts, constants, none, scene.x, np.zeros((len(OF_BLOCKS) - 1) * scene.N_x))

@@ -12,13 +12,11 @@ import dataclasses
 import numpy as np
 
 from pyfric.core.log import Log
-from pyfric.core.packing import BEYOND, Constants, Counts, Model
+from pyfric.core.packing import BEYOND, OF_BLOCKS, Constants, Counts, Model
 from pyfric.core.state import State
 
-ROWS = 14
-"""Rows of N_x numbers of a `Model`."""
-MU_S = 7
-"""The row of the static friction coefficient."""
+ROWS, MU_S = len(OF_BLOCKS), OF_BLOCKS.index("mu_s")
+"""Rows of N_x numbers of a `Model`, and that of the static friction coefficient."""
 
 
 class Part:
@@ -59,14 +57,14 @@ class Part:
     def state(self, whole: State) -> State:
         """Return a copy of the state of these blocks; the driver is not kept."""
         at = slice(self.first, self.end)
-        values = {name: getattr(whole, name)[..., at].copy() for name in OF_BLOCKS}
+        values = {name: getattr(whole, name)[..., at].copy() for name in BY_BLOCK}
         copied = {name: getattr(whole, name).copy() for name in OF_ROWS}
         return dataclasses.replace(whole, **values, **copied, u_drv0=0.0, spring=np.zeros(4))
 
     def put(self, part: State, whole: State) -> None:
         """Take over the state of these blocks."""
         at = slice(self.first, self.end)
-        for name in OF_BLOCKS:
+        for name in BY_BLOCK:
             getattr(whole, name)[..., at] = getattr(part, name)
         whole.step, whole.drive = part.step, part.drive
 
@@ -95,7 +93,7 @@ class Part:
         whole.t = part.t
 
 
-OF_BLOCKS = "y", "mode", "corner", "margin", "memory", "loss", "heat", "parts", "phase"
+BY_BLOCK = "y", "mode", "corner", "margin", "memory", "loss", "heat", "parts", "phase"
 """Arrays of a state whose last index counts blocks."""
 OF_ROWS = "rod", "dissipated", "radiated", "work"
 """Its other arrays."""

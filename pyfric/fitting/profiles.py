@@ -3,8 +3,9 @@
 A profile is the least misfit against the value of one parameter, with all others free. An interval
 holds all values whose misfit is above the least one by no more than the quantile of chi^2 with one
 degree of freedom. Forces of the model jump where an event takes another block; their scatter adds
-to the variance, and the quantile grows with it. A parameter whose profile stays below it up to a
-bound is not determined there.
+to the variance, and the quantile grows with it. Jumps cut valleys of the misfit, which then go on
+where derivatives do not lead: the ends of an interval are pushed on by random steps. A parameter
+whose profile stays below the limit up to a bound is not determined there.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import pandas as pd
 import scipy
 
 from pyfric.fitting.problem import Problem
-from pyfric.fitting.search import COARSE, STEP, derivatives, least_of_others, ridge, solved
+from pyfric.fitting.search import COARSE, STEP, derivatives, deviation, least_of_others, solved
 
 POINTS = 5
 """Points of a profile on either side; they reach to `REACH` standard deviations. Policies."""
@@ -30,10 +31,13 @@ ACROSS = 10
 """Parts of a profile from bound to bound. A policy."""
 ROUNDS = 3
 """How often profiles begin again from a lower minimum. A policy."""
+MISSES, TRIES = 10, 60
+"""Steps in a row that do not push an end of an interval on, and all steps. Policies."""
+GROWS, SHRINKS = 2.0, 0.7
+"""Factors of the length of such a step after one that went on, and after a miss. Policies."""
 
-
-Points = dict[str, list[tuple[float, float]]]
-"""Points (value between 0 and 1, chi2) of profiles by the name of the parameter."""
+Points = dict[str, list[tuple[np.ndarray, float]]]
+"""Points (parameters between 0 and 1, chi2) of profiles by the name of the one that is held."""
 
 
 def profiled(
@@ -47,8 +51,8 @@ def profiled(
     profiles, intervals = {}, {}
     for k, name in enumerate(problem.names):
         low, width = problem.low[k], problem.high[k] - problem.low[k]
-        points = sorted([*made[name], (u[k], least)])
-        at, chi2 = np.array(points).T
+        points = [*made[name], (u, least)]
+        at, chi2 = np.array(sorted((float(place[k]), value) for place, value in points)).T
         profiles[name] = pd.DataFrame({"value": low + at * width, "chi2": chi2})
         ends = _interval(at, chi2, min(least, chi2.min()) + limit)
         intervals[name] = tuple(float(low + end * width) for end in ends)
@@ -64,22 +68,34 @@ def _nearby(
     again from there. Others reach beyond the limit of a slightly lower one as they are.
     """
     made: Points = {}
-    limit = quantile
     for _ in range(ROUNDS):
-        least, lower = problem.chi2(u), None
+        least = problem.chi2(u)
         jacobian, jumps = derivatives(problem, u)
-        limit = quantile * (1 + jumps)
+        limit, best = quantile * (1 + jumps), (u, least)
         for k, name in enumerate(problem.names):
             say(f"profile of {name}")
-            made[name], lowest = _profile(problem, u, jacobian, k, least, limit)
-            if lowest[0] < (lower or (least,))[0] - 1e-9:
-                lower = lowest
-        if lower is not None:
-            u = lower[1]
-            polished = solved(problem.residuals, u, STEP)
-            u = polished if problem.chi2(polished) < lower[0] else u
+            sides = (_outwards(problem, u, jacobian, k, side, least + limit) for side in (-1, 1))
+            made[name] = [point for points in sides for point in points]
+            best = min(best, *made[name], key=lambda point: point[1])
+        if best[1] < least - 1e-9:
+            polished = solved(problem.residuals, best[0], STEP)
+            u = polished if problem.chi2(polished) < best[1] else best[0]
         if least - problem.chi2(u) <= quantile:
             break
+    pool = [(u, problem.chi2(u)), *(point for name in problem.names for point in made[name])]
+    highest = min(chi2 for _, chi2 in pool) + limit
+    inside = [point for point in pool if point[1] <= highest]
+    for k, name in enumerate(problem.names):
+        say(f"ends of the interval of {name}")
+        for side in (-1, 1):
+            inside += _pushed(problem, inside, jacobian, k, side, highest)
+    for k, name in enumerate(problem.names):
+        for side in (-1, 1):
+            end = max(inside, key=lambda point: side * point[0][k])
+            further = [point for point in made[name] if side * (point[0][k] - end[0][k]) > 0]
+            made[name].append(end)
+            if not further:
+                made[name] += _outwards(problem, end[0], jacobian, k, side, highest)
     return u, made, limit
 
 
@@ -104,8 +120,8 @@ def _across(
                 if others.any():
                     held = functools.partial(_held, problem, at, others)
                     at = _filled(at, others, solved(held, at[others], COARSE))
-                made[name].append((float(place), problem.chi2(at)))
-                best = min(best, (made[name][-1][1], at.copy()), key=lambda pair: pair[0])
+                made[name].append((at.copy(), problem.chi2(at)))
+                best = min(best, made[name][-1][::-1], key=lambda pair: pair[0])
     return best[1], made, quantile
 
 
@@ -121,30 +137,58 @@ def _filled(u: np.ndarray, which: np.ndarray, values: np.ndarray) -> np.ndarray:
     return found
 
 
-def _profile(
-    problem: Problem, u: np.ndarray, jacobian: np.ndarray, k: int, least: float, limit: float
-) -> tuple[list[tuple[float, float]], tuple[float, np.ndarray]]:
-    """Return points (value, chi2) of one profile, and the least misfit with its parameters."""
-    others = np.arange(len(u)) != k
-    along, deviation = ridge(jacobian, k)
-    points, lowest = [], (least, u)
-    for side in (-1, 1):
-        step, at, beyond = REACH * deviation / POINTS, 0.0, 0
-        for number in range(POINTS * WIDER):
-            if number and number % POINTS == 0:
-                step *= 2
-            if beyond == BEYOND and number >= 3:
-                break
-            at += step
-            start = np.clip(u + side * at * along, 0, 1)
-            if not 0 < u[k] + side * at < 1:
-                break
-            found, chi2 = least_of_others(problem, start, jacobian, others)
-            points.append((float(found[k]), chi2))
-            beyond = beyond + 1 if chi2 > least + limit else 0
-            if chi2 < lowest[0]:
-                lowest = chi2, found
-    return points, lowest
+def _outwards(
+    problem: Problem, u: np.ndarray, jacobian: np.ndarray, k: int, side: int, highest: float
+) -> list[tuple[np.ndarray, float]]:
+    """Return points (parameters, chi2) of one side of a profile, as far as it is within a limit.
+
+    Each point begins from its neighbour.
+    """
+    points: list[tuple[np.ndarray, float]] = []
+    step, at, beyond, found = REACH * deviation(jacobian, k) / POINTS, 0.0, 0, u
+    for number in range(POINTS * WIDER):
+        if number and number % POINTS == 0:
+            step *= 2
+        if beyond == BEYOND and number >= 3:
+            break
+        at += step
+        if not 0 < u[k] + side * at < 1:
+            break
+        found, chi2 = least_of_others(problem, found, jacobian, k, u[k] + side * at)
+        points.append((found, chi2))
+        beyond = beyond + 1 if chi2 > highest else 0
+    return points
+
+
+def _pushed(
+    problem: Problem,
+    inside: list[tuple[np.ndarray, float]],
+    jacobian: np.ndarray,
+    k: int,
+    side: int,
+    highest: float,
+) -> list[tuple[np.ndarray, float]]:
+    """Return points (parameters, chi2) within a limit, each further out than the one before.
+
+    Steps are random, with the covariance of the parameters, and lead outwards.
+    """
+    rng = np.random.default_rng(0)
+    values, vectors = np.linalg.eigh(np.linalg.pinv(jacobian.T @ jacobian))
+    spread = vectors * np.sqrt(np.maximum(values, 0))
+    u = max((place for place, _ in inside), key=lambda place: side * place[k])
+    found, size, missed = [], 1.0, 0
+    for _ in range(TRIES):
+        if missed == MISSES:
+            break
+        step = size * (spread @ rng.standard_normal(len(u)))
+        tried = np.clip(u + step * np.copysign(side, side * step[k]), 0, 1)
+        chi2 = problem.chi2(tried)
+        if chi2 <= highest and side * (tried[k] - u[k]) > 0:
+            u, size, missed = tried, size * GROWS, 0
+            found.append((u, chi2))
+        else:
+            size, missed = size * SHRINKS, missed + 1
+    return found
 
 
 def _interval(at: np.ndarray, chi2: np.ndarray, limit: float) -> tuple[float, float]:

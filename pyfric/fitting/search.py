@@ -67,7 +67,7 @@ def minima(
 def walked(problem: Problem, u: np.ndarray, say: Callable[[str], None]) -> np.ndarray:
     """Return the parameters of a lower minimum nearby, if residuals are not those of noise.
 
-    Each parameter is moved either way, with the others along.
+    Each parameter is moved either way, and the others follow.
     """
     for _ in range(WALKS):
         least = problem.chi2(u)
@@ -76,10 +76,8 @@ def walked(problem: Problem, u: np.ndarray, say: Callable[[str], None]) -> np.nd
         say("minima nearby")
         jacobian, best = jacobian_of(problem, u), u
         for k in range(len(u)):
-            others = np.arange(len(u)) != k
             for step in WALK * np.concatenate([np.arange(-FAR, 0), np.arange(1, FAR + 1)]):
-                start = np.clip(u + step * ridge(jacobian, k)[0], 0, 1)
-                tried, chi2 = least_of_others(problem, start, jacobian, others)
+                tried, chi2 = least_of_others(problem, u, jacobian, k, u[k] + step)
                 if chi2 < least:
                     best, least = tried, chi2
         if best is u:
@@ -89,12 +87,10 @@ def walked(problem: Problem, u: np.ndarray, say: Callable[[str], None]) -> np.nd
     return u
 
 
-def ridge(jacobian: np.ndarray, k: int) -> tuple[np.ndarray, float]:
-    """Return the change of all parameters with one, others free, and its standard deviation."""
-    inverse = np.linalg.pinv(jacobian.T @ jacobian)
-    if not inverse[k, k] > 0:
-        return np.eye(len(inverse))[k], 1.0
-    return inverse[:, k] / inverse[k, k], math.sqrt(inverse[k, k])
+def deviation(jacobian: np.ndarray, k: int) -> float:
+    """Return the standard deviation of a parameter, with the others free; 1 if it has no effect."""
+    variance = np.linalg.pinv(jacobian.T @ jacobian)[k, k]
+    return math.sqrt(variance) if variance > 0 else 1.0
 
 
 def solved(residuals: Callable[[np.ndarray], np.ndarray], u: np.ndarray, step: float) -> np.ndarray:
@@ -131,16 +127,38 @@ def derivatives(problem: Problem, u: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def least_of_others(
-    problem: Problem, start: np.ndarray, jacobian: np.ndarray, others: np.ndarray
+    problem: Problem, near: np.ndarray, jacobian: np.ndarray, k: int, value: float
 ) -> tuple[np.ndarray, float]:
-    """Return the parameters of least misfit with one of them held, by steps of Gauss and Newton."""
-    best, residuals = start, problem.residuals(start)
-    for _ in range(2 if others.any() else 0):
-        change = np.linalg.lstsq(jacobian[:, others], -residuals, rcond=None)[0]
-        tried = best.copy()
-        tried[others] = np.clip(tried[others] + change, 0, 1)
+    """Return the parameters of least misfit with one of them held.
+
+    The others begin where they are `near`, and where derivatives move them with the one that is
+    held: where the model jumps, either may miss the valley of the misfit.
+    """
+    others, alone = np.arange(len(near)) != k, near.copy()
+    alone[k] = np.clip(value, 0, 1)
+    if not others.any():
+        return alone, problem.chi2(alone)
+    along = alone.copy()
+    along[others] += _newton(jacobian[:, others], jacobian[:, k] * (alone[k] - near[k]))
+    ends = (_descended(problem, start, jacobian, others) for start in (alone, np.clip(along, 0, 1)))
+    return min(ends, key=lambda end: end[1])
+
+
+def _descended(
+    problem: Problem, u: np.ndarray, jacobian: np.ndarray, free: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Return parameters after at most two steps of Gauss and Newton, and their chi^2."""
+    residuals = problem.residuals(u)
+    for _ in range(2):
+        tried = u.copy()
+        tried[free] = np.clip(tried[free] + _newton(jacobian[:, free], residuals), 0, 1)
         new = problem.residuals(tried)
         if new @ new >= residuals @ residuals:
             break
-        best, residuals = tried, new
-    return best, float(residuals @ residuals)
+        u, residuals = tried, new
+    return u, float(residuals @ residuals)
+
+
+def _newton(jacobian: np.ndarray, residuals: np.ndarray) -> np.ndarray:
+    """Return the change of parameters that takes residuals away, if they are linear."""
+    return np.linalg.lstsq(jacobian, -residuals, rcond=None)[0]

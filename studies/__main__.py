@@ -464,12 +464,12 @@ def rated_spacing(out: Path | None, overwrite: bool, tell: Tell) -> None:
 @folder_option("--out", required=True, metavar="DIR", help="Folder of its files.")
 @telling
 def rated_ruptures(out: Path, tell: Tell) -> None:
-    """Slip speeds, stress drops and slow fronts with rate-and-state friction (ten minutes)."""
+    """Slip speeds, stress drops and slow fronts with rate-and-state friction (half an hour)."""
     check_folder(out)
     import rated_ruptures as own
 
     frame = own.study(say=tell.step)
-    figure = own.draw(frame, own.regimes(tell.step))
+    figure = own.draw(frame, own.regimes(say=tell.step), own.coulomb())
     save_figure(figure, out / "rated", f"{RUN} rated-ruptures", tell)
     tell.table(frame, own.report)
 

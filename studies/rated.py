@@ -30,6 +30,8 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "full dynamics": ({}, {"fidelity": "dynamic", "accuracy": None, "energies": False}),
 }
 """Name of a case -> changes of the preset, and options."""
+OPTIONS = {"fidelity": "hybrid", "geometry": "linear", "accuracy": 1e-4, "progress": False}
+"""Of all runs that do not say others."""
 SHORT = {"full dynamics": 0.48e-3}
 """Cases that end earlier: how far the driver goes, m."""
 SHOWN = ("V = 0.4 mm/s", "V = 4 mm/s", "V = 0.04 mm/s", "slip law", "l = 1.25 mm")
@@ -39,9 +41,8 @@ COLUMNS = {"t_start": "t_s", "L_p_over_L": "L_p_over_L", "n_blocks": "n_blocks"}
 def run(changes: Mapping[str, Any], options: Mapping[str, Any], pushed: float = PUSHED) -> Any:
     """Return the record of a case, up to `pushed` (m)."""
     scene = pyfric.preset("rate_and_state", dict(changes))
-    how = {"fidelity": "hybrid", "geometry": "linear", "accuracy": 1e-4, "progress": False}
     t_end = pushed / scene.driver.V
-    return pyfric.simulate(scene, t_end, **how | dict(options), stop_when="system_size")
+    return pyfric.simulate(scene, t_end, **OPTIONS | dict(options), stop_when="system_size")
 
 
 def study(

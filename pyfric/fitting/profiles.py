@@ -31,8 +31,9 @@ ACROSS = 10
 """Parts of a profile from bound to bound. A policy."""
 ROUNDS = 3
 """How often profiles begin again from a lower minimum. A policy."""
-MISSES, TRIES = 10, 60
-"""Steps in a row that do not push an end of an interval on, and all steps. Policies."""
+MISSES, WORTH = 10, 0.1
+"""Steps in a row that do not push an end of an interval on by that many standard deviations, after
+which it stays. Policies."""
 GROWS, SHRINKS = 2.0, 0.7
 """Factors of the length of such a step after one that went on, and after a miss. Policies."""
 
@@ -176,18 +177,18 @@ def _pushed(
     values, vectors = np.linalg.eigh(np.linalg.pinv(jacobian.T @ jacobian))
     spread = vectors * np.sqrt(np.maximum(values, 0))
     u = max((place for place, _ in inside), key=lambda place: side * place[k])
-    found, size, missed = [], 1.0, 0
-    for _ in range(TRIES):
-        if missed == MISSES:
-            break
+    found, size, missed, worth = [], 1.0, 0, WORTH * deviation(jacobian, k)
+    while missed < MISSES:
         step = size * (spread @ rng.standard_normal(len(u)))
         tried = np.clip(u + step * np.copysign(side, side * step[k]), 0, 1)
         chi2 = problem.chi2(tried)
-        if chi2 <= highest and side * (tried[k] - u[k]) > 0:
-            u, size, missed = tried, size * GROWS, 0
+        gain = side * (tried[k] - u[k])
+        missed = 0 if chi2 <= highest and gain > worth else missed + 1
+        if chi2 <= highest and gain > 0:
+            u, size = tried, size * GROWS
             found.append((u, chi2))
         else:
-            size, missed = size * SHRINKS, missed + 1
+            size *= SHRINKS
     return found
 
 

@@ -17,7 +17,7 @@ from tolerances import CURVE, FORCE, FORCE_FINITE, FORCE_STRAINED, REPRODUCED, S
 import pyfric
 from pyfric import core
 from pyfric.core import OPEN
-from pyfric.engines import hybrid, space
+from pyfric.engines import ACCURACY, hybrid, space
 from pyfric.record import Record
 from pyfric.scene import SceneError, chain, preset, setup1, setup2
 from pyfric.statics import (
@@ -329,6 +329,19 @@ def test_a_run_in_parts_is_the_whole_run(scene, t_end, geometry, tmp_path):
     still_cut = jump(scene, 0.9 * start, initial=jump(scene, 0.2 * start, **options))
     whole_cut = jump(scene, 0.9 * start, **options)
     check_equal(whole_cut, still_cut, 1e-7 if geometry == "finite" else SPLIT)
+
+
+def test_a_run_may_end_in_ring_down():
+    """The last jump leaves forces as accurate as those of events. Runs go on as if not cut."""
+    scene, t_end = preset("fig1", l=5e-3, V=5e-3), 0.06
+    whole = jump(scene, t_end, geometry="finite")
+    cut = float(whole.events["t_stop"][whole.events["is_main"]].iloc[0]) + 8e-4
+    part, full = (engine(scene, cut, geometry="finite") for engine in (jump, step))
+    assert part.counts["steps"] < 0.5 * whole.counts["steps"]
+    model = core.model(scene, "finite", part.final_state.u_drv0)
+    a, b = (core.evaluate(model, one.final_state, cut).f for one in (part, full))
+    assert np.abs(a - b).max() < 0.1 * ACCURACY * scene.F_N
+    check_same_events(whole, jump(scene, t_end, initial=part), FORCE)
 
 
 def test_ctrl_c_leaves_a_record_that_goes_on(monkeypatch):

@@ -31,12 +31,12 @@ def linearised(geometry):
     return modes, start, v
 
 
-def begun(modes, start, v, least=1):
+def begun(modes, start, v, least=1, **more):
     """Return a jump that begins with velocities v (m/s)."""
     outside, n_x = Outside(modes.space.solver, 0.0), SCENE.N_x
     path = path_from(modes, outside, *start)
     motion = modes.split(path.lag[0] * 0.0, v)
-    how = {"dt": DT, "accuracy": 1e-6 * SCENE.F_N, "least": least}
+    how = {"dt": DT, "accuracy": 1e-6 * SCENE.F_N, "least": least} | more
     return Jump(modes, outside, path, motion, np.zeros(n_x), **how)
 
 
@@ -96,9 +96,26 @@ def test_the_truncated_part_ends_no_jump_once_it_has_faded():
     assert loud._lost(ends[2] * DT) > loud.accuracy
 
 
+def test_errors_count_when_the_next_event_begins():
+    """Where only the run ends, they ring down until then; not where a piece of a protocol ends."""
+    modes, start, v = linearised("finite")
+    v = modes.space.B @ (modes.space.B.T @ (modes.space.M * v))
+
+    def end(n_far, **more):
+        how = {"accuracy": 1e-9 * SCENE.F_N, "loose": 2.5e-7 * SCENE.F_N} | more
+        return begun(modes, start, 3e-4 * v, **how).land(1000, n_far)
+
+    landing = end(10**6)
+    assert (type(landing), landing.n) == (Landing, 1000)
+    assert landing.jump._due(1000, 10**6) > 20 * 1000 * DT
+    assert not isinstance(end(1000), Landing)
+    assert not isinstance(end(1001), Landing)
+    assert not isinstance(end(10**6, loose=None), Landing)  # the end is as accurate as any landing
+
+
 def test_landings_are_predicted_again_in_finite_geometry_only(monkeypatch):
     scene, jumps, land = setup2(L=0.03, H=0.01, V=0.02), [], Jump.land
-    monkeypatch.setattr(Jump, "land", lambda one, n: (jumps.append(one), land(one, n))[1])
+    monkeypatch.setattr(Jump, "land", lambda one, *n: (jumps.append(one), land(one, *n))[1])
     for geometry in GEOMETRIES:
         jumps.clear()
         made = pyfric.simulate(scene, 0.01, fidelity="hybrid", geometry=geometry, progress=False)
@@ -117,7 +134,9 @@ def test_errors_of_rates_fall_as_a_wait_assumes():
     def late(a):
         ringing = SimpleNamespace(gaps=gaps * a, off=off, growth=growth)
         ringing.late = functools.partial(Ringing.late, ringing)
-        return Jump._late(SimpleNamespace(ringing=ringing), s, which)
+        jump = SimpleNamespace(ringing=ringing, share=1.0)
+        jump._counted = functools.partial(Jump._counted, jump)
+        return Jump._late(jump, s, s, which)
 
     (before, decay), (after, _) = late(a), late(a * np.exp(growth * later))
     assert decay == pytest.approx(np.log(before / after) / later, rel=1e-3)

@@ -441,8 +441,9 @@ class HybridRun(Run):
         behind, slower = path.q[0] + path.lag[0], path.q[1] + path.lag[1]
         motion = modes.split(q - behind, v - slower)
         how = {"dt": state.dt, "accuracy": self.accuracy, "least": self.least}
+        how["loose"] = self.method.accuracy * self.scene.F_N
         jump = Jump(modes, outside, path, motion, state.t - state.t_0, **how)
-        landing = jump.land(n_max)
+        landing = jump.land(n_max, self.piece_ends(state.step + LONGEST) - state.step)
         self.made["landings"] += jump.predicted
         return landing
 

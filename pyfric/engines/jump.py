@@ -105,6 +105,7 @@ class Jump:
         dt: step, in s.
         accuracy: largest estimated error of contact forces, in N.
         least: smallest number of steps of a jump and of a wait.
+        loose: accuracy where only the run ends, in N; None: the same.
 
     Attributes:
         predicted: number of landings that were predicted.
@@ -121,16 +122,23 @@ class Jump:
         dt: float,
         accuracy: float,
         least: int,
+        loose: float | None = None,
     ) -> None:
         self.modes, self.outside, self.path, self.motion = modes, outside, path, motion
         self.space, self.gap_functions = modes.space, modes.gap_functions
         self.age, self.dt, self.accuracy, self.least = age, dt, accuracy, least
+        self.share = accuracy / (loose or accuracy)
         self.ringing = Ringing(modes, motion.a)
         self.bound = self.gap_functions.bound * math.sqrt(motion.energy)
         self.bend, self.predicted = path.q[2], 0
 
-    def land(self, n_max: int) -> Landing | Wait | Stale:
-        """Return the end of the jump after at most `n_max` steps, or how long to wait."""
+    def land(self, n_max: int, n_far: int = 0) -> Landing | Wait | Stale:
+        """Return the end of the jump, or how long to wait.
+
+        Args:
+            n_max: number of steps after which the run or a piece of a protocol ends.
+            n_far: number of steps until a piece ends.
+        """
         linear, first, n, before = self.space.linear, self.path, n_max, math.inf
         for round_ in range(ROUNDS):
             self.predicted += 1
@@ -138,7 +146,8 @@ class Jump:
             if isinstance(n, Wait):
                 return n
             s = n * self.dt
-            left = self._lost(s)
+            due = self._due(n, n_far) if n == n_max else s
+            left = max(self._lost(due), self.share * self._lost(s))
             if left > self.accuracy:
                 return self._wait(left / self.accuracy, self.motion.decay, n)
             alive = self.ringing.alive(s, CORRECTED * self.accuracy)
@@ -161,9 +170,10 @@ class Jump:
             if error <= CORRECTED * self.accuracy and (least > 0).all():
                 defect, decay = 0.0, 0.0
                 if alive.size:
-                    defect, decay = self._late(s, alive) if linear else self._defect(s, alive)
+                    left_by = self._late if linear else self._defect
+                    defect, decay = left_by(s, due, alive)
                     if len(self.space.slips):
-                        defect += self._late(s, alive)[0]
+                        defect += self._late(s, due, alive)[0]
                 if defect > self.accuracy:
                     wait = self._wait(defect / self.accuracy, decay, n)
                     return wait if linear else Stale(wait.steps)
@@ -173,6 +183,21 @@ class Jump:
             self.path, before = bent, error
         self.path = first  # the corrections do not converge over so long a path
         return self.land(n // 2) if n // 2 > self.least else Wait(self.least)
+
+    def _due(self, n: int, n_far: int) -> float:
+        """Return when errors of a jump count that reaches step n, where the run ends, in s.
+
+        The slider goes on ringing down until an event begins or a piece of a protocol ends.
+        """
+        later = self._longest(n_far) if n_far > n else n
+        return self.dt * (n if isinstance(later, Wait) else max(n, later))
+
+    def _counted(self, s: float, due: float) -> np.ndarray:
+        """Return what errors of amplitudes at s (s) count: what is left of them when due, (n,).
+
+        They count so much at least that the state at s has the accuracy of the end of a run.
+        """
+        return np.maximum(np.exp(self.ringing.growth.real * (due - s)), self.share)
 
     def _longest(self, n_max: int) -> int | Wait:
         """Return the number of steps until just before a gap function may reach zero.
@@ -261,17 +286,18 @@ class Jump:
         wrong = self.ringing.late(s, alive).max(axis=0, initial=0.0)
         return alive[wrong * len(alive) > CORRECTED * self.accuracy]
 
-    def _late(self, s: float, alive: np.ndarray) -> tuple[float, float]:
+    def _late(self, s: float, due: float, alive: np.ndarray) -> tuple[float, float]:
         """Return the change of the gap functions at s (s) by errors of rates, in N.
 
         Also return its decay rate if the jump begins later, in 1/s.
         """
-        growth, wrong = self.ringing.growth[alive], self.ringing.late(s, alive)
+        growth = self.ringing.growth[alive]
+        wrong = self.ringing.late(s, alive) * self._counted(s, due)[alive]
         parts = wrong[wrong.sum(axis=1).argmax()]
         change = float(parts.sum())
         return change, float(-growth.real @ parts) / change if change else 0.0
 
-    def _defect(self, s: float, alive: np.ndarray) -> tuple[float, float]:
+    def _defect(self, s: float, due: float, alive: np.ndarray) -> tuple[float, float]:
         """Return the change of the gap functions by the residual of the modes until s (s), in N.
 
         Also return its decay rate if the jump begins later, in 1/s: twice that of the slowest mode
@@ -287,17 +313,18 @@ class Jump:
         modes, space, outside, found = self.modes, self.space, self.outside, 0.0
         near = np.maximum(self.ringing.distances(), 1 / s)
         resonance = np.maximum(np.abs(self.ringing.rates) / near, 1.0)
+        counted = self._counted(s, due)
         for then in np.multiply(SAMPLED, s):
             q, drive, load = at(self.path.q, then), outside.drive_at(then), outside.load_at(then)
             w, w_v, w_a = modes.motion_of(*self.ringing.at(then))
             rest = space.forces(q, drive, load)
             gain = space.forces(q + w, drive, load) - rest
             left = gain - space.damping(q) @ w_v - space.M * w_a
-            change = self._excited(left, s - then) @ resonance
+            change = self._excited(left, s - then) @ (counted * resonance)
             if change.max() > self.accuracy:
                 even = 0.5 * (gain + space.forces(q - w, drive, load) - rest)
-                change = self._excited(left - even, s - then) @ resonance
-                change += self._excited(even, s - then).sum(axis=1)
+                change = self._excited(left - even, s - then) @ (counted * resonance)
+                change += self._excited(even, s - then) @ counted
             found = max(found, float(change.max()))
         return found, -2.0 * float(self.ringing.growth[alive].real.max())
 

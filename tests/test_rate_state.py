@@ -334,7 +334,7 @@ def test_tau_over_p_after_a_precursor_is_the_friction_at_its_speed():
     assert (table["tau_over_p_before"] > table["tau_over_p_after"]).all()
     assert (table["front_over_c_S"] < 0.1).all()
     assert rated_ruptures.regime(record) == "slow fronts"
-    # A state grows by the time of rest at most; the rupture begins below the friction of its blocks.
+    # A state grows by the time of rest at most; a rupture begins below the friction of its blocks.
     last, law = rated_ruptures.precursors(record)[-1], record.scene.interface.law
     before = record.episodes[record.episodes["event"] < last]
     slipped = before.groupby("n")["t_stop"].max().reindex(np.flatnonzero(record.region[-1]) + 1)

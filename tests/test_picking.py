@@ -147,3 +147,19 @@ def test_lines_do_not_follow_outliers():
     y = 2 * x + 1e-3 * np.random.default_rng(1).standard_normal(50)
     y[::9] += 1
     assert robust_line(x, y) == pytest.approx((1, 2), abs=2e-3)
+
+
+def test_a_small_fall_just_before_a_large_one_is_part_of_it():
+    """Its force grows between both: as a laboratory sees it, but for the time within a step."""
+    scene = pyfric.preset("fig1", {"l": "5 mm", "mu_s": 0.7487686, "mu_k": 0.4919614})
+    record = pyfric.simulate(scene, 1.2, fidelity="quasistatic", progress=False)
+    large = record.events["n_blocks"] == scene.N_x
+    assert (record.events["t_stop"] - record.events["t_start"])[large].min() > 0.9e-3
+    seen = events(sampled(record, 0.5e-3, noise=1e-6)).tail(3)
+    found = events(record, t_gap=4e-3)
+    found = found[found["drop"] > 0.04].tail(3)
+    within = 0.5 * 0.5e-3 * found["rate"].max() + 5e-6
+    for name in ("peak", "valley"):
+        off = np.abs(seen[name].to_numpy() - found[name].to_numpy())
+        assert (off < within).all()
+    np.testing.assert_allclose(seen["drop"], found["drop"].to_numpy(), rtol=0, atol=5e-6)

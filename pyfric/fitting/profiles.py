@@ -52,8 +52,7 @@ def profiled(
     profiles, intervals = {}, {}
     for k, name in enumerate(problem.names):
         low, width = problem.low[k], problem.high[k] - problem.low[k]
-        points = [*made[name], (u, least)]
-        at, chi2 = np.array(sorted((float(place[k]), value) for place, value in points)).T
+        at, chi2 = _along([*made[name], (u, least)], k)
         profiles[name] = pd.DataFrame({"value": low + at * width, "chi2": chi2})
         ends = _interval(at, chi2, min(least, chi2.min()) + limit)
         intervals[name] = tuple(float(low + end * width) for end in ends)
@@ -91,12 +90,14 @@ def _nearby(
         for side in (-1, 1):
             inside += _pushed(problem, inside, jacobian, k, side, highest)
     for k, name in enumerate(problem.names):
-        for side in (-1, 1):
+        ends = _interval(*_along([*made[name], pool[0]], k), highest)
+        for side, known in zip((-1, 1), ends, strict=True):
             end = max(inside, key=lambda point: side * point[0][k])
-            further = [point for point in made[name] if side * (point[0][k] - end[0][k]) > 0]
-            made[name].append(end)
-            if not further:
-                made[name] += _outwards(problem, end[0], jacobian, k, side, highest)
+            if side * (end[0][k] - known) > 0:
+                further = [point for point in made[name] if side * (point[0][k] - end[0][k]) > 0]
+                made[name].append(end)
+                if not further:
+                    made[name] += _outwards(problem, end[0], jacobian, k, side, highest)
     return u, made, limit
 
 
@@ -190,6 +191,12 @@ def _pushed(
         else:
             size *= SHRINKS
     return found
+
+
+def _along(points: list[tuple[np.ndarray, float]], k: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return values of a parameter, rising, and chi2 there."""
+    at, chi2 = np.array(sorted((float(place[k]), value) for place, value in points)).T
+    return at, chi2
 
 
 def _interval(at: np.ndarray, chi2: np.ndarray, limit: float) -> tuple[float, float]:

@@ -123,7 +123,8 @@ def events(
         threshold: smallest drop of an event, over F_N, or its smallest slip, m; None: what is clear
             of the noise.
         t_gap: without noise, and in runs: falls within this pause are one event, s, at the time of
-            the largest, whose drop is the sum of theirs; None: that of `pyfric.build_catalogue`.
+            the largest, whose drop is the sum of theirs; None or, in runs, 0: events are those of
+            the catalogue, from the start of the first fall to the arrest of the last.
             Without noise, all slip is a step, creep too.
 
     Returns:
@@ -352,9 +353,13 @@ def _slope(x: np.ndarray, f: np.ndarray) -> float:
 def _of_record(record: Record, threshold: float, t_gap: float) -> pd.DataFrame:
     """Return the events of a catalogue with finite static forces and a drop above a threshold.
 
-    Those within a pause are one.
+    Those within a pause are one. An event of the catalogue may have several falls, and the load
+    grows between them. With a pause, those of a quasi-static run, each at one time of its curve,
+    are parted first.
     """
     scene, found = record.scene, record.events
+    t, F_T = (record.curve[name].to_numpy() for name in ("t", "F_T"))
+    sudden = np.flatnonzero((np.diff(t) == 0) & (np.diff(F_T) < 0))
 
     def over(t: float, F_T: float) -> float:
         load = scene.load_at(t)
@@ -364,22 +369,25 @@ def _of_record(record: Record, threshold: float, t_gap: float) -> pd.DataFrame:
     names = ["t_start", "t_stop", "F_T_start", "F_T_arrest"]
     together: list[list[tuple[float, ...]]] = []
     for start, stop, F_start, F_stop in found[names].itertuples(index=False):
-        fall = (start, stop, over(start, F_start), over(stop, F_stop))
-        if not np.isfinite(fall[2] - fall[3]):
+        if not np.isfinite(F_start - F_stop):
             continue
-        if together and start - together[-1][-1][1] <= t_gap:
-            together[-1].append(fall)
-        else:
-            together.append([fall])
-    rows, t, valley = [], first[0], over(*first)
+        inside = sudden[(t[sudden] >= start) & (t[sudden] <= stop)] if t_gap else []
+        falls = [(t[n], t[n], F_T[n], F_T[n + 1]) for n in inside]
+        for begin, end, before, after in falls or [(start, stop, F_start, F_stop)]:
+            fall = (begin, end, over(begin, before), over(end, after))
+            if together and begin - together[-1][-1][1] <= t_gap:
+                together[-1].append(fall)
+            else:
+                together.append([fall])
+    rows, last, valley = [], first[0], over(*first)
     for row in map(_as_one, together):
         if row["drop"] > threshold:
-            passed, rise = row["t_start"] - t, row["peak"] - valley
-            moved = scene.drive(row["t_start"]) - scene.drive(t)
+            passed, rise = row["t_start"] - last, row["peak"] - valley
+            moved = scene.drive(row["t_start"]) - scene.drive(last)
             row["rate"] = rise / passed if passed else np.nan
             row["stiffness"] = rise / moved if moved else np.nan
             rows.append(row)
-            t, valley = row["t_stop"], row["valley"]
+            last, valley = row["t_stop"], row["valley"]
     columns = [name for name in COLUMNS if name != "recurrence"]
     table = pd.DataFrame(rows, columns=columns, dtype=float)
     return _finished(table, 0.0, 1, threshold, 0.0)

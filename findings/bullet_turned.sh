@@ -15,7 +15,10 @@ folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 python3 -m venv "$folder"
 # Its wheels are for some versions of Python only.
-"$folder/bin/pip" install --quiet --only-binary pybullet pybullet==3.2.7 numpy==2.4.6 || exit 2
+export PIP_ONLY_BINARY=pybullet
+trap 'rm -rf "$folder"; exit 2' EXIT
+"$folder/bin/pip" install --quiet pybullet==3.2.7 numpy==2.4.6
+trap 'rm -rf "$folder"' EXIT
 "$folder/bin/python" - <<'END'
 import math
 import sys

@@ -31,10 +31,10 @@ ACROSS = 10
 """Parts of a profile from bound to bound. A policy."""
 ROUNDS = 3
 """How often profiles begin again from a lower minimum. A policy."""
-MISSES, WORTH = 10, 0.1
+MISSES, WORTH = 20, 0.1
 """Steps in a row that do not push an end of an interval on by that many standard deviations, after
 which it stays. Policies."""
-GROWS, SHRINKS = 2.0, 0.7
+GROWS, SHRINKS = 2.0, 0.85
 """Factors of the length of such a step after one that went on, and after a miss. Policies."""
 
 Points = dict[str, list[tuple[np.ndarray, float]]]
@@ -82,22 +82,8 @@ def _nearby(
             u = polished if problem.chi2(polished) < best[1] else best[0]
         if least - problem.chi2(u) <= quantile:
             break
-    pool = [(u, problem.chi2(u)), *(point for name in problem.names for point in made[name])]
-    highest = min(chi2 for _, chi2 in pool) + limit
-    inside = [point for point in pool if point[1] <= highest]
-    for k, name in enumerate(problem.names):
-        say(f"ends of the interval of {name}")
-        for side in (-1, 1):
-            inside += _pushed(problem, inside, jacobian, k, side, highest)
-    for k, name in enumerate(problem.names):
-        ends = _interval(*_along([*made[name], pool[0]], k), highest)
-        for side, known in zip((-1, 1), ends, strict=True):
-            end = max(inside, key=lambda point: side * point[0][k])
-            if side * (end[0][k] - known) > 0:
-                further = [point for point in made[name] if side * (point[0][k] - end[0][k]) > 0]
-                made[name].append(end)
-                if not further:
-                    made[name] += _outwards(problem, end[0], jacobian, k, side, highest)
+    if len(u) > 1:  # a profile of one alone is exact
+        _push(problem, u, jacobian, limit, made, say)
     return u, made, limit
 
 
@@ -162,28 +148,54 @@ def _outwards(
     return points
 
 
+def _push(
+    problem: Problem,
+    u: np.ndarray,
+    jacobian: np.ndarray,
+    limit: float,
+    made: Points,
+    say: Callable[[str], None],
+) -> None:
+    """Add to profiles the points at which intervals end, where random steps push these on."""
+    pool = [(u, problem.chi2(u)), *(point for points in made.values() for point in points)]
+    highest = min(chi2 for _, chi2 in pool) + limit
+    inside = [point for point in pool if point[1] <= highest]
+    values, vectors = np.linalg.eigh(np.linalg.pinv(jacobian.T @ jacobian))
+    spread = (vectors * np.sqrt(np.maximum(values, 0))) @ vectors.T  # no sign of vectors counts
+    for k, name in enumerate(problem.names):
+        say(f"ends of the interval of {name}")
+        for side in (-1, 1):
+            inside += _pushed(problem, inside, spread, k, side, highest)
+    for k, name in enumerate(problem.names):
+        ends = _interval(*_along([*made[name], pool[0]], k), highest)
+        for side, known in zip((-1, 1), ends, strict=True):
+            end = max(inside, key=lambda point: side * point[0][k])
+            if side * (end[0][k] - known) > 0:
+                further = [point for point in made[name] if side * (point[0][k] - end[0][k]) > 0]
+                made[name].append(end)
+                if not further:
+                    made[name] += _outwards(problem, end[0], jacobian, k, side, highest)
+
+
 def _pushed(
     problem: Problem,
     inside: list[tuple[np.ndarray, float]],
-    jacobian: np.ndarray,
+    spread: np.ndarray,
     k: int,
     side: int,
     highest: float,
 ) -> list[tuple[np.ndarray, float]]:
     """Return points (parameters, chi2) within a limit, each further out than the one before.
 
-    Steps are random, with the covariance of the parameters, and lead outwards.
+    Steps are random and lead outwards. `spread` is the root of the covariance of the parameters.
     """
-    rng = np.random.default_rng(0)
-    values, vectors = np.linalg.eigh(np.linalg.pinv(jacobian.T @ jacobian))
-    spread = vectors * np.sqrt(np.maximum(values, 0))
+    rng, worth = np.random.default_rng(0), WORTH * float(np.linalg.norm(spread[k]))
     u = max((place for place, _ in inside), key=lambda place: side * place[k])
-    found, size, missed, worth = [], 1.0, 0, WORTH * deviation(jacobian, k)
+    found, size, missed = [], 1.0, 0
     while missed < MISSES:
         step = size * (spread @ rng.standard_normal(len(u)))
         tried = np.clip(u + step * np.copysign(side, side * step[k]), 0, 1)
-        chi2 = problem.chi2(tried)
-        gain = side * (tried[k] - u[k])
+        chi2, gain = problem.chi2(tried), side * (tried[k] - u[k])
         missed = 0 if chi2 <= highest and gain > worth else missed + 1
         if chi2 <= highest and gain > 0:
             u, size = tried, size * GROWS

@@ -48,11 +48,12 @@ def fronts(record: pyfric.Record, event: int) -> float:
     return float(np.median(speeds)) / material_of(record.scene).c_S if len(speeds) else np.nan
 
 
-def prestress(record: pyfric.Record, event: int) -> float:
-    """Return the mean tau/p, before an event, of its blocks."""
+def mean_ratio(record: pyfric.Record, event: int, when: str) -> float:
+    """Return tau/p of the blocks of an event, their mean, "before" or "after" it."""
     at = record.row(event)
     inside = record.region[at].astype(bool)
-    return float(record.tau_before[at][inside].sum() / record.p_before[at][inside].sum())
+    tau, p = (record.arrays[f"{name}_{when}"][at][inside] for name in ("tau", "p"))
+    return float(tau.sum() / p.sum())
 
 
 def ruptures(record: pyfric.Record, options: dict[str, Any]) -> pd.DataFrame:
@@ -65,13 +66,11 @@ def ruptures(record: pyfric.Record, options: dict[str, Any]) -> pd.DataFrame:
     for event in precursors(record):
         at, parts = record.row(event), record.episodes[record.episodes["event"] == event]
         speed = float(parts["slip"].abs().sum() / (parts["t_stop"] - parts["t_start"]).sum())
-        inside = record.region[at].astype(bool)
-        after = float(record.tau_after[at][inside].sum() / record.p_after[at][inside].sum())
+        before, after = (mean_ratio(record, event, when) for when in ("before", "after"))
         steady = law.f_star + (law.a - law.b) * np.log(speed / law.V_star)
         t = float(events.loc[event, "t_start"]) - BEFORE
         stopped = pyfric.simulate(scene, t, initial=stopped, **options)
-        theta = stopped.final_state.memory["theta"][inside]
-        before = prestress(record, event)
+        theta = stopped.final_state.memory["theta"][record.region[at].astype(bool)]
         excess = law.b * float(np.log(speed * theta / law.D_c).mean())
         row = events.loc[event, ["t_start", "F_T_start", "L_p_over_L"]].to_list()
         row += [speed, before, after, steady, steady + excess, (before - steady) / excess]
@@ -102,7 +101,7 @@ def coulomb() -> pd.DataFrame:
     record = pyfric.simulate("fig1", 0.9, **rated.OPTIONS | {"accuracy": None})
     mu_k, mu_s = record.scene.interface.mu_k, record.scene.interface.mu_s
     rows = [
-        (event, (prestress(record, event) - mu_k) / (mu_s - mu_k), fronts(record, event))
+        (event, (mean_ratio(record, event, "before") - mu_k) / (mu_s - mu_k), fronts(record, event))
         for event in precursors(record)
     ]
     return pd.DataFrame(rows, columns=["event", "scaled_prestress", "front_over_c_S"])

@@ -127,7 +127,7 @@ class Problem:
         self.runs += 1
         record = simulate(scene, LONGER * data.t_end, **self.options)
         return Seen(
-            events(record, t_gap=data.table.attrs.get("resolution", 0.0)),
+            events(record, t_gap=data.table.attrs.get("resolution") or None),
             None if data.lengths is None else lengths_of(record),
             None if data.arrivals is None else fronts_of(record),
         )

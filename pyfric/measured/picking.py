@@ -123,8 +123,8 @@ def events(
         threshold: smallest drop of an event, over F_N, or its smallest slip, m; None: what is clear
             of the noise.
         t_gap: without noise, and in runs: falls within this pause are one event, s, at the time of
-            the largest, whose drop is the sum of theirs; None or, in runs, 0: events are those of
-            the catalogue, from the start of the first fall to the arrest of the last.
+            the largest, whose drop is the sum of theirs; None: that of `pyfric.build_catalogue`,
+            from the start of the first fall to the end of the last.
             Without noise, all slip is a step, creep too.
 
     Returns:
@@ -143,7 +143,7 @@ def events(
         threshold = check_number("threshold", threshold, unit, ge=0.0)
     if isinstance(of, Record):
         if x is None:
-            return _of_record(of, threshold or 0.0, t_gap or 0.0)
+            return _of_record(of, threshold or 0.0, t_gap)
         return _slips_of_record(of, x, threshold or 0.0, t_gap or 0.0)
     t_gap = T_GAP if t_gap is None else t_gap
     t, f = _samples(of, in_force)
@@ -350,12 +350,12 @@ def _slope(x: np.ndarray, f: np.ndarray) -> float:
     return robust_line(x[kept], f[kept])[1]
 
 
-def _of_record(record: Record, threshold: float, t_gap: float) -> pd.DataFrame:
+def _of_record(record: Record, threshold: float, t_gap: float | None) -> pd.DataFrame:
     """Return the events of a catalogue with finite static forces and a drop above a threshold.
 
     Those within a pause are one. An event of the catalogue may have several falls, and the load
-    grows between them. With a pause, those of a quasi-static run, each at one time of its curve,
-    are parted first.
+    grows between them. If a pause is given, those of a quasi-static run, each at one time of its
+    curve, are parted first.
     """
     scene, found = record.scene, record.events
     t, F_T = (record.curve[name].to_numpy() for name in ("t", "F_T"))
@@ -371,11 +371,11 @@ def _of_record(record: Record, threshold: float, t_gap: float) -> pd.DataFrame:
     for start, stop, F_start, F_stop in found[names].itertuples(index=False):
         if not np.isfinite(F_start - F_stop):
             continue
-        inside = sudden[(t[sudden] >= start) & (t[sudden] <= stop)] if t_gap else []
+        inside = [] if t_gap is None else sudden[(t[sudden] >= start) & (t[sudden] <= stop)]
         falls = [(t[n], t[n], F_T[n], F_T[n + 1]) for n in inside]
         for begin, end, before, after in falls or [(start, stop, F_start, F_stop)]:
             fall = (begin, end, over(begin, before), over(end, after))
-            if together and begin - together[-1][-1][1] <= t_gap:
+            if together and begin - together[-1][-1][1] <= (t_gap or 0.0):
                 together[-1].append(fall)
             else:
                 together.append([fall])

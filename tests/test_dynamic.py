@@ -27,7 +27,7 @@ import pyfric
 from pyfric import core
 from pyfric.core import OPEN, STUCK, StateError
 from pyfric.engines import RunError, integration, step_size
-from pyfric.engines.options import AUTO_SHARE
+from pyfric.engines.step_sizes import AUTO_SHARE
 from pyfric.record import Record, analysis
 from pyfric.scene import SceneError, preset, setup1, setup2
 from pyfric.statics import StaticSolver, loaded_state, stability_limit

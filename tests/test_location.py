@@ -274,7 +274,7 @@ def test_endless_switching_is_stopped_with_block_and_time(monkeypatch):
     assert log.block == 1
     assert np.pi * 60 < log.t < 3141
     monkeypatch.setattr(
-        "pyfric.engines.options.LONGEST_LOCATED", np.inf
+        "pyfric.engines.step_sizes.LONGEST_LOCATED", np.inf
     )  # else such a step is refused
     with pytest.raises(RunError, match=r"block 2 .* between stick, slip and gap at t = \d") as stop:
         simulate(scene, 3141.0, initial=state, dt=3141.0, **options)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import linalg
 
-from pyfric.engines.hybrid import RestStates
 from pyfric.engines.modes import modes_of
+from pyfric.engines.rests import RestStates
 from pyfric.engines.space import Space
 from pyfric.scene import setup1, setup2
 from pyfric.statics import EquilibriumError, StaticSolver

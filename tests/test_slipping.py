@@ -7,9 +7,10 @@ import pyfric
 from pyfric.core import OPEN
 from pyfric.engines import hybrid
 from pyfric.engines.cost import work, work_of_step
-from pyfric.engines.hybrid import SPENT, RestStates
+from pyfric.engines.hybrid import SPENT
 from pyfric.engines.jump import Jump, Wait
 from pyfric.engines.path import Outside, path_from, rest
+from pyfric.engines.rests import RestStates
 from pyfric.engines.slipping import slides
 from pyfric.scene import setup1, setup2
 from pyfric.scene.laws import Ageing, ExponentialWeakening, SpeedDependent

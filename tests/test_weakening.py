@@ -13,7 +13,7 @@ from tolerances import FORCE, FORCE_FINITE
 import pyfric
 from pyfric import core
 from pyfric.core import OPEN, STUCK
-from pyfric.engines.options import AUTO_SHARE
+from pyfric.engines.step_sizes import AUTO_SHARE
 from pyfric.record import Record
 from pyfric.scene import Scene, SceneError, chain, preset, setup1
 from pyfric.statics import loaded_state, stability_limit

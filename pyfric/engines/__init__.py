@@ -24,24 +24,26 @@ from pyfric.engines.integration import folded, integrate, largest_strain
 from pyfric.engines.options import (
     ACCURACY,
     FINEST,
-    MAX_STEPS,
     RTOL,
     Fidelity,
     Keywords,
     Options,
     Want,
     check_kept,
-    check_steps,
-    default_switching,
     kept,
     owned,
-    rounded_step,
-    step_of_waves,
-    step_size,
 )
 from pyfric.engines.pauses import coarser, longest_pause, pause_notes, relaxation_time
 from pyfric.engines.prediction import prediction_curve
 from pyfric.engines.quasistatic import EQUILIBRIUM, QUASISTATIC, QuasistaticRun
+from pyfric.engines.step_sizes import (
+    MAX_STEPS,
+    check_steps,
+    default_switching,
+    rounded_step,
+    step_of_waves,
+    step_size,
+)
 from pyfric.engines.stopping import ended_by_condition, stopping_of
 
 ENGINES.update({engine.name: engine for engine in (EQUILIBRIUM, QUASISTATIC, HYBRID, DYNAMIC)})

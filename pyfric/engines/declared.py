@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from pyfric.engines.engine import ENGINES
+from pyfric.engines.step_sizes import is_auto
 from pyfric.scene import (
     Annotation,
     Conditions,
@@ -125,11 +126,6 @@ class Step(Quantity):
 
     def check(self, value: Any, written: Written | None = None) -> Any:
         return value if is_auto(value) else super().check(value, written)
-
-
-def is_auto(dt: Any) -> bool:
-    """Whether a time step is "auto"; an array is not."""
-    return isinstance(dt, str) and dt == "auto"
 
 
 class EngineName(Annotation):

@@ -13,227 +13,53 @@ Source: PRL 107, 074301 (2011) for the model.
 
 from __future__ import annotations
 
-import functools
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pyfric import core
 from pyfric.core import OPEN, STUCK
-from pyfric.engines.cost import set_up, work, work_of_step
+from pyfric.engines.cost import work, work_of_step
 from pyfric.engines.dynamic import Run
 from pyfric.engines.engine import Engine
 from pyfric.engines.integration import integrate, just_after
 from pyfric.engines.jump import LONGEST, Jump, Landing, Stale, Wait
 from pyfric.engines.limits import Limits
-from pyfric.engines.modes import Modes, modes_at, modes_of
 from pyfric.engines.moving import ASIDE, has_parts, steps_of_parts
 from pyfric.engines.options import Options, owned
-from pyfric.engines.path import Outside, at, path_from, rest
-from pyfric.engines.slipping import SlipGaps, SlipSpace, slides
+from pyfric.engines.path import Outside, path_from, rest
+from pyfric.engines.rests import RestStates
+from pyfric.engines.slipping import slides
 from pyfric.engines.slow_slip import RateHybridRun
-from pyfric.engines.space import N_MODES, Space
 from pyfric.engines.works import add_jump
 from pyfric.scene import SceneError
 from pyfric.statics import (
     EquilibriumError,
-    Memory,
     RememberedStates,
-    Static,
     Weakening,
     check_rests,
     check_sticks,
-    ends,
 )
 
 if TYPE_CHECKING:
     from pyfric.core import State
+    from pyfric.engines.modes import Modes
+    from pyfric.engines.space import Space
     from pyfric.record import Record
     from pyfric.scene import Scene
-    from pyfric.statics import Equilibrium, StaticSolver
 
 AMPLIFIED = 250.0
 """Factor by which events amplify errors of jumps. The error of forces in later events was at most
 this many times the largest estimated error of a jump, in 27 sets of off-box scenes."""
-BALANCED = 1e-10
-"""Largest error of a contact force in static states of events, over F_N."""
 MOSTLY = 0.5
 """Integrated share of the time above which the record carries a note."""
-KEPT, KEPT_SLIPS, PATHS = 8, 3, 1e8
-"""Sets of contact states whose modes are kept, fewer where they do not fit into the available
-memory; sets of slipping blocks whose shapes are kept; and memory of the paths on which static
-states are found, in bytes."""
 FAST = 10.0
 """Slip speed over that of the driver above which no jump over slip is tried: a static path has such
 speeds just before slip becomes unstable only."""
 SPENT = 1 / 4
 """Largest work of all attempts to jump, over that of full dynamics up to the same time. An attempt
 waits for it, so that no run takes much longer than full dynamics."""
-
-
-class Start(NamedTuple):
-    """Where searches for static states at the same contact states start.
-
-    Attributes:
-        q: coordinates of the last static state, shape (n_q,), in m.
-        drift: dq/d(drive) at the end of the last jump, shape (n_q,).
-        contraction: last observed factor by which an iteration reduces the error.
-    """
-
-    q: np.ndarray
-    drift: np.ndarray
-    contraction: float
-
-
-class RestStates:
-    """Static states at fixed contact states, and all that later jumps take from earlier ones.
-
-    Remembered are the modes at the tangent of the last jump that needed a new one, and where
-    searches for static states and their derivatives start. What a jump returns depends on this
-    within its accuracy in finite geometry, and in linear geometry within rounding.
-
-    Args:
-        solver: static states of the scene in its geometry.
-        dt: step of the run, in s.
-        stepper: the stepper that makes it.
-        made: counts of the run; "modal_bases" is increased.
-    """
-
-    def __init__(self, solver: StaticSolver, dt: float, stepper: str, made: dict[str, int]) -> None:
-        self.known, self.dt, self.stepper, self.made = solver, dt, stepper, made
-        self._loaded = ~(solver.loaded.open | solver.scene.bare)
-        room = core.available() / set_up(solver.scene, "hybrid", solver.geometry).bytes
-        self._modes: Memory[Modes] = Memory(int(min(max(room, 1), KEPT)))
-        paths = int(max(PATHS / (3 * 8 * len(solver.arm)), 1))
-        self._rests: Memory[tuple[float, np.ndarray]] = Memory(paths)
-        self._starts: Memory[Start] = Memory(paths)
-        self._unstable: set[bytes] = set()
-        self._slips: Memory[SlipSpace] = Memory(KEPT_SLIPS)
-
-    def slipping(self, closed: np.ndarray, weakening: Weakening, q: np.ndarray) -> Modes:
-        """Return the modes with slipping blocks at the tangent of a state q (m), shape (n_q,).
-
-        Args:
-            closed: blocks in contact, shape (N_x,), bool.
-            weakening: friction of the blocks that slip.
-            q: coordinates, shape (n_q,), in m.
-
-        Raises:
-            EquilibriumError: the static state is unstable.
-        """
-        slips = np.flatnonzero(weakening.way)
-        key = closed.tobytes() + slips.tobytes()
-        space = self._slips.made(key, lambda: SlipSpace(self.modes(closed).space, slips))
-        slipping = space.at(weakening, q)
-        return modes_at(SlipGaps(slipping), slipping.tangent_at(q), self.dt, self.stepper)
-
-    def modes(self, stuck: np.ndarray) -> Modes:
-        """Return the modes of the slider at these contact states."""
-        return self._modes.made(stuck.tobytes(), lambda: self._found(stuck))
-
-    def _found(self, stuck: np.ndarray) -> Modes:
-        """Extend the space of the loaded slider, if few of its blocks were released."""
-        self.made["modal_bases"] += 1
-        if (stuck == self._loaded).all():
-            return modes_of(self.of_loaded, self.dt, self.stepper)
-        released = self._loaded & ~stuck
-        added = 4 * released.sum()  # two responses to each block, and their viscous corrections
-        extends = added <= N_MODES and not (stuck & ~self._loaded).any()
-        near = self.of_loaded if extends else None
-        return modes_of(Space(self.known, stuck, near), self.dt, self.stepper)
-
-    @functools.cached_property
-    def of_loaded(self) -> Space:
-        return Space(self.known, self._loaded)
-
-    def renew(self, stuck: np.ndarray, q: np.ndarray) -> Modes:
-        """Return the modes at the tangent of a state q, and keep them for later calls."""
-        renewed = self._modes[stuck.tobytes()] = self.modes(stuck).at(q)
-        return renewed
-
-    def start(self, stuck: np.ndarray) -> Start:
-        """Return where searches start: first at the loaded state."""
-        known = self.known
-
-        def loaded() -> Start:
-            q = known.coordinates(known.loaded.u, known.loaded.rod)
-            return Start(q, self.modes(stuck).space.drift, 1.0)
-
-        return self._starts.made(stuck.tobytes(), loaded)
-
-    def at(
-        self,
-        u_x: np.ndarray,
-        stuck: np.ndarray,
-        drive: float,
-        load: tuple[float, float] | None,
-        enough: float,
-        near: np.ndarray | None = None,
-    ) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return coordinates (m) and forces (N) of the static state, or None if none is found.
-
-        The search starts on the path of a state with the same blocks at the same positions. If
-        there is none, it starts at `near` (m), or at the latest state with the same contact states.
-        """
-        key = stuck.tobytes()
-        if key in self._unstable:
-            return None
-        try:
-            modes, start = self.modes(stuck), self.start(stuck)
-        except EquilibriumError:
-            self._unstable.add(key)
-            return None
-        held = modes.space.held
-        place = key, u_x[held].tobytes()
-        if place in self._rests:
-            drive_0, path = self._rests[place]
-            q = at(path, drive - drive_0)
-        else:
-            q = start.q.copy() if near is None else near.copy()
-        q[held] = u_x[held]
-        found = rest(modes, q, drive, load, enough, start.contraction)
-        if found is None:
-            self._starts[key] = start._replace(contraction=1.0)
-            return None
-        q, forces, contraction = found
-        self._starts[key] = Start(q, start.drift, contraction)
-        path = np.array([q, start.drift, np.zeros_like(q)])
-        self._rests.made(place, lambda: (drive, path))
-        return q, forces
-
-    def keep(self, u_x: np.ndarray, stuck: np.ndarray, landing: Landing) -> None:
-        """Keep the path of a jump if only the driver moves: static states lie on this path."""
-        jump, key = landing.jump, stuck.tobytes()
-        outside, drift = jump.outside, jump.drift_at(landing.n * self.dt)
-        if drift is not None:
-            self._starts[key] = self.start(stuck)._replace(drift=drift)
-        if outside.steady and outside.V and not any(outside.gain):
-            path = jump.path.q / np.array([[1.0], [outside.V], [outside.V**2]])
-            self._rests[key, u_x[stuck].tobytes()] = outside.drive, path
-
-    def solve(
-        self,
-        u_x: np.ndarray,
-        drive: float,
-        *,
-        free: np.ndarray,
-        load: tuple[float, float] | None = None,
-        near: Equilibrium | None = None,
-    ) -> Static | Equilibrium:
-        """Return the static state, for the catalogue, at these contact states if they hold."""
-        scene, bottom, found = self.known.scene, ends(len(free)), None
-        if not free.all():
-            found = self.at(u_x, ~free, drive, load, BALANCED * scene.F_N)
-        if found is not None:
-            q, forces = found
-            height, closed = q[bottom.u_z] + scene.gap, ~free | self.known.pressed
-            if not ((np.where(closed, height, -height) > 0) & scene.touches).any():
-                moved = float(self.known.driven_row @ q)
-                F_T = scene.driver_force(drive, moved, self.known.u_drv0)
-                tau = np.where(free, 0.0, scene.d * forces[bottom.u_x])
-                return Static(F_T, tau, np.where(closed, -scene.k_f * height, 0.0))
-        return self.known.solve(u_x, drive, free=free, load=load, near=near)
 
 
 class HybridRun(Run):

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
 import os
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypedDict
 
@@ -26,10 +25,10 @@ from pyfric.engines.declared import (
     Step,
     YesNo,
     documented,
-    is_auto,
     option,
 )
 from pyfric.engines.pauses import longest_pause
+from pyfric.engines.step_sizes import check_located, check_steps, default_switching, step_size
 from pyfric.record import Method
 from pyfric.scene import (
     Annotation,
@@ -39,34 +38,20 @@ from pyfric.scene import (
     Quantity,
     SceneError,
     annotations,
-    as_scene,
     check_geometry,
-    check_number,
     condition,
     default_geometry,
     paper_step,
     part,
 )
-from pyfric.statics import stability_limit
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from typing import Unpack
 
     from pyfric.engines.engine import Engine
-    from pyfric.scene import Number, Scene, SceneLike
+    from pyfric.scene import Number, Scene
 
-AUTO_SHARE = 0.5
-"""dt = "auto" is this share of the stability limit, rounded down to `DIGITS` digits as a multiple
-of sqrt(m/k): so it hangs neither on units nor on the last bits of the limit.
-
-In the Fig. 1 scene with switches at step ends, the main precursors up to 0.9 s then keep their
-order. Their forces are those of the paper's step, an eighth of the limit, within 8e-4 F_N. The
-difference is proportional to the step, and far smaller with located switches."""
-DIGITS = 3
-"""Digits of dt = "auto" over sqrt(m/k)."""
-ALMOST = 1e-9
-"""A last digit that lacks less than this is reached: rounding."""
 RTOL = 1e-6
 """Default of rtol. The error of rupture times of a short front is then 2e-11 s, with located
 switching; 1e-3 makes it 7e-9 s for 1.3 times less work."""
@@ -74,10 +59,6 @@ ACCURACY = 1e-6
 """Default of accuracy."""
 FINEST = 1e-9
 """Smallest accuracy."""
-LONGEST_LOCATED = 30.0
-"""Longest step of the adaptive stepper with located switching, over the stability limit of RK4."""
-MAX_STEPS = 10**14
-"""Most steps of one run: the time, as a multiple of the step, is then rounded to 1 % of it."""
 MAX_THREADS = 4096
 """Most threads that may be asked for."""
 
@@ -387,7 +368,7 @@ class Options:
             raise SceneError("energies", True, "", "False, or fidelity = 'dynamic'", reason)
         dt, switching = self.steps_on(scene)
         if switching == "located":
-            _check_located(scene, self.stepper_on(scene), dt)
+            check_located(scene, self.stepper_on(scene), dt)
         check_steps(t_begin, t_end, dt)
         every = (t_end - t_begin) / dt / POINTS if self.sample is None else self.sample / dt
         return Method(
@@ -405,13 +386,6 @@ class Options:
             accuracy=(self.accuracy or ACCURACY) if engine.jumps else None,
             threshold=self.threshold,
         )
-
-
-def check_steps(t_begin: float, t_end: float, dt: float) -> None:
-    """Raise SceneError if a run between two times has too many steps; all in s."""
-    if (t_end - t_begin) / dt > MAX_STEPS:
-        allowed = f"at most {t_begin + MAX_STEPS * dt:.3g} s, {MAX_STEPS:g} steps of {dt:g} s"
-        raise SceneError("t_end", t_end, "s", allowed)
 
 
 Options.__doc__ = documented(
@@ -463,64 +437,3 @@ def check_kept(scene: Scene, method: Method, given: Mapping[str, Any]) -> None:
         if given.get(name) not in (None, "none"):
             allowed = "none: a run that goes on keeps its model, and its errors are not measured"
             raise SceneError(name, given[name], "", allowed, "has no effect")
-
-
-def default_switching(scene: Scene, method: str | None = None) -> Switching:
-    """Return the default of the option `switching`; see `Options`."""
-    ends = scene.law.apart or scene.law.flows
-    return "located" if method is None and not ends else "step_end"
-
-
-def step_size(
-    scene: SceneLike, dt: Number | Literal["auto"] = "auto", stepper: str = "rk4"
-) -> float:
-    """Return the time step in s, checked against the stability limit of the stepper.
-
-    Args:
-        scene: the scene, the name of a preset, or the path of a scene file.
-        dt: step in s, or "auto" for `AUTO_SHARE` of the limit, rounded down to three digits over
-            sqrt(m/k). For the stepper "adaptive", which makes sub-steps inside dt, any dt is
-            allowed, and "auto" uses the limit of RK4.
-        stepper: the stepper.
-
-    Raises:
-        SceneError: dt is not a number, not positive, or above the limit.
-    """
-    limit, _ = stability_limit(scene, stepper)
-    if is_auto(dt):
-        return rounded_step(as_scene(scene), AUTO_SHARE * limit)
-    dt = check_number("dt", dt, "s", gt=0.0, note=", or 'auto'")
-    if not STEPPERS[stepper].adaptive and dt > limit:
-        allowed = f"0 < dt <= {limit:.4g} s, the stability limit of {stepper} for this scene"
-        raise SceneError("dt", dt, "s", allowed, "unstable")
-    return dt
-
-
-def rounded_step(scene: Scene, dt: float) -> float:
-    """Return a step (s) rounded down to `DIGITS` digits over sqrt(m/k)."""
-    unit = math.sqrt(scene.m / scene.slider.k)
-    times = dt / unit * (1 + ALMOST)
-    places = DIGITS - 1 - math.floor(math.log10(times))
-    return math.floor(times * 10.0**places) / 10.0**places * unit
-
-
-def step_of_waves(scene: Scene) -> float:
-    """Return the default time step (s) of the scene without viscosity, which shortens steps."""
-    return step_size(scene.replace({"slider.eta": 0.0, "slider.damping": None}))
-
-
-def _check_located(scene: Scene, stepper: str, dt: float) -> None:
-    """Raise SceneError if switches cannot be located with this stepper or step."""
-    if scene.law.flows:
-        reason = "contact states follow from speeds"
-        raise SceneError("switching", "located", "", "'step_end' with this law", reason)
-    if scene.eta == 0 and STEPPERS[stepper].growth is None:
-        allowed = (
-            f"'step_end', or another stepper than {stepper!r}, or eta > 0: its steps conserve "
-            "energy only as long as they are equal, and those that end at a switch are not"
-        )
-        raise SceneError("switching", "located", "", allowed)
-    limit = LONGEST_LOCATED * stability_limit(scene, "rk4")[0]
-    if STEPPERS[stepper].adaptive and dt > limit:
-        allowed = f"at most {limit:.3g} s with located switching: each step has room for some"
-        raise SceneError("dt", dt, "s", allowed, "too long")

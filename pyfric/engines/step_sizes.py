@@ -1,0 +1,102 @@
+"""The step of a run: its default, its limits, and where contact states switch."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, Literal
+
+from pyfric.core import STEPPERS, Switching
+from pyfric.scene import SceneError, as_scene, check_number
+from pyfric.statics import stability_limit
+
+if TYPE_CHECKING:
+    from pyfric.scene import Number, Scene, SceneLike
+
+AUTO_SHARE = 0.5
+"""dt = "auto" is this share of the stability limit, rounded down to `DIGITS` digits as a multiple
+of sqrt(m/k): so it hangs neither on units nor on the last bits of the limit.
+
+In the Fig. 1 scene with switches at step ends, the main precursors up to 0.9 s then keep their
+order. Their forces are those of the paper's step, an eighth of the limit, within 8e-4 F_N. The
+difference is proportional to the step, and far smaller with located switches."""
+DIGITS = 3
+"""Digits of dt = "auto" over sqrt(m/k)."""
+ALMOST = 1e-9
+"""A last digit that lacks less than this is reached: rounding."""
+LONGEST_LOCATED = 30.0
+"""Longest step of the adaptive stepper with located switching, over the stability limit of RK4."""
+MAX_STEPS = 10**14
+"""Most steps of one run: the time, as a multiple of the step, is then rounded to 1 % of it."""
+
+
+def check_steps(t_begin: float, t_end: float, dt: float) -> None:
+    """Raise SceneError if a run between two times has too many steps; all in s."""
+    if (t_end - t_begin) / dt > MAX_STEPS:
+        allowed = f"at most {t_begin + MAX_STEPS * dt:.3g} s, {MAX_STEPS:g} steps of {dt:g} s"
+        raise SceneError("t_end", t_end, "s", allowed)
+
+
+def default_switching(scene: Scene, method: str | None = None) -> Switching:
+    """Return the default of the option `switching`; see `Options`."""
+    ends = scene.law.apart or scene.law.flows
+    return "located" if method is None and not ends else "step_end"
+
+
+def is_auto(dt: Any) -> bool:
+    """Whether a time step is "auto"; an array is not."""
+    return isinstance(dt, str) and dt == "auto"
+
+
+def step_size(
+    scene: SceneLike, dt: Number | Literal["auto"] = "auto", stepper: str = "rk4"
+) -> float:
+    """Return the time step in s, checked against the stability limit of the stepper.
+
+    Args:
+        scene: the scene, the name of a preset, or the path of a scene file.
+        dt: step in s, or "auto" for `AUTO_SHARE` of the limit, rounded down to three digits over
+            sqrt(m/k). For the stepper "adaptive", which makes sub-steps inside dt, any dt is
+            allowed, and "auto" uses the limit of RK4.
+        stepper: the stepper.
+
+    Raises:
+        SceneError: dt is not a number, not positive, or above the limit.
+    """
+    limit, _ = stability_limit(scene, stepper)
+    if is_auto(dt):
+        return rounded_step(as_scene(scene), AUTO_SHARE * limit)
+    dt = check_number("dt", dt, "s", gt=0.0, note=", or 'auto'")
+    if not STEPPERS[stepper].adaptive and dt > limit:
+        allowed = f"0 < dt <= {limit:.4g} s, the stability limit of {stepper} for this scene"
+        raise SceneError("dt", dt, "s", allowed, "unstable")
+    return dt
+
+
+def rounded_step(scene: Scene, dt: float) -> float:
+    """Return a step (s) rounded down to `DIGITS` digits over sqrt(m/k)."""
+    unit = math.sqrt(scene.m / scene.slider.k)
+    times = dt / unit * (1 + ALMOST)
+    places = DIGITS - 1 - math.floor(math.log10(times))
+    return math.floor(times * 10.0**places) / 10.0**places * unit
+
+
+def step_of_waves(scene: Scene) -> float:
+    """Return the default time step (s) of the scene without viscosity, which shortens steps."""
+    return step_size(scene.replace({"slider.eta": 0.0, "slider.damping": None}))
+
+
+def check_located(scene: Scene, stepper: str, dt: float) -> None:
+    """Raise SceneError if switches cannot be located with this stepper or step."""
+    if scene.law.flows:
+        reason = "contact states follow from speeds"
+        raise SceneError("switching", "located", "", "'step_end' with this law", reason)
+    if scene.eta == 0 and STEPPERS[stepper].growth is None:
+        allowed = (
+            f"'step_end', or another stepper than {stepper!r}, or eta > 0: its steps conserve "
+            "energy only as long as they are equal, and those that end at a switch are not"
+        )
+        raise SceneError("switching", "located", "", allowed)
+    limit = LONGEST_LOCATED * stability_limit(scene, "rk4")[0]
+    if STEPPERS[stepper].adaptive and dt > limit:
+        allowed = f"at most {limit:.3g} s with located switching: each step has room for some"
+        raise SceneError("dt", dt, "s", allowed, "too long")

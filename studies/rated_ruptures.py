@@ -119,10 +119,13 @@ def middle(record: pyfric.Record) -> float:
 
 
 def regime(record: pyfric.Record) -> str:
-    """Return whether precursors are there, and have slow fronts."""
+    """Return whether precursors are there, and have slow fronts, or none that a speed follows from."""
     if not count(record):
         return "none"
-    return "slow fronts" if middle(record) < SLOW else "fast fronts"
+    speed = middle(record)
+    if np.isnan(speed):
+        return "too short for a speed"
+    return "slow fronts" if speed < SLOW else "fast fronts"
 
 
 def first(record: pyfric.Record) -> float:
@@ -230,7 +233,12 @@ def draw(frame: pd.DataFrame, found: pd.DataFrame, known: pd.DataFrame) -> DataF
 
 def _draw_regimes(axes: Any, found: pd.DataFrame) -> None:
     """Draw a symbol for each run, with those of other speeds of the driver beside it."""
-    looks = {"none": ("x", "0.6"), "slow fronts": ("v", "C0"), "fast fronts": ("^", "C1")}
+    looks = {
+        "none": ("x", "0.6"),
+        "too short for a speed": (".", "0.6"),
+        "slow fronts": ("v", "C0"),
+        "fast fronts": ("^", "C1"),
+    }
     speeds = sorted(found["V_m_s"].unique())
     for name, (marker, colour) in looks.items():
         part = found[found["regime"] == name]
@@ -240,4 +248,4 @@ def _draw_regimes(axes: Any, found: pd.DataFrame) -> None:
     axes.set_xlabel("$a/b$; from left to right V = 0.04, 0.4, 4 mm/s")
     axes.set_ylabel("$D_c/h$")
     axes.set_ylim(top=3 * found["D_c_over_h"].max())
-    axes.legend(fontsize="small", frameon=False, ncols=3, loc="upper center")
+    axes.legend(fontsize="small", frameon=False, ncols=2, loc="upper center")

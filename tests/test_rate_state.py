@@ -325,7 +325,7 @@ def test_the_stored_study_is_that_of_its_command():
 
 
 @pytest.mark.portable
-def test_tau_over_p_after_a_precursor_is_the_friction_at_its_speed():
+def test_tau_over_p_after_a_precursor_is_the_friction_at_its_speed(monkeypatch):
     """In the preset, within 0.01; its fronts are slow."""
     record = study.run({}, {}, 0.49e-3)
     table = rated_ruptures.ruptures(record, study.OPTIONS)
@@ -343,3 +343,5 @@ def test_tau_over_p_after_a_precursor_is_the_friction_at_its_speed():
     rested = case["steady_friction"] + law.b * np.log(case["slip_speed_m_s"] * theta / law.D_c)
     assert case["tau_over_p_before"] < case["friction_of_onset"] < rested
     assert "V = 0.4 mm/s: 2" in rated_ruptures.report(table.assign(case="V = 0.4 mm/s"))
+    monkeypatch.setattr(rated_ruptures, "fronts", lambda *_: np.nan)
+    assert rated_ruptures.regime(record) == "too short for a speed"

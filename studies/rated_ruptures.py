@@ -119,7 +119,7 @@ def middle(record: pyfric.Record) -> float:
 
 
 def regime(record: pyfric.Record) -> str:
-    """Return whether precursors are there, and have slow fronts, or none that a speed follows from."""
+    """Return whether there are precursors, and whether their fronts are slow."""
     if not count(record):
         return "none"
     speed = middle(record)

@@ -63,6 +63,8 @@ def rows(apart=",", decimal="."):
         "% rig 2\n% time_ms  F_T_kN\n" + rows("  "),
         "# time F_T\n# ms kN\n" + rows(" "),
         '"time (ms)","F_T (kN)"\n' + "".join(f'"{a}","{b}"\n' for a, b in ROWS).replace(".", ","),
+        "time (ms)\tF_T (kN)\n" + rows("\t").replace("0.0\t0.0", " 0.0D+0\t.0D+00"),
+        "time (ms) F_T (kN)\n" + "".join(f"{a / 100}d+02 {b * 10}D-1\n" for a, b in ROWS),
         "LabVIEW Measurement\t\n***End_of_Header***\t\nChannels\t1\nSamples\t4\nX0\t0.0\n"
         "***End_of_Header***\t\ntime (ms)\tF_T (kN)\tComment\n" + rows("\t"),
     ],
@@ -114,6 +116,13 @@ def test_columns_can_be_chosen(tmp_path):
         ("time (s),mu\n0,1\n2,x\n3,4\n1,4\n", {}, ["row 3, column 2: 'x' is no number", "head=3"]),
         ("time (s),mu\n0,1\n1,2\nend of test\n", {}, ["last row, 4, has no number", "cut"]),
         ("time,mu\n10:00:01,1\n10:00:02,2\n", {}, ["'10:00:01' is no number", "step="]),
+        ("t F_T\n0 0.1 N1\n1 0.2 N1\n", {}, ["words or other signs between", "by commas"]),
+        ("time (s)|mu\n0|1\n1|2\n2|3\n", {}, ["last row, 4, has words or other", "by commas"]),
+        ("time (s);mu\n0;1.234,5\n1;1.235,5\n", {}, ["'1.234,5' is no number", "thousands"]),
+        ("time (s),mu\n0,1\n1,2\n", {"decimal": ";"}, ["decimal = ';'"]),
+        ("time (s),mu\n0,1\n1,2\n", {"columns": ["t", "mu"]}, ["columns = ", "a dict"]),
+        ("time (s),mu\n0,1\n1,2\n", {"units": {"t": 1}}, ["units.t = '1'", "in quotes"]),
+        ("t,F_T\n0,1\n1,2\n", {"units": {"t": "s"}, "calibration": {"F_T": "0 N"}}, ["zero"]),
         ("time (s),F_T (N)\n0 s,1 kN\n1 s,2 kN\n", {}, ["'N' at the top, 'kN' behind"]),
         ("time (s),F_T (N)\n0,1\n1,0x104\n2,3\n", {}, ["column 2 has '', 'x104' behind"]),
         ("time (s),tau (mPa)\n0,1\n1,2\n2,3\n", {}, ["may be a spelling of MPa", "calibration="]),
@@ -153,6 +162,27 @@ def test_overflows_and_lost_loads_are_gaps(tmp_path):
     curve = read(text(tmp_path, content))
     same(curve, F_T=(1, np.nan, np.nan, 4, 5))
     np.testing.assert_array_equal(curve.over_F_N, (0.1, np.nan, np.nan, np.nan, 0.5))
+
+
+def test_gaps_at_the_ends_of_rows_are_kept_between_tabs(tmp_path):
+    content = "\ttime (s)\tmu\tslip (um)\n0\t0\t0.1\t1\n1\t1\t0.2\t\n2\t2\t0.3\t3\n3\t3\t0.2\t\n"
+    curve = read(text(tmp_path, content))
+    same(curve, t=(0, 1, 2, 3), mu=(0.1, 0.2, 0.3, 0.2), slip=(1e-6, np.nan, 3e-6, np.nan))
+    wide = content.replace("\n", "\t\t\n")  # as spreadsheets fill rows up
+    for each in (wide, wide.replace(".", ",")):
+        same(read(text(tmp_path, each)), slip=(1e-6, np.nan, 3e-6, np.nan))
+
+
+def test_columns_without_use_are_named(tmp_path):
+    content = "time/s,F_T/F_N,slip/10^-6 m\n0,0.1,1\n1,0.2,2\n2,0.3,3\n"
+    curve = read(text(tmp_path, content))
+    same(curve, mu=(0.1, 0.2, 0.3))
+    assert "not used: 'slip/10^-6 m'" in str(curve)
+    asked = {"t": 1, "mu": 2, "slip": 3}
+    refuse(lambda: read(text(tmp_path, content), asked), "'10.-6' is a factor", "such as um")
+    curve = read(text(tmp_path, content), asked, units={"slip": "um"})
+    same(curve, slip=(1e-6, 2e-6, 3e-6))
+    assert "not used" not in str(curve)
 
 
 def test_heads_can_be_left_out_and_commas_said(tmp_path):
@@ -242,6 +272,13 @@ def test_tdms(tmp_path):
         writer.write_segment([nptdms.ChannelObject("shear", "Shear force", np.array(F) / 40, told)])
     refuse(lambda: read(path), "the unit 'V'", "calibration=")
     same(read(path, calibration={"F_T": "40 N"}), t=T, F_T=F)
+    slip = nptdms.ChannelObject("shear", "slip", 1.0 * np.arange(4), told | {"wf_increment": 0.25})
+    force = nptdms.ChannelObject("shear", "Shear force", np.array(F), told | {"unit_string": "N"})
+    slip.properties["unit_string"] = "um"
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment([force, slip])
+    refuse(lambda: read(path), "'shear/time of Shear force' and 'shear/time of slip' are both t")
+    same(read(path, {"t": "shear/time of slip", "slip": "slip"}), t=np.array(T) / 2)
     path.write_bytes(b"TDSm")
     refuse(lambda: read(path), "columns: none")
 

@@ -49,6 +49,8 @@ _SUFFIXED = re.compile(
     r"(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>[^\W\d_][^\s,;]*)"
 )
 """A number with a unit behind it."""
+_FORTRAN = re.compile(r"(?<![\w.])([+-]?(?:\d+\.\d*|\.\d+))[dD](?=[+-]?\d{1,3}(?![\w.]))")
+"""A number whose exponent has the sign D, as Fortran writes it."""
 _CHANNEL = np.dtype(
     [("name", "S13"), ("unit", "S13"), ("_", ">i4"), ("comment", "S50"), ("count", ">i4")]
 )
@@ -134,6 +136,7 @@ def _text(path: Any, content: bytes, head: int, decimal: str | None) -> Found:
     if (end := text.rfind(LVM_HEAD)) >= 0:
         head = max(head, text.count("\n", 0, end) + 1)
     text = COMMENTS.sub("#", "\n" * head + "\n".join(text.splitlines()[head:]))
+    text = _FORTRAN.sub(r"\1e", text)
     try:
         lines = lines_of(text, decimal=decimal)
     except (csv.Error, ValueError) as error:
@@ -145,11 +148,7 @@ def _text(path: Any, content: bytes, head: int, decimal: str | None) -> Found:
     width = len(plain[-1].cells)
     pattern = [_numeric(cell) for cell in plain[-1].cells]
     if not any(pattern):
-        allowed = (
-            "rows of numbers up to the end of the file, separated by commas, semicolons, tabs or "
-            "blanks: cut what is below them"
-        )
-        raise refused(path, allowed, f"the last row, {plain[-1].n}, has no number")
+        _refuse_last(path, plain[-1])
     begin = len(plain)
     while begin and _fits_pattern(plain[begin - 1].cells, pattern):
         begin -= 1
@@ -188,6 +187,23 @@ def _blanks_in_names(row: Line, written: str, width: int) -> Line:
     """Return a row above the numbers: its names may have blanks, and be apart by two of them."""
     apart = re.split(r"\s{2,}|(?<=[)\]>])\s+(?=[(\[<])", written.strip("# 	"))
     return Line(row.n, apart) if len(row.cells) != width and len(apart) == width else row
+
+
+def _refuse_last(path: Any, row: Line) -> None:
+    """Refuse a table whose last row has no cell that is a number.
+
+    Raises:
+        SceneError: always.
+    """
+    if any(map(is_number, re.split(r"[\s|:]+", " ".join(row.cells)))):
+        allowed = "columns separated by commas, semicolons or tabs"
+        reason = f"the last row, {row.n}, has words or other signs between its numbers"
+        raise refused(path, allowed, reason)
+    allowed = (
+        "rows of numbers up to the end of the file, separated by commas, semicolons, tabs or "
+        "blanks: cut what is below them"
+    )
+    raise refused(path, allowed, f"the last row, {row.n}, has no number")
 
 
 def _refuse_broken(path: Any, heads: list[Line], first: Line, pattern: list[bool]) -> None:
@@ -300,8 +316,8 @@ def _numbers(path: Any, rows: list[Line], c: int) -> np.ndarray:
             values[k] = np.nan
         else:
             reason = f"row {n}, column {c + 1}: {cell[:30]!r} is no number"
-            allowed = "numbers in the columns that are read; for clock times, "
-            allowed += 'columns={...} without t, and step="..."'
+            allowed = "numbers in the columns that are read, without marks of thousands; for clock "
+            allowed += 'times, columns={...} without t, and step="..."'
             raise refused(path, allowed, reason)
     if len(behind) > 1:
         several = ", ".join(repr(unit) for unit in sorted(behind))
@@ -377,6 +393,7 @@ def _tdms(path: Any) -> Found:
     except ImportError:
         raise refused(path, "the extra 'tdms': pip install pyfric[tdms]", "a TDMS file") from None
     found = Found("TDMS")
+    waves: dict[tuple[str, float, float, int], str] = {}
     try:
         for group in TdmsFile.read(path).groups():
             for channel in group.channels():
@@ -386,15 +403,17 @@ def _tdms(path: Any) -> Found:
                 unit = told.get("unit_string") or told.get("NI_UnitDescription") or ""
                 name = f"{group.name}/{channel.name}"
                 found.add_array(name, channel.name, np.asarray(channel[:]), str(unit))
-                name = f"{group.name}/time"
-                if (step := told.get("wf_increment")) and name not in found.columns:
-                    begin, size = told.get("wf_start_offset", 0.0), len(channel)
-                    times = functools.partial(
-                        lambda b, s, n: b + s * np.arange(n), begin, step, size
+                if step := told.get("wf_increment"):
+                    waves.setdefault(
+                        (group.name, told.get("wf_start_offset", 0.0), step, len(channel)), name
                     )
-                    found.add(name, Column(times, "time", "s"))
     except Exception as error:  # of many kinds
         raise refused(path, "a TDMS file that can be read", type(error).__name__) from None
+    several = {key[0] for key in waves if sum(other[0] == key[0] for other in waves) > 1}
+    for (of, begin, step, size), channel in waves.items():
+        times = functools.partial(lambda b, s, n: b + s * np.arange(n), begin, step, size)
+        name = f"time of {channel[len(of) + 1 :]}" if of in several else "time"
+        found.add(f"{of}/{name}", Column(times, "time", "s"))
     return found
 
 

@@ -37,7 +37,9 @@ MEANINGS = {
         "sigman sign normalstress norstress nstress effns effnormalstress effectivenormalstress ns",
     ),
     "mu": _meaning(
-        "", "F_T/F_N", "mu friction frictioncoefficient coefficientoffriction frictioncoeff cof"
+        "",
+        "F_T/F_N",
+        "mu friction frictioncoefficient coefficientoffriction frictioncoeff cof ftf ftfn fsfn",
     ),
     "load_point": _meaning(
         "m",

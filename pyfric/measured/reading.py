@@ -14,6 +14,8 @@ from pyfric.measured.meanings import AMBIGUOUS, MEANINGS, bare, factor, meaning_
 from pyfric.scene import SceneError, check_number, check_whole, parse_quantity
 
 Restarts = Literal["join"] | int
+NAMED = 6
+"""Most columns without use that a note names."""
 
 
 def read(
@@ -32,7 +34,7 @@ def read(
 ) -> Curve:
     """Read a measured loading curve, or the curve of a slip sensor.
 
-    Files may be text (columns separated by commas, semicolons, tabs or blanks), MATLAB up to 7.3,
+    Files may be text (columns separated by commas, semicolons, tabs or blanks), MATLAB 5 to 7.3,
     HDF5, TDMS (with the extra ``tdms``) or Look; the content tells which. Units and meanings come
     from the file or from the arguments. What neither says is refused, and the message says what to
     add.
@@ -55,22 +57,31 @@ def read(
             the last; a number takes this part alone, from 1.
 
     Returns:
-        The curve in SI units. Samples without a time are left out; other gaps are NaN.
+        The curve in SI units. Samples without a time are left out; other gaps are NaN. Its notes
+        say which column is what, and which columns are not used.
 
     Raises:
         SceneError: the file cannot be read, or something in it is not understood.
     """
     check_whole("head", head, 0)
+    if decimal not in (None, ".", ","):
+        raise SceneError("decimal", decimal, "", '".", ",", or None')
+    given = {"columns": columns, "units": units, "calibration": calibration}
+    for name, pairs in given.items():
+        if not isinstance(pairs, Mapping | None):
+            raise SceneError(name, repr(pairs), "", "a dict with meanings as keys", "no dict")
+        if unknown := sorted(set(pairs or ()) - set(MEANINGS)):
+            raise SceneError(f"{name}.{unknown[0]}", None, "", ", ".join(MEANINGS), "no meaning")
+    for name, unit in (units or {}).items():
+        if not isinstance(unit, str):
+            raise SceneError(f"units.{name}", repr(unit), "", 'a unit in quotes, such as "kN"')
     found = contents(path, head=head, decimal=decimal)
     if group:
-        of = {n: c for n, c in found.columns.items() if n.startswith(group)}
-        names = {n[len(group) :].lstrip("/.") or n: c for n, c in of.items()}
+        of = {n: c for n, c in found.columns.items() if n.startswith(str(group))}
+        names = {n[len(str(group)) :].lstrip("/.") or n: c for n, c in of.items()}
         if not names:
             raise SceneError("group", group, "", _names(found), "nothing has a name like this")
         found.columns = names
-    for name, given in (("units", units), ("calibration", calibration), ("columns", columns)):
-        if unknown := sorted(set(given or ()) - set(MEANINGS)):
-            raise SceneError(f"{name}.{unknown[0]}", None, "", ", ".join(MEANINGS), "no meaning")
     chosen = _by_name(path, found) if columns is None else _chosen(found, columns)
     if step is not None and "t" in chosen:
         raise SceneError("step", step, "s", "None", "the file has times")
@@ -93,10 +104,14 @@ def read(
     table = {name: values[kept] for name, values in table.items()}
     table = _one_start(path, table, restarts, found)
     notes = [f"{found.kind}", *found.notes]
+    unused = [repr(name) for name in found.columns if name and name not in chosen.values()]
+    if unused:
+        more = f" and {len(unused) - NAMED} more" if len(unused) > NAMED else ""
+        notes.append(f"not used: {', '.join(unused[:NAMED])}{more}")
     if F_N is not None and "F_N" in table:
         raise SceneError("F_N", F_N, "N", "None", "the file has normal forces")
-    given = {"F_N": table.pop("F_N", F_N), "area": area}
-    return Curve.of(**given, source=os.fspath(path), notes=notes, **table)
+    normal = table.pop("F_N", F_N)
+    return Curve.of(F_N=normal, area=area, source=os.fspath(path), notes=notes, **table)
 
 
 def _names(found: Found) -> str:
@@ -164,9 +179,12 @@ def _scale(
     si = MEANINGS[meaning].unit
     if meaning in calibration:
         given = calibration[meaning]
-        each, zero = given if isinstance(given, tuple) else (given, 0.0)
+        each, zero = given if isinstance(given, tuple) and len(given) == 2 else (given, 0.0)
         field = f"calibration.{meaning}"
         scale = parse_quantity(field, each, si) if si else check_number(field, each, "")
+        if not scale:
+            allowed = "what 1 in the file stands for, or a pair of this and the number for zero"
+            raise SceneError(field, each, "", allowed, "zero")
         found.notes.append(f"{meaning}: {name!r}, calibrated")
         return scale, check_number(field, zero, "")
     where = f"units.{meaning}"

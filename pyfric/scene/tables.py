@@ -77,11 +77,13 @@ def lines_of(text: str, *, decimal: str | None = None) -> Lines:
         ValueError: it is not clear whether commas are decimal; with what to do.
         csv.Error: quotes that are not closed.
     """
-    lines = [(n, t) for n, t in enumerate(map(str.strip, text.splitlines()), 1) if t]
+    written = text.splitlines()
+    lines = [(n, t) for n, t in enumerate(map(str.strip, written), 1) if t]
     plain = [(n, t) for n, t in lines if t[0] != "#"]
     apart = _separator(plain[-1][1]) if plain else ","
     comments = _cells([(n, t.lstrip("# ")) for n, t in lines if t[0] == "#"], apart)
     rows = _cells(plain, apart)
+    rows = _with_ends(rows, written) if apart == "\t" else rows
     commas = decimal != "." and _decimal_commas(rows, decimal)
     if commas:
         rows = [
@@ -131,6 +133,25 @@ def _split(line: str, apart: str) -> list[str]:
 def _cells(lines: Iterable[tuple[int, str]], apart: str) -> list[Line]:
     """Return the cells of each line, which `apart` separates."""
     return [Line(n, _split(line, apart)) for n, line in lines]
+
+
+def _with_ends(rows: list[Line], written: list[str]) -> list[Line]:
+    """Return rows with the empty cells at their ends that other rows of numbers fill, for tabs."""
+
+    def is_filled(cells: list[str]) -> bool:
+        numbers = sum(is_number(cell) or bool(_COMMA.fullmatch(cell)) for cell in cells)
+        return 2 * numbers > len(cells)
+
+    width = max((len(row.cells) for row in rows if is_filled(row.cells)), default=0)
+    found = []
+    for n, cells in rows:
+        line = written[n - 1].strip(" \r")
+        left = len(line) - len(line.lstrip("\t"))
+        right = len(line) - len(line.rstrip("\t"))
+        left = min(left, max(width - len(cells), 0))
+        right = min(right, max(width - len(cells) - left, 0))
+        found.append(Line(n, [""] * left + cells + [""] * right))
+    return found
 
 
 def is_number(cell: str) -> bool:

@@ -268,6 +268,9 @@ def test_commands_say_what_is_wrong_and_draw(tmp_path):
         (["--vary", "mu_k=0.4:0.5", "--column", "force"], "write MEANING=NAME"),
         (["--vary", "mu_k=0.4:0.5", "--unit", "t=ms"], "it differs"),
         (["--vary", "mu_k=0.4:0.5", "--unit", "load_point=m"], "F_N: missing"),
+        (["--vary", "mu_k=0.4:0.5", "--calibration", "F_T=1 N@a"], "write MEANING=QUANTITY"),
+        (["--vary", "mu_k=0.4:0.5", "--calibration", "F_T=1 m"], "calibration.F_T"),
+        (["--vary", "mu_k=0.4:0.5", "--restarts", "all", "--unit", "load_point=m"], "not start"),
     ):
         done = CliRunner().invoke(main, [*line, *more])
         assert (done.exit_code, text in done.output) == (2, True), done.output
@@ -277,6 +280,28 @@ def test_commands_say_what_is_wrong_and_draw(tmp_path):
     rows = json.loads(done.stdout)
     assert {row["parameter"] for row in rows} == {"mu_k"}
     assert (tmp_path / "a.png").exists()
+
+
+def test_the_command_reads_files_as_python_does(tmp_path, monkeypatch):
+    """Parts of a file in bits, with a line at the top, decimal commas, and no times."""
+    data, seen = tmp_path / "curve.csv", []
+    data.write_text("1,2,3\nN;F_T\n" + "".join(f"{k % 3};2048,{k}\n" for k in range(6)))
+    told = [f"--column={pair}" for pair in ("t=1", "F_T=F_T")]
+    told += ["--unit=t=ms", "--calibration=F_T=2 N @ 2048", "--head=1", "--decimal=,"]
+
+    def stop(scene, measured, vary, **how):
+        seen.append(measured)
+        raise SceneError("here", 1, "", "", "")
+
+    monkeypatch.setattr(pyfric, "fit", stop)
+    line = ["fit", "fig1", str(data), "--vary=mu_k=0.4:0.5", "--normal=1 N", f"--out={tmp_path}/a"]
+    for more in ([*told, "--restarts=2"], [*told[1:], "--step=1 ms"]):
+        done = CliRunner().invoke(main, [*line, *more])
+        assert (done.exit_code, "here" in done.output) == (2, True), done.output
+    np.testing.assert_allclose(seen[0].t, (0, 1e-3, 2e-3))
+    np.testing.assert_allclose(seen[0].over_F_N, (0.6, 0.8, 1.0), rtol=1e-9)
+    np.testing.assert_allclose(seen[1].t, 1e-3 * np.arange(6))
+    np.testing.assert_allclose(seen[1].over_F_N, 0.2 * np.arange(6), rtol=1e-9, atol=1e-12)
 
 
 STORED = Path(__file__).parents[1] / "reference_data" / "fits" / "fits.csv"

@@ -56,6 +56,18 @@ def _bounds(texts: tuple[str, ...]) -> dict[str, tuple[float, float]]:
     return found
 
 
+def _calibration(texts: tuple[str, ...]) -> dict[str, str | tuple[str, float]]:
+    form = "MEANING=QUANTITY or MEANING=QUANTITY@ZERO, such as F_T='0.12 N@2048'"
+    found: dict[str, str | tuple[str, float]] = {}
+    for name, text in _pairs("--calibration", texts, form).items():
+        each, sign, zero = (part.strip() for part in text.partition("@"))
+        try:
+            found[name] = (each, float(zero)) if sign else each
+        except ValueError:
+            raise click.UsageError(f"--calibration {name}={text}: write {form}.") from None
+    return found
+
+
 @main.command(section="Measure")
 @click.argument("scene", type=SceneName())
 @click.argument("curve", metavar="FILE", type=click.Path())
@@ -73,6 +85,19 @@ def _bounds(texts: tuple[str, ...]) -> dict[str, tuple[float, float]]:
     help="Name or number of the column of t, F_T, F_N, tau, sigma_n, mu or load_point.",
 )
 @click.option("--unit", multiple=True, metavar="MEANING=UNIT", help="Unit of a column.")
+@click.option(
+    "--calibration",
+    multiple=True,
+    metavar="MEANING=QUANTITY[@ZERO]",
+    help="What 1 in a column stands for, such as F_T='0.12 N', and the number for zero.",
+)
+@click.option("--step", metavar="TIME", help="Time between samples of a file without times.")
+@click.option("--group", default="", help="Beginning of the names in a container.")
+@click.option("--head", type=click.IntRange(0), default=0, help="Lines at the top to leave out.")
+@click.option("--decimal", type=click.Choice([".", ","]), help="Decimal mark, if it is not clear.")
+@click.option(
+    "--restarts", metavar="join|N", help="Where times start anew: join them, or take part N."
+)
 @click.option("--normal", "F_N", metavar="FORCE", help="Normal force, such as '400 N'.")
 @click.option("--area", metavar="AREA", help="Area of the interface, such as '6 cm^2'.")
 @click.option("--noise", type=float, help="Noise of the force over F_N. [default: estimated]")
@@ -103,6 +128,12 @@ def fit(
     vary: tuple[str, ...],
     column: tuple[str, ...],
     unit: tuple[str, ...],
+    calibration: tuple[str, ...],
+    step: str | None,
+    group: str,
+    head: int,
+    decimal: Any,
+    restarts: str | None,
     F_N: str | None,
     area: str | None,
     noise: float | None,
@@ -129,7 +160,20 @@ def fit(
     check_out(stem, overwrite, ends=FITTED, reads=[scene, curve])
     bounds, what = _bounds(vary), scene_of(scene, changes)
     units = _pairs("--unit", unit, "MEANING=UNIT, such as F_T=N")
-    read: Any = measured.read(curve, _columns(column), units=units, F_N=F_N, area=area)
+    part_of: Any = int(restarts) if restarts and restarts.isdigit() else restarts
+    read: Any = measured.read(
+        curve,
+        _columns(column),
+        units=units,
+        calibration=_calibration(calibration),
+        F_N=F_N,
+        area=area,
+        step=step,
+        group=group,
+        head=head,
+        decimal=decimal,
+        restarts=part_of,
+    )
     read = dataclasses.replace(read, noise=noise)
     how: Any = {"model_error": model_error, "fidelity": fidelity, "part": part}
     found = pyfric.fit(what, read, bounds, **how, progress=tell.step)

@@ -8,6 +8,7 @@ import pytest
 import pyfric
 from pyfric.fitting import misfit
 from pyfric.measured import COLUMNS, Curve, events, noise_of, robust_line, sampled
+from pyfric.measured.picking import _gaps
 from pyfric.scene import SceneError
 
 NOISE, STEP = 1e-3, 5e-4
@@ -140,6 +141,25 @@ def test_gaps_and_thresholds():
     ):
         with pytest.raises(SceneError, match=text):
             events(Curve.of(t=t, mu=noisy), **how)
+
+
+@pytest.mark.parametrize(("end", "seen"), [(0.88, 16), (0.93, 15)])
+def test_a_long_gap_has_no_events(end, seen):
+    """What falls in it is not known, nor how long ago the event before the next one was."""
+    t = np.arange(4000) * STEP
+    f = 0.4 + 0.1 * (t / 0.1 % 1) + NOISE * np.random.default_rng(0).standard_normal(4000)
+    whole = events(Curve.of(t=t, mu=f), noise=NOISE)
+    gap = np.where((t > 0.53) & (t < end), np.nan, f)
+    parted = events(Curve.of(t=t, mu=gap), noise=NOISE)
+    both = whole[whole["t_start"].isin(parted["t_start"])]
+    assert (len(whole), len(parted)) == (19, seen)
+    np.testing.assert_allclose(parted["drop"], both["drop"], rtol=0, atol=NOISE)
+    first = int(np.searchsorted(parted["t_start"], end))
+    assert np.flatnonzero(parted["recurrence"].isna()).tolist() == [0, first]
+    assert parted["rate"].to_numpy() == pytest.approx(1.0, abs=0.05)
+    slower = np.concatenate([t[:1000], t[1000::40]])
+    assert not _gaps(slower, 8)
+    assert not _gaps(np.repeat(t, 2), 8)
 
 
 def test_lines_do_not_follow_outliers():

@@ -7,7 +7,8 @@ deviation noise sqrt(2/smooth). A fall counts where D is below `CLEAR` of these:
 ``smooth`` samples of an end of the curve nothing is found. Forces at both ends of a fall come from
 robust straight lines through the samples on either side, so that their errors are known, too. The
 time of a sudden fall is not known within a step; what loading adds in this time moves both forces,
-and not the drop.
+and not the drop. What falls while nothing is measured for longer than these lines is no event, and
+the next one has no recurrence.
 
 A step of slip is a fall of -slip, with creep in place of loading. Both are found in the same way.
 """
@@ -199,7 +200,8 @@ def _finished(
 ) -> pd.DataFrame:
     table = table.reset_index(drop=True)
     table.index = pd.RangeIndex(1, len(table) + 1, name="event")
-    table["recurrence"] = table["t_start"].diff()
+    parts = table["part"] if "part" in table else np.zeros(len(table))
+    table["recurrence"] = table["t_start"].groupby(np.asarray(parts)).diff()
     table = table[list(OF_SLIP if "slip" in table else COLUMNS)]
     table.attrs = {"noise": noise, "smooth": smooth, "threshold": threshold}
     table.attrs["resolution"] = resolution
@@ -285,8 +287,14 @@ def _table(
     noise: float,
     smooth: int,
 ) -> pd.DataFrame:
-    rows = []
+    rows, part = [], 0
+    gaps = _gaps(t, smooth) if noise else set()
+    falls = [fall for fall in falls if not any(fall[0] <= gap[0] < fall[1] for gap in gaps)]
+    falls = sorted([*falls, *gaps])
     for k, (start, stop) in enumerate(falls):
+        if (start, stop) in gaps:
+            part += 1
+            continue
         begin = falls[k - 1][1] if k else 0
         end = falls[k + 1][0] if k + 1 < len(falls) else len(t) - 1
         peak, valley, of_peak, of_valley, within = f[start], f[stop], 0.0, 0.0, 0.0
@@ -303,7 +311,8 @@ def _table(
         shared = within / np.sqrt(12) * np.nan_to_num(rate)  # of the time of the fall
         rows.append(
             {
-                **{"t_start": t[start], "t_stop": t[stop], "peak": peak, "valley": valley},
+                **{"part": part, "t_start": t[start], "t_stop": t[stop]},
+                **{"peak": peak, "valley": valley},
                 "drop": peak - valley,
                 "peak_error": float(np.hypot(of_peak, shared)),
                 "valley_error": float(np.hypot(of_valley, shared)),
@@ -312,8 +321,17 @@ def _table(
                 "stiffness": _slope(x[before], f[before]),
             }
         )
-    columns = [name for name in COLUMNS if name != "recurrence"]
+    columns = ["part", *(name for name in COLUMNS if name != "recurrence")]
     return pd.DataFrame(rows, columns=columns, dtype=float)
+
+
+def _gaps(t: np.ndarray, smooth: int) -> set[tuple[int, int]]:
+    """Return last sample before and first after each step longer than `NEAR` smooth others."""
+    from scipy.ndimage import median_filter  # slow to import
+
+    steps = np.diff(t)
+    usual = np.maximum(median_filter(steps, 2 * smooth + 1, mode="nearest"), steps.mean())
+    return {(int(i), int(i) + 1) for i in np.flatnonzero(steps > NEAR * smooth * usual)}
 
 
 def robust_line(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:

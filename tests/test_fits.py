@@ -21,7 +21,7 @@ from pyfric.fitting.misfits import CAP, onset, overview
 from pyfric.fitting.problem import Data, Problem
 from pyfric.fitting.profiles import _interval
 from pyfric.fitting.sensors import arrivals_off, lengths_of, lengths_off
-from pyfric.measured import events, sampled
+from pyfric.measured import Curve, events, sampled
 from pyfric.scene import SceneError
 
 NOISE, STEP, T_END = 1e-3, 5e-4, 1.2
@@ -207,7 +207,16 @@ def test_intervals_end_where_a_profile_passes_the_limit():
         ({"vary": {}}, "vary"),
         ({"vary": {"mu_k": (0.5, 0.4)}}, "smaller one first"),
         ({"vary": {"mu_k": 0.5}}, "two bounds"),
-        ({"vary": {"mu_x": (0.4, 0.5)}}, "none has one"),
+        ({"vary": ["mu_k"]}, "names and bounds"),
+        ({"vary": {"mu_x": (0.4, 0.5)}}, "did you mean 'mu_s'|mu_x = .*unknown"),
+        ({"vary": {"mu_k": (0.8, 0.9)}}, "mu_k exceeds mu_s"),
+        ({"fidelity": "fast"}, "fidelity = 'fast'"),
+        ({"measured": "curve.csv"}, "measured = 'str'.*a Curve with forces"),
+        ({"measured": pd.DataFrame({"t": [1.0]})}, "it has no t_start"),
+        (
+            {"measured": Curve.of(t=np.arange(50.0), slip=np.arange(50.0) ** 2)},
+            "a Curve with forces",
+        ),
         ({"level": 1.0}, "level"),
         ({"part": "end"}, "'onset' or 'all'"),
         ({"model_error": -1.0}, "model_error"),
@@ -225,6 +234,15 @@ def test_curves_without_events_or_errors_are_refused():
         pyfric.fit(SCENE, events(curve()).iloc[:1], {"mu_k": (0.4, 0.5)})
     with pytest.raises(SceneError, match="without errors"):
         pyfric.fit(SCENE, curve(noise=0.0), {"mu_k": (0.4, 0.5)})
+
+
+def test_why_no_parameters_have_a_run_is_said(monkeypatch):
+    def failing(self, scene, data):
+        raise SceneError("a_field", 1.0, "", "another")
+
+    monkeypatch.setattr(Problem, "run", failing)
+    with pytest.raises(SceneError, match=r"vary = 'mu_k'.*the last: a_field = 1.0"):
+        pyfric.fit(SCENE, curve(), {"mu_k": (0.4, 0.5)})
 
 
 # --- sensitivity ---------------------------------------------------------------------------------

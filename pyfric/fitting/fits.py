@@ -111,6 +111,7 @@ def fit(
     dim = len(bounds)
     spread = scipy.stats.qmc.Sobol(dim, rng=np.random.default_rng(seed)).random(STARTS)
     starts = [np.full(dim, 0.5), *spread]
+    problem.check(starts)
     if options["fidelity"] != SEARCH and problem.can(SEARCH):
         still = [dataclasses.replace(each, arrivals=None) for each in data]
         search = Problem(
@@ -118,9 +119,11 @@ def fit(
         )
         starts = minima(search, starts, TOLERANCES[:1], say)[:FOLLOWED]
         problem.runs += search.runs
+        problem.reason = search.reason
     found = minima(problem, starts, TOLERANCES, say)
     if not found:
-        raise SceneError("vary", ", ".join(bounds), "", "bounds with a run", "none has one")
+        reason = f"none has one; the last: {problem.reason}"
+        raise SceneError("vary", ", ".join(bounds), "", "bounds with a run", reason)
     u = walked(problem, found[0], say)
     u, profiles, intervals = profiled(problem, u, level, say)
     compared, values = problem.misfits(u), problem.values(u)
@@ -197,11 +200,17 @@ def _independent(data: Data) -> int:
 
 def _table_of(measured: Curve | pd.DataFrame) -> pd.DataFrame:
     """Return a table of events that knows where it ends, and what it resolves."""
+    whole = isinstance(measured, Curve) and measured.has_forces
+    table = events(measured) if whole else measured
+    columns = getattr(table, "columns", ())
+    if absent := [name for name in COLUMNS if name not in columns]:
+        allowed = "a Curve with forces, or the events of one (pyfric.measured.events)"
+        reason = f"it has no {', '.join(absent)}"
+        raise SceneError("measured", type(measured).__name__, "", allowed, reason)
     if isinstance(measured, Curve):
-        table, t = events(measured), measured.t
-        table.attrs["t_end"] = float(t[-1] - t[0])
+        table.attrs["t_end"] = float(measured.t[-1] - measured.t[0])
     else:
-        table = measured.copy()
+        table = table.copy()
         table.attrs = {"t_end": float(table["t_stop"].max()), **measured.attrs}
     if len(table) < 2:
         raise SceneError("measured", len(table), "", "a curve with two or more events", "events")
@@ -213,9 +222,9 @@ def _table_of(measured: Curve | pd.DataFrame) -> pd.DataFrame:
 
 def _bounds(vary: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
     """Return checked bounds."""
-    if not vary:
+    if not vary or not isinstance(vary, Mapping):
         raise SceneError(
-            "vary", None, "", 'names and bounds, such as {"mu_k": (0.3, 0.6)}', "empty"
+            "vary", str(vary), "", 'names and bounds, such as {"mu_k": (0.3, 0.6)}', ""
         )
     found = {}
     for name, ends in vary.items():

@@ -75,6 +75,7 @@ class Problem:
         self.size = sum(each.size for each in data)
         self.known: dict[tuple[float, ...], list[Seen] | None] = {}
         self.runs = 0
+        self.reason = ""  # why parameters had no run, the last time
 
     def can(self, engine: str) -> bool:
         """Whether an engine can run the scenes."""
@@ -84,6 +85,25 @@ class Problem:
         except SceneError:
             return False
         return True
+
+    def check(self, starts: Sequence[np.ndarray]) -> None:
+        """Refuse an engine that cannot run the scenes, and parameters of which none is a scene.
+
+        Raises:
+            SceneError: with the reason.
+        """
+        for scene in self.scenes:
+            check_run(scene, Options(fidelity=self.options["fidelity"]))
+        reason = None
+        for start in starts:
+            try:
+                self.scenes_of(self.values(start))
+            except SceneError as error:
+                reason = error
+            else:
+                return
+        if reason is not None:
+            raise reason
 
     def values(self, u: np.ndarray) -> dict[str, float]:
         """Return the parameters by name."""
@@ -107,8 +127,8 @@ class Problem:
             try:
                 pairs = zip(self.scenes_of(values), self.data, strict=True)
                 self.known[of_scene] = [self.run(scene, each) for scene, each in pairs]
-            except (SceneError, EquilibriumError):
-                self.known[of_scene] = None
+            except (SceneError, EquilibriumError) as error:
+                self.known[of_scene], self.reason = None, str(error)
         found = self.known[of_scene]
         offset, drift = (values.get(name, 0.0) for name in OF_THE_CURVE)
         if found is None or not (offset or drift):

@@ -115,6 +115,8 @@ def sensitivity(
 def _steps(scene: Scene, steps: Mapping[str, float | str] | None) -> dict[str, tuple[float, float]]:
     """Return values and steps of parameters, in SI units."""
     found = {}
+    if not isinstance(steps, Mapping | None):
+        raise SceneError("steps", str(steps), "", 'names and steps, such as {"mu_k": 0.01}')
     for name, step in (STEPS if steps is None else steps).items():
         value = _value(scene, name)
         if not isinstance(value, float | int) or isinstance(value, bool):

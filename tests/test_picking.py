@@ -119,6 +119,17 @@ def test_noise_is_estimated_and_asked_for_where_it_cannot_be():
             events(Curve.of(t=t, F_T=curve.force(), F_N=curve.F_N))
 
 
+@pytest.mark.parametrize("n", [2, 4, 8])
+def test_filtered_noise_makes_no_events_if_it_is_told(n):
+    t = np.arange(8000) * STEP
+    white = np.random.default_rng(3).standard_normal(8000 + n - 1)
+    noise = NOISE * np.convolve(white, np.ones(n) / np.sqrt(n), "valid")
+    curve = Curve.of(t=t, mu=0.4 + 0.1 * (t / 0.1 % 1) + noise)
+    assert noise_of(curve) < 0.7 * NOISE
+    assert len(events(curve)) > 50
+    assert len(events(curve, noise=np.sqrt(n) * NOISE)) == 39
+
+
 def test_gaps_and_thresholds():
     t = np.arange(400) * STEP
     f = 0.5 * t - 0.05 * (t > 0.1)

@@ -79,6 +79,8 @@ def noise_of(curve: Curve) -> float:
     """Return the standard deviation of white noise of F_T/F_N, from its second differences.
 
     In a curve without forces it is that of slip, m. Events do not move the median of differences.
+    Where a filter has averaged n samples, noise is not white, and the estimate is too small: means
+    of many samples have sqrt(n) times the noise that is left, which `events` has to be told.
 
     Raises:
         SceneError: it is not known: samples are not equally spaced, or most of them are equal.

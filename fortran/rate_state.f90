@@ -310,7 +310,7 @@ contains
     call state_effect(of, nx, x, psi, psi_slope)
     if (of%evolution == AGEING) psi_slope = psi_slope*x
     kappa = (of%f_ref + of%b*psi)/of%a
-    w = abs(load)
+    w = merge(abs(load), 0.0_dp, p > 0.0_dp)
     pressed = max(p, tiny(w))
     eta = min(max(speed_without_damping(of, nx, w, pressed) - kappa, LEAST), -LEAST)
     if (any(of%alpha > 0.0_dp)) then

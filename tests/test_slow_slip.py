@@ -195,6 +195,21 @@ def test_passages_of_slow_slip_are_roots(evolution):
     np.testing.assert_array_equal(plain.u, found.u)
 
 
+def test_slow_slip_goes_on_beside_a_block_without_contact():
+    """Whatever load stands there, and with viscosity of bonds: it moves no block."""
+    closed = np.array([True, False, True])
+    viscous = tuple(VISCOUS * np.outer(closed, closed))
+    found = [
+        creep(closed=closed, viscous=viscous, load_1=np.array([6.0, load, 6.0]))[2]
+        for load in (0.0, 1e3)
+    ]
+    assert all(np.array_equal(a, b) for a, b in zip(*found, strict=True))
+    for one in found:
+        assert one.goes_on
+        assert one.t == 1.0
+        assert one.v[1] == 0 < one.v[0]
+
+
 def test_slow_slip_ends_where_passages_have_no_more_room():
     """Oscillations about steady slip on springs a little stiffer than p (b - a)/D_c."""
     scene, V = row(3, D_c=1e-6), 2e-6

@@ -77,6 +77,24 @@ def test_state_after_a_step_in_speed(evolution):
         np.testing.assert_allclose(theta, steady * (before / steady) ** left, rtol=1e-7)
 
 
+def test_strength_after_a_hold_grows_by_b_ln_of_time():
+    """Ageing law, on a stiff spring: the peak over steady friction is b ln(1 + t V/D_c)."""
+    scene, V, spring = row(3), 1e-4, 1e12
+    law, p = scene.interface.law, 20.0
+    steady = p * (law.f_star + (law.a - law.b) * np.log(V / law.V_star))
+    gains, holds = [], np.array([0.01, 1.0, 100.0])
+    for t in holds:
+        held = slow(scene, np.log(law.D_c / V), steady, spring=spring, end=t, dt=1e-12)
+        load = float(steady - spring * held.u[0])
+        times = np.linspace(0, 2e-7, 200)[1:]
+        how = {"load_1": spring * V, "spring": spring, "times": times, "end": times[-1], "dt": 1e-12}
+        again = slow(scene, held.log_theta, load, **how)
+        force = load + spring * (V * times - again.points[:, 0, 0])
+        assert force.argmax() < len(force) - 1
+        gains.append(force.max() - steady)
+    np.testing.assert_allclose(gains, p * law.b * np.log1p(holds * V / law.D_c), rtol=1e-4)
+
+
 # --- full dynamics --------------------------------------------------------------------------------
 
 
@@ -272,6 +290,36 @@ def test_an_interface_has_no_other_coefficients():
 def test_a_state_is_needed_if_nothing_moves_at_first():
     refused(lambda: chain(V=0.0, interface=rated()), "interface.law.theta_0", "v_0")
     assert chain(V=0.0, interface=rated(theta_0=2.0)).law.theta == 2.0
+
+
+def test_a_is_refused_where_speeds_at_rest_vanish():
+    """At rest v is about V* exp(-(f* + b ln(V* theta/D_c))/a)."""
+    refused(lambda: row(a=1e-3).law, "interface.law.a", ">= 0.00166")
+    refused(lambda: row(a=[0.01, 0.01, 1e-3, 0.01]).law, "interface.law.a", "0.001")
+    assert row(a=1.67e-3).law.a == 1.67e-3
+    assert row(a=1e-3, b=1e-3, f_star=0.4).law.a == 1e-3
+
+
+@pytest.mark.parametrize("fidelity", ["dynamic", "hybrid"])
+def test_blocks_with_the_least_a_hold(fidelity):
+    """After 300 years of contact the first block bears the driver at less than 1e-200 m/s."""
+    scene = row(V=1e-3, K=1e6, a=1.67e-3, v_0=None, theta_0=1e10)
+    record = pyfric.simulate(scene, 2e-3, fidelity=fidelity, progress=False)
+    assert 0 < record.final_state.y[0, 2, 0] < 1e-200
+    assert record.curve["F_T"].iloc[-1] == pytest.approx(2.0, rel=1e-3)  # K V t
+    assert -record.motion["f"][-1].sum() == pytest.approx(2.0, rel=1e-3)
+
+
+def test_fields_of_the_law_are_named_where_they_stand():
+    refused(lambda: row(a=[0.01, 0.02]).law, "interface.law.a", "a list of 4")
+    spread = pyfric.Spread(mean=0.01, std=0.1, seed=1)
+    refused(lambda: row(a=spread).law, "interface.law.a", "the spread reaches this")
+
+
+def test_a_random_coefficient_is_drawn_once():
+    law = row(8, f_star=pyfric.Spread(mean=0.6, std=0.05, seed=1)).law
+    assert np.ptp(law.mu_s) > 0.05
+    assert np.array_equal(law.mu_s, law.mu_k)
 
 
 @pytest.mark.parametrize(

@@ -206,10 +206,11 @@ class Composed:
         """Values of fields that are a `Spread` or a `Profile`, from the trailing edge on."""
         given = {name: self._given(name) for name in self.fields}
         spreads = {name: field for name, field in given.items() if hasattr(field, "draw")}
-        found = {}
+        found, coefficient = {}, self.interface.law.coefficient
         for name, spread in spreads.items():
-            with naming(f"interface.{name}", type(spread).__name__):
-                found[name] = tuple(spread.draw(self.N_x, self.slider.l, name).tolist())
+            stream = coefficient if coefficient and name in ("mu_s", "mu_k") else name
+            with naming(f"{self._owner(name)._section}.{name}", type(spread).__name__):
+                found[name] = tuple(spread.draw(self.N_x, self.slider.l, stream).tolist())
         return found
 
     @property
@@ -227,7 +228,11 @@ class Composed:
 
     def _given(self, name: str) -> Any:
         """Return a field as given in the interface or its friction law."""
-        return getattr(self.interface if name in FIELDS else self.interface.law, name)
+        return getattr(self._owner(name), name)
+
+    def _owner(self, name: str) -> Any:
+        """Return the interface, or its friction law if that has the field."""
+        return self.interface if name in FIELDS else self.interface.law
 
     def given_field(self, name: str) -> float | np.ndarray:
         """Return a field as a number, or as an array from left to right."""

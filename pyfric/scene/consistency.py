@@ -47,14 +47,15 @@ def _check_fields(scene: Composed) -> None:
     for name in scene.fields:
         owner = law if name in law.fields else scene.interface
         mark, given = annotations(type(owner))[name], getattr(owner, name)
-        _check_length(scene, f"interface.{name}", given, mark)
+        full_name = f"{owner._section}.{name}"
+        _check_length(scene, full_name, given, mark)
         field = scene.field(name)
         low = ((field < 0) & (mark.ge is not None)) | ((field <= 0) & (mark.gt is not None))
         if isinstance(given, Spread | Profile) and low.any():
             n, value = int(scene.n_of_i[np.argmax(low)]), float(field[low][0])
             kind = type(given).__name__.lower()
             reason = f"the {kind} reaches this at block {n} from the trailing edge"
-            raise SceneError(f"interface.{name}", value, mark.unit, mark.allowed, reason)
+            raise SceneError(full_name, value, mark.unit, mark.allowed, reason)
     mark = annotations(type(scene.interface))["contact"]
     _check_length(scene, "interface.contact", scene.interface.contact, mark)
     if np.count_nonzero(scene.touches) < 2:

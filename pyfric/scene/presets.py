@@ -185,10 +185,13 @@ def _made(base: Scene, given: Mapping[str, Any], **rules: Rule) -> Scene:
     try:
         return changed(base, {n: rule(slider) for n, rule in named.items()} | given)
     except SceneError as error:
-        if not given or error.others or error.field in given or "." not in error.field:
+        field = error.field
+        if not given or error.others or "." not in field:
             raise
-        reason = f"{error.reason}; {error.field} is that of the preset: set it, too"
-        raise SceneError(error.field, error.value, error.unit, error.allowed, reason) from None
+        if any(field == name or field.startswith(f"{name}.") for name in given):
+            raise
+        reason = f"{error.reason}; {field} is that of the preset: set it, too"
+        raise SceneError(field, error.value, error.unit, error.allowed, reason) from None
 
 
 def setup1(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:

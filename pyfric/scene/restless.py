@@ -22,6 +22,11 @@ from pyfric.scene.friction import Law
 from pyfric.scene.laws import FrictionLaw, Junctions, RateAndState, Table, Tables
 
 
+LONGEST_REST, LARGEST_RATIO = 1e10, 550.0
+"""Time (s) after which friction at rest over p is at most this many times a; speeds are V* exp(-600)
+at least (fortran/rate_state.f90)."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class JunctionLaw(Law):
     """Strength, stiffness and state variables of blocks on junctions.
@@ -185,8 +190,8 @@ class RateStateLaw(Law):
         """Return the law of an interface; see `JunctionLaw.of`.
 
         Raises:
-            SceneError: the interface has other coefficients of friction than f*, or no state at
-                t = 0 is known because the driver does not move.
+            SceneError: the interface has other coefficients of friction than f*, no state at t = 0
+                is known because the driver does not move, or a is so small that speeds vanish.
         """
         f, D_c = given("f_star"), given("D_c")
         for name in ("mu_s", "mu_k"):
@@ -203,7 +208,19 @@ class RateStateLaw(Law):
             raise SceneError("interface.law.theta_0", None, "s", "theta_0, or v_0", reason)
         else:
             theta = D_c / (V if kind.v_0 is None else given("v_0"))
-        more = {"kind": kind, "a": given("a"), "b": given("b"), "D_c": D_c, "theta": theta}
+        a, b = given("a"), given("b")
+        rested = np.maximum(theta, LONGEST_REST)
+        cut = kind.V_star / kind.V_c if kind.V_c else 0.0
+        strength = f + b * np.log(kind.V_star * rested / D_c + cut)
+        too_small = np.ravel(a * LARGEST_RATIO < strength)
+        if too_small.any():
+            i = int(np.argmax(too_small))
+            least = float(np.resize(strength, too_small.size)[i]) / LARGEST_RATIO
+            allowed = f">= {least:.3g}: (f* + b ln(V* theta/D_c))/{LARGEST_RATIO:g} there"
+            reason = f"blocks at rest for {LONGEST_REST:g} s are slower than the least numbers"
+            value = float(np.resize(a, too_small.size)[i])
+            raise SceneError("interface.law.a", value, "", allowed, reason)
+        more = {"kind": kind, "a": a, "b": b, "D_c": D_c, "theta": theta}
         return cls(f, f, 0.0, given("alpha"), **more)
 
     def begin(

@@ -142,7 +142,8 @@ def check_sticks(scene: Scene) -> None:
     """Raise SceneError for a scene whose blocks do not come to rest between events."""
     if not scene.law.rests:
         kind = scene.interface.law.kind
-        allowed = "fidelity = 'dynamic' (or 'auto', which chooses it), or another friction law"
+        engines = "'hybrid', 'dynamic' or 'auto'" if scene.law.flows else "'dynamic' or 'auto'"
+        allowed = f"fidelity = {engines}, or another friction law"
         raise SceneError("interface.law", kind, "", allowed, scene.law.restless)
 
 

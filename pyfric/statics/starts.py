@@ -151,7 +151,7 @@ def _stressed(
     excess = check_number("excess", excess, "", gt=0.0)
     begin = check_number("begin", begin, "s", ge=0.0)
     if not scene.law.rests:
-        reason = "blocks on junctions have no threshold"
+        reason = "its blocks have no threshold"
         raise SceneError("interface.law", scene.interface.law.kind, "", "another law", reason)
     found = _at_rest(scene, begin)
     if found is None:

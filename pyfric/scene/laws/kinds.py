@@ -161,11 +161,13 @@ class FrictionLaw:
     Attributes:
         kind: name of the law in scene files.
         fields: names of parameters that are fields: a number, a list or a `Spread`.
+        coefficient: name of the field that both mu_s and mu_k are, "" if there is none.
         example: values of the parameters for tests, with mu_k = 0.45.
     """
 
     kind: ClassVar[str]
     fields: ClassVar[tuple[str, ...]] = ()
+    coefficient: ClassVar[str] = ""
     example: ClassVar[dict[str, Any]] = {}
     _section: ClassVar[str] = "interface.law"
 

@@ -36,7 +36,7 @@ class RateAndState(FrictionLaw):
     slider holds while it is loaded, before t = 0.
 
     Args:
-        a: direct effect, in (0, 1].
+        a: direct effect, in (0, 1], and at least 1/550 of the friction coefficient at rest.
         b: evolution effect, in [0, 1].
         D_c: slip over which the state evolves, m, in (0, 0.1 m].
         f_star: friction coefficient f* at the reference speed, > 0.
@@ -68,6 +68,7 @@ class RateAndState(FrictionLaw):
 
     kind: ClassVar[str] = "rate_and_state"
     fields: ClassVar[tuple[str, ...]] = ("a", "b", "D_c", "f_star", "theta_0", "v_0")
+    coefficient: ClassVar[str] = "f_star"
     example: ClassVar[dict[str, Any]] = {"a": 0.01, "b": 0.015, "D_c": 1e-6, "f_star": 0.45}
 
     def __post_init__(self) -> None:

@@ -219,7 +219,7 @@ contains
     do i = 1, s%nx
       inertia = inertia + a(i)
     end do
-    within = inertia <= limits%inertia .and. all(abs(f(:, U)) < limits%speed) .and. all(p > 0.0_dp .or. .not. s%closed)
+    within = inertia <= limits%inertia .and. all(abs(f(:, U)) < limits%speed) .and. all((p > 0.0_dp) .eqv. s%closed)
   end subroutine look
 
   pure subroutine new_slopes(nx, slopes, complete)

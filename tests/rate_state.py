@@ -46,7 +46,7 @@ def coefficient(law, v, theta):
 def slow(scene, start, load, *, load_1=0.0, spring=0.0, variant=None, **how):
     """Return slip without inertia of blocks that do not touch, each on a spring (N/m)."""
     n, state = scene.N_x, loaded_state(scene).state(scene, 1e-7)
-    none, p = np.zeros(n), np.broadcast_to(20.0, n)
+    none, p = np.zeros(n), np.where(how.get("closed", np.full(n, True)), 20.0, -20.0)
     limits = {"end": 1.0, "dt": 1e-7, "relative": 1e-10, "u": 1e-18, "log_theta": 1e-10}
     options = "viscous", "times", "h", "closed", "threshold", "fast"
     options = {name: how.pop(name) for name in options if name in how}

@@ -40,6 +40,66 @@ def test_condensed_loads_are_those_of_static_states(geometry):
     assert geometry == "linear" or error > 1e-6
 
 
+@pytest.mark.parametrize("lifted", [True, False])
+def test_condensed_loads_beside_blocks_that_do_not_touch(lifted):
+    """Two blocks lifted off by a high pull, or two that never touch."""
+    size = {"L": 0.03, "H": 0.015, "h": 0.015, "l": 0.0025, "F_N": 200.0, "side": "top"}
+    scene = setup1(size).replace({"interface": rated()})
+    if not lifted:
+        scene = scene.replace({"interface.contact": [True] * 4 + [False] * 2 + [True] * 7})
+    known = StaticSolver(scene, "linear")
+    t, s = 0.04 if lifted else 0.0, 1e-3
+    at = known.solve(known.loaded.u[0, 0], scene.drive(t), free=~scene.touches)
+    closed = ~at.open
+    interface = interface_at(scene, known, at.u[0, 0], closed, t)
+    moved = 1e-7 * np.cos(np.arange(scene.N_x)) * closed
+    load, p, force = interface.at(s, moved)
+    there = known.solve(at.u[0, 0] + moved, scene.drive(t + s), free=~closed)
+    assert 0 < there.open.sum() < 4
+    assert np.array_equal(there.open, ~closed)
+    above = np.where(closed, there.p, -scene.k_f * there.u[0, 1])
+    for found, expected in ((load, -there.f), (p, above), (force, there.F_T)):
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * there.p.max())
+    u_x, v_x = interface.moving(s, moved, moved / s)
+    np.testing.assert_allclose(u_x, there.u[0, 0], rtol=0, atol=1e-9 * np.ptp(u_x))
+    np.testing.assert_allclose(v_x, (u_x - at.u[0, 0]) / s, rtol=0, atol=1e-9 * np.ptp(v_x))
+
+
+def test_slow_slip_ends_where_a_block_comes_down():
+    """While the driver moves back; two blocks have lifted off."""
+    size = {"L": 0.03, "H": 0.015, "h": 0.015, "l": 0.0025, "F_N": 200.0, "side": "top"}
+    scene = setup1(size).replace({"interface": rated(f_star=3.0)})
+    t, V, dt = 0.04, scene.driver.V, 1e-7
+    scene = scene.replace({"driver.protocol": [(t, V), (t, -V), (2 * t, -V)]})
+    known = StaticSolver(scene, "linear")
+    at = known.solve(known.loaded.u[0, 0], scene.drive(t))
+    interface = interface_at(scene, known, at.u[0, 0], ~at.open, t)
+    assert at.open.sum() == 2
+    model = core.model(scene, "linear", loaded_state(scene).state(scene, dt).u_drv0)
+    limits = core.SlowLimits(end=t, dt=dt, relative=1e-6, u=1e-12, log_theta=1e-6)
+    start = np.full(scene.N_x, np.log(1e6))
+    found = core.slow_slip(model, *interface[:2], start, limits, closed=~at.open)
+    assert not found.goes_on
+    for s, above in ((found.t, True), (found.t + 2 * dt, False)):
+        assert (interface.at(s, found.u)[1][at.open] < 0).all() == above
+
+
+def test_blocks_that_lift_off_and_come_down_move_as_in_full_dynamics():
+    """Within the accuracy, over slip events of others; u_x of blocks without contact, too."""
+    size = {"L": 0.02, "H": 0.01, "h": 0.01, "l": 0.0025, "F_N": 200.0, "side": "top"}
+    law, V = rated(a=0.02), 0.01
+    scene = setup1(size).replace({"driver.K": 1e6, "driver.V": V, "interface": law})
+    scene = scene.replace({"driver.protocol": [(0.012, V), (0.012, -V), (0.03, -V)]})
+    how = {"sample": 1e-4, "geometry": "linear", "progress": False}
+    full = pyfric.simulate(scene, 0.024, fidelity="dynamic", **how)
+    run = pyfric.simulate(scene, 0.024, fidelity="hybrid", accuracy=1e-3, **how)
+    lifted = (full.motion["f"] == 0).any(axis=1) & (full.curve["t"] > 0)
+    assert 50 < lifted.sum() < 80
+    assert run.counts["steps_spared"] > 0.8 * full.counts["steps"]
+    assert np.abs(run.curve["F_T"] - full.curve["F_T"]).max() < 1e-3 * scene.F_N
+    np.testing.assert_allclose(run.motion["u_x"], full.motion["u_x"], rtol=0, atol=4e-8)
+
+
 @pytest.mark.parametrize("rows", [0.015, 0.0])
 def test_viscosity_of_slow_slip_is_that_of_slow_oscillations(rows):
     """Of the lattice with complex stiffness K + i w C, condensed at a small frequency w."""

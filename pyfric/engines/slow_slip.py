@@ -49,24 +49,32 @@ MOVED = 5e-3
 
 
 class Interface(NamedTuple):
-    """The condensed slider with the time s since a state, in s; all blocks in contact stick to it.
+    """The condensed slider with the time s since a state, in s, whose blocks in contact are held.
 
     Attributes:
         load: load on each block along +x, in N: its value, its rate and the rate of that, shape
             (N_x, 3), and its matrix over the displacements since that state, shape (N_x, N_x).
-        p: the same for the normal force.
+        p: the same for the normal force; for a block that lifted off -k_f u_z, which is negative.
         F_T: the same for the force of the driver, shapes (3,) and (N_x,).
+        u: the same for u_x of all blocks, in m; blocks without contact move with the others.
     """
 
     load: tuple[np.ndarray, np.ndarray]
     p: tuple[np.ndarray, np.ndarray]
     F_T: tuple[np.ndarray, np.ndarray]
+    u: tuple[np.ndarray, np.ndarray]
 
     def at(self, s: float, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         """Return loads, normal forces and F_T (N) at s (s) after displacements (m)."""
         powers = np.array([1.0, s, s * s / 2])
-        load, p, F_T = (part[0] @ powers + part[1] @ moved for part in self)
+        load, p, F_T = (part[0] @ powers + part[1] @ moved for part in self[:3])
         return load, p, float(F_T)
+
+    def moving(self, s: float, moved: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return u_x (m) and v_x (m/s) of all blocks, from those of the blocks in contact."""
+        values, over = self.u
+        u_x = values @ np.array([1.0, s, s * s / 2]) + over @ moved
+        return u_x, values @ np.array([0.0, 1.0, s]) + over @ v
 
 
 def interface_at(
@@ -76,25 +84,43 @@ def interface_at(
     V, F_N, T = (scene.piece(what, t) for what in ("V", "F_N", "T"))
     drive, load = scene.drive(t), (F_N.at(t), T.at(t))
     at = known.solve(u_x, drive, free=~closed, load=load if scene.load_at(t) else None)
-    now = Values(u_x, at.f, at.u[0, 1], at.p, at.F_T)
+    now = Values(at.u[0, 0], at.f, at.u[0, 1], at.p, at.F_T)
     home = scene.d * float(np.mean(known.u_drv0))
-    k_f = np.broadcast_to(scene.k_f, closed.shape) * closed
+    k_f = np.broadcast_to(scene.k_f, closed.shape) * scene.touches
     rows = table_rows(scene.N_x)
     ways = ((V.at(t), (F_N.slope, T.slope)), (V.slope, (0.0, 0.0)))  # of driver and loads, in time
     rates = []
     for way, gain in ways:
         route = Route(drive + home, way, load, gain)
         table = ContactProblem(scene, known.u_drv0).along(route).corrected(now, 0.0).base(closed)
+        table = free_to_move(table, ~closed)
         rates.append(table[:, rows.given.start])
     held, rate = table[:, rows.u_x], np.column_stack(rates)
+    p = np.where(closed, at.p, -k_f * at.u[0, 1])
     return Interface(
         (np.column_stack([-at.f, -rate[rows.f]]), -held[rows.f]),
         (
-            np.column_stack([at.p, -k_f[:, None] * rate[rows.u_z]]),
+            np.column_stack([p, -k_f[:, None] * rate[rows.u_z]]),
             -k_f[:, None] * held[rows.u_z],
         ),
         (np.array([at.F_T, *rate[rows.F_T]]), held[rows.F_T]),
+        (np.column_stack([at.u[0, 0], rate[rows.u_x]]), held[rows.u_x]),
     )
+
+
+def free_to_move(table: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Return a table (`ContactProblem.base`) in which free blocks move as f = 0 lets them."""
+    columns, rows = np.flatnonzero(free), table_rows(len(free))
+    if not columns.size:
+        return table
+    f = table[rows.f][columns]
+    moved = -np.linalg.solve(f[:, columns], f)
+    moved[:, columns] = 0.0
+    other = table.copy()
+    other[:, columns] = 0.0
+    other += table[:, columns] @ moved
+    other[rows.f][columns] = 0.0
+    return other
 
 
 def viscosity(known: StaticSolver, closed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -272,8 +298,8 @@ class RateHybridRun(Run):
         for n, (moved, log_theta, v) in zip(steps[known:].tolist(), points[known:], strict=False):
             load, _, F_T = interface.at(n * state.dt, moved)
             self.history.add(np.array([[state.t0 + (state.step + n) * state.dt, F_T]]))
-            u_x = state.y[0, 0] + moved
-            self.add_motion({"theta": np.exp(log_theta), "u_x": u_x, "v_x": v, "f": -load})
+            u_x, v_x = interface.moving(n * state.dt, moved, v)
+            self.add_motion({"theta": np.exp(log_theta), "u_x": u_x, "v_x": v_x, "f": -load})
 
     def _log_passages(self, interface: Interface, found: core.SlowSlip, n: int, done: int) -> None:
         """Log passages through the threshold in steps of a phase, and fast slip, up to step n.
@@ -293,7 +319,7 @@ class RateHybridRun(Run):
         bursting = is_bursting(fast)
         for number in range(count):
             (i, new), (s, p, *moved) = found.passed[number], found.passed_at[number]
-            u_x, old = state.y[0, 0] + moved, fast[0, i]
+            u_x, old = interface.moving(s, np.array(moved), np.zeros(N_x))[0], fast[0, i]
             step, t, fast[0, i] = state.step + math.ceil(s / state.dt), state.t + s, new
             if old == 0:
                 fast[1, i] = p < core.CORNER_SHARE * self.scene.F_N / N_x

@@ -87,7 +87,8 @@ def test_strength_after_a_hold_grows_by_b_ln_of_time():
         held = slow(scene, np.log(law.D_c / V), steady, spring=spring, end=t, dt=1e-12)
         load = float(steady - spring * held.u[0])
         times = np.linspace(0, 2e-7, 200)[1:]
-        how = {"load_1": spring * V, "spring": spring, "times": times, "end": times[-1], "dt": 1e-12}
+        steps = {"times": times, "end": times[-1], "dt": 1e-12}
+        how = {"load_1": spring * V, "spring": spring} | steps
         again = slow(scene, held.log_theta, load, **how)
         force = load + spring * (V * times - again.points[:, 0, 0])
         assert force.argmax() < len(force) - 1

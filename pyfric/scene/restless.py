@@ -21,10 +21,11 @@ from pyfric.scene.errors import SceneError
 from pyfric.scene.friction import Law
 from pyfric.scene.laws import FrictionLaw, Junctions, RateAndState, Table, Tables
 
-
 LONGEST_REST, LARGEST_RATIO = 1e10, 550.0
-"""Time (s) after which friction at rest over p is at most this many times a; speeds are V* exp(-600)
-at least (fortran/rate_state.f90)."""
+"""Time (s) after which friction at rest over p is at most this many times a.
+
+Speeds are V* exp(-600) at least (fortran/rate_state.f90).
+"""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 
 import pyfric
 from pyfric import core
-from pyfric.scene import Interface, chain, laws
+from pyfric.scene import Interface, SceneError, chain, laws
 from pyfric.statics import loaded_state, stability_limit
 
 STORED = Path(__file__).parents[1] / "reference_data" / "rated"
@@ -313,6 +313,10 @@ def test_blocks_with_the_least_a_hold(fidelity):
 
 def test_fields_of_the_law_are_named_where_they_stand():
     refused(lambda: row(a=[0.01, 0.02]).law, "interface.law.a", "a list of 4")
+    with pytest.raises(SceneError) as caught:
+        pyfric.preset("rate_and_state", a=[0.01, 0.02])
+    assert caught.value.field == "interface.law.a"
+    assert "that of the preset" not in str(caught.value)
     spread = pyfric.Spread(mean=0.01, std=0.1, seed=1)
     refused(lambda: row(a=spread).law, "interface.law.a", "the spread reaches this")
 

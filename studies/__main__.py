@@ -497,7 +497,7 @@ def collapse(fronts: Path, out: Path | None, overwrite: bool, tell: Tell) -> Non
 @figure_out_option
 @telling
 def fits(out: Path, tell: Tell) -> None:
-    """Fit random truths, and count intervals that cover them (five minutes).
+    """Fit random truths, and count intervals that cover them (an hour and a half).
 
     The next call goes on where this one was stopped.
     """
@@ -506,6 +506,9 @@ def fits(out: Path, tell: Tell) -> None:
 
     from pyfric.record import provenance
 
+    pulls = fits.pulls(say=tell.step)
+    pulls.to_csv(out / "pulls.csv", index=False, float_format="%.6g")
+    tell.step(fits.report_of_pulls(pulls))
     table = fits.study(out / "fits.csv", say=tell.step)
     provenance(out / "fits_provenance.toml", f"{RUN} fits")
     tell.table(table, fits.report)

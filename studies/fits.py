@@ -3,11 +3,14 @@
 A truth is a quasi-static run of the Fig. 1 scene, sampled at 2 kHz with noise of 1e-3 F_N. mu_s and
 mu_k are random. Its events are fitted with both free. In the sets "disorder" and "height" the truth
 has what the model has not: mu_s that varies along the interface, or a driver at twice the height.
+
+Coverage hangs on the draws of noise. `pulls` tells draws apart from intervals: it takes one step of
+Gauss and Newton from the truth, over its standard deviation, which has a variance of one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -16,16 +19,20 @@ import pandas as pd
 
 import pyfric
 from pyfric.fitting import fit, misfit
+from pyfric.fitting.problem import Data, Problem
+from pyfric.fitting.search import derivatives
 from pyfric.measured import events, sampled
 
-__all__ = ["report", "study"]
+__all__ = ["pulls", "report", "report_of_pulls", "study"]
 
-SETS: dict[str, int] = {"right": 100, "disorder": 10, "height": 10}
+SETS: dict[str, int] = {"right": 200, "disorder": 10, "height": 10}
 """Sets of truths, and how many."""
 RANGES = {"mu_s": (0.6, 0.8), "mu_k": (0.35, 0.55)}
 """Of truths, drawn evenly."""
 BOUNDS = {"mu_s": (0.55, 0.85), "mu_k": (0.3, 0.6)}
 NOISE, STEP, T_END = 1e-3, "0.5 ms", 1.3
+INSIDE = 1.645
+"""Of a normal distribution, 90 % are within so many standard deviations."""
 STD = 0.03
 """Standard deviation of mu_s of blocks in the set "disorder"."""
 
@@ -43,9 +50,46 @@ def study(path: Path, say: Callable[[str], None] = print) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _row(name: str, seed: int) -> dict[str, Any]:
+def truth_of(name: str, seed: int) -> dict[str, float]:
+    """Return the true parameters of a fit."""
     rng = np.random.default_rng([list(SETS).index(name), seed])
-    true = {key: float(rng.uniform(*ends)) for key, ends in RANGES.items()}
+    return {key: float(rng.uniform(*ends)) for key, ends in RANGES.items()}
+
+
+def pulls(
+    seeds: Iterable[int] = range(100),
+    draws: int = 4,
+    say: Callable[[str], None] = print,
+) -> pd.DataFrame:
+    """Return a row for each truth of the set "right" and each draw of noise, first that of its fit.
+
+    Columns are the pulls of parameters, and by how much one step of Gauss and Newton from the truth
+    lowers chi^2, if residuals are linear: its mean is the number of parameters.
+    """
+    rows = []
+    scene = pyfric.preset("fig1", l="5 mm")
+    how = {"fidelity": "quasistatic", "progress": False}
+    for seed in seeds:
+        say(f"pulls {seed}")
+        true = truth_of("right", seed)
+        record, known = pyfric.simulate(scene.replace(**true), T_END, **how), {}
+        for draw in range(draws):
+            measured = sampled(record, STEP, noise=NOISE, seed=seed + 1000 * draw)
+            data = Data(table=events(measured), t_end=float(measured.t[-1] - measured.t[0]))
+            problem = Problem([scene], [data], BOUNDS, how, 0.0)
+            problem.known = known  # the same runs serve all draws
+            u = problem.place(true)
+            residuals, jacobian = problem.residuals(u), derivatives(problem, u)[0]
+            variance = np.linalg.inv(jacobian.T @ jacobian)
+            along = jacobian.T @ residuals
+            found = -(variance @ along) / np.sqrt(np.diag(variance))
+            row = {"seed": seed, "draw": draw} | dict(zip(problem.names, found, strict=True))
+            rows.append(row | {"lowers": float(along @ variance @ along)})
+    return pd.DataFrame(rows)
+
+
+def _row(name: str, seed: int) -> dict[str, Any]:
+    true = truth_of(name, seed)
     scene = pyfric.preset("fig1", l="5 mm")
     truth = scene.replace(**true)
     if name == "disorder":
@@ -76,6 +120,19 @@ def covered(table: pd.DataFrame, name: str) -> pd.Series:
     """Whether the interval of a parameter has its true value, for each fit."""
     low, high = table[f"{name}_low"].fillna(-np.inf), table[f"{name}_high"].fillna(np.inf)
     return (low <= table[f"{name}_true"]) & (table[f"{name}_true"] <= high)
+
+
+def report_of_pulls(table: pd.DataFrame) -> str:
+    """Return variances of pulls, and how many are within those of an interval of 90 %."""
+    lines = []
+    for draw, part in [*table.groupby("draw"), ("all", table)]:
+        lines.append(
+            f"draw {draw}: {len(part)} truths, chi^2 lowered by {part['lowers'].mean():.2f}"
+        )
+        for key in RANGES:
+            inside = (part[key].abs() < INSIDE).mean()
+            lines.append(f"  {key}: variance {part[key].var():.2f}, {inside:.0%} within 90 %")
+    return "\n".join(lines)
 
 
 def report(table: pd.DataFrame) -> str:

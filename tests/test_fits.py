@@ -336,6 +336,18 @@ def test_stored_fits_find_their_truths():
     assert "90 % intervals cover" in study.report(table)
 
 
+def test_errors_of_events_are_those_of_the_parameters():
+    """One step from the truth is as far as its covariance says; stored draws are made again."""
+    stored = pd.read_csv(STORED.parent / "pulls.csv")
+    again = study.pulls(range(1), 2, say=lambda text: None)
+    np.testing.assert_allclose(again, stored.iloc[:2], rtol=1e-3, atol=1e-3)
+    for name in ("mu_s", "mu_k"):
+        assert 0.8 < stored[name].var() < 1.3  # 400 of them: five standard errors either way
+        assert abs(stored[name].mean()) < 0.2
+    assert stored["lowers"].mean() == pytest.approx(2.0, abs=0.3)  # parameters
+    assert "draw all: 400 truths" in study.report_of_pulls(stored)
+
+
 @pytest.mark.slow
 def test_a_stored_fit_is_made_again():
     known = pd.read_csv(STORED).sort_values("runs").set_index(["set", "seed"])

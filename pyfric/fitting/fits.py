@@ -26,13 +26,15 @@ from pyfric.fitting.results import Fit
 from pyfric.fitting.search import FOLLOWED, minima, walked
 from pyfric.fitting.sensors import ARRIVALS, LENGTHS, checked
 from pyfric.measured import COLUMNS, Curve, events
-from pyfric.scene import SceneError, SceneLike, as_scene, check_number, check_whole
+from pyfric.scene import Scene, SceneError, SceneLike, as_scene, check_number, check_whole
 
 TOLERANCES = (0.01, 0.003, 0.0)
 """Standard deviations of forces added while the minimum is searched, over F_N. A policy."""
 STARTS = 8
 """Starts, spread over the bounds, that are followed at most until the residuals are those of noise.
 A policy."""
+OFF_LOAD = 0.05
+"""Largest difference of the normal force of a scene from that of its curve, over it. A policy."""
 NOTHING = pd.DataFrame({name: np.zeros(0) for name in COLUMNS})
 """A table without events."""
 SEARCH = "quasistatic"
@@ -82,8 +84,8 @@ def fit(
         The best parameters, their intervals and profiles, and residuals.
 
     Raises:
-        SceneError: an argument is refused, a curve has fewer than two events, or no parameters in
-            the bounds have a run.
+        SceneError: an argument is refused, a curve has fewer than two events or another normal
+            force than its scene, or no parameters in the bounds have a run.
     """
     curves = list(measured) if isinstance(measured, Sequence) else [measured]
     scenes = list(scene) if isinstance(scene, list | tuple) else [scene] * len(curves)
@@ -107,6 +109,9 @@ def fit(
         for n, curve in enumerate(curves)
     ]
     scenes = [as_scene(each, {}) for each in scenes]
+    if "F_N" not in bounds:
+        for one, curve in zip(scenes, curves, strict=True):
+            _check_load(one, curve)
     problem = Problem(scenes, data, bounds, options, model_error)
     dim = len(bounds)
     spread = scipy.stats.qmc.Sobol(dim, rng=np.random.default_rng(seed)).random(STARTS)
@@ -188,6 +193,16 @@ def _data(
         )
     end = float(whole.attrs["t_end"])
     return Data(table=table, later=later, lengths=lengths, arrivals=arrivals, t_end=end)
+
+
+def _check_load(scene: Scene, measured: Curve | pd.DataFrame | None) -> None:
+    """Raise SceneError if a scene has another constant normal force than its curve."""
+    if not isinstance(measured, Curve) or scene.load_at(0.0) is not None:
+        return
+    F_N = float(measured.table["F_N"].median()) if "F_N" in measured.table else measured.F_N
+    if F_N is not None and abs(scene.F_N / F_N - 1) > OFF_LOAD:
+        allowed = f"that of the curve, {F_N:.4g} N, within {OFF_LOAD:.0%}"
+        raise SceneError("F_N", scene.F_N, "N", allowed, "the scene has another load")
 
 
 def _independent(data: Data) -> int:

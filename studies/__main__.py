@@ -437,7 +437,7 @@ def resolved(runs: Path, out: Path, tell: Tell) -> None:
 @folder_option("--out", required=True, metavar="DIR", help="Folder of its files.")
 @telling
 def rated(out: Path, tell: Tell) -> None:
-    """Precursors with rate-and-state friction, for three decades of speed (ten minutes)."""
+    """Precursors with rate-and-state friction, for three decades of speed (an hour)."""
     check_folder(out)
     import rated
 

@@ -57,7 +57,7 @@ def truth_of(name: str, seed: int) -> dict[str, float]:
 
 
 def pulls(
-    seeds: Iterable[int] = range(100),
+    seeds: Iterable[int] = range(200),
     draws: int = 4,
     say: Callable[[str], None] = print,
 ) -> pd.DataFrame:

@@ -110,8 +110,8 @@ def fit(
     ]
     scenes = [as_scene(each, {}) for each in scenes]
     if "F_N" not in bounds:
-        for one, curve in zip(scenes, curves, strict=True):
-            _check_load(one, curve)
+        for known, curve in zip(scenes, curves, strict=True):
+            _check_load(known, curve)
     problem = Problem(scenes, data, bounds, options, model_error)
     dim = len(bounds)
     spread = scipy.stats.qmc.Sobol(dim, rng=np.random.default_rng(seed)).random(STARTS)

@@ -506,11 +506,11 @@ def fits(out: Path, tell: Tell) -> None:
 
     from pyfric.record import provenance
 
+    table = fits.study(out / "fits.csv", say=tell.step)
     pulls = fits.pulls(say=tell.step)
     pulls.to_csv(out / "pulls.csv", index=False, float_format="%.6g")
-    tell.step(fits.report_of_pulls(pulls))
-    table = fits.study(out / "fits.csv", say=tell.step)
     provenance(out / "fits_provenance.toml", f"{RUN} fits")
+    tell.step(fits.report_of_pulls(pulls))
     tell.table(table, fits.report)
 
 

@@ -124,6 +124,7 @@ def large(tell: Tell) -> None:
 @main.command(section="Speed")
 @click.option("--case", "cases", multiple=True, help="Only this case; may be repeated.")
 @_beside_option
+@click.option("--errors", is_flag=True, help="Compare hybrid runs with full dynamics (minutes to hours a case).")
 @file_option("--out", metavar="FILE", help="Write the table as CSV.")
 @overwrite_option
 @telling
@@ -131,6 +132,7 @@ def large(tell: Tell) -> None:
 def finer(
     cases: tuple[str, ...],
     commits: tuple[str, ...],
+    errors: bool,
     out: Path | None,
     overwrite: bool,
     tell: Tell,
@@ -147,8 +149,8 @@ def finer(
         raise click.BadParameter(f"{unknown[0]!r}; known are {', '.join(fine.CASES)}")
     names = cases or (fine.QUICK if quick else tuple(fine.CASES))
     more = {"repeats": 1} if quick else {}
-    frame = fine.finer(names, commits=commits, say=tell.step, **more)
-    words = [word for name in cases for word in ("--case", name)]
+    frame = fine.finer(names, commits=commits, errors=errors, say=tell.step, **more)
+    words = [word for name in cases for word in ("--case", name)] + ["--errors"] * errors
     words += [word for commit in commits for word in ("--beside", commit)]
     save_table(frame, out, shlex.join([*RUN.split(), "finer", *words]), "%.4g")
     tell.table(frame, fine.report)
@@ -242,6 +244,7 @@ def methods(out: Path, tell: Tell) -> None:
     help="Draw eta from these shares of the default.",
 )
 @click.option("--wide", is_flag=True, help="Draw from far more kinds of scenes.")
+@click.option("--weakening", is_flag=True, help="Leave out scenes with d_c = 0.")
 @click.option(
     "--verify",
     type=click.Choice(["sample", "full"]),
@@ -263,6 +266,7 @@ def plans(
     seed: int,
     viscosity: tuple[float, float],
     wide: bool,
+    weakening: bool,
     verify: str | None,
     out: Path | None,
     overwrite: bool,
@@ -287,7 +291,7 @@ def plans(
         out.unlink(missing_ok=True)
     numbers = range(first, first + trials)
     how = {"progress": tell.progress, "verify": verify, "viscosity": viscosity}
-    how |= {"wide": wide}
+    how |= {"wide": wide, "weakening": weakening}
     rows = plans.run(out, numbers, seed, **how)
     tell.table(plans.table(rows), lambda table: table.to_string(index=False))
 

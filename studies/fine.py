@@ -5,8 +5,9 @@ take turns, and of each run the least time counts. Other builds are those of com
 checked out into a temporary folder and installed there, so that nothing of it stays.
 
 Steps are given by what the slider does: a spell is the time from a first slip until no block slips,
-and its kind is the number of blocks that slip in it. Where a run jumps over stable slip, a spell
-has fewer steps than its time over dt, and spells are not told apart.
+and its kind is the number of blocks that slip in it. Where a run jumps over stable slip, or a build
+does not count such jumps, a spell may have fewer steps than its time over dt, and spells are not
+told apart.
 """
 
 from __future__ import annotations
@@ -31,13 +32,15 @@ __all__ = ["CASES", "LATTICES", "LINES", "Case", "built", "figure", "finer", "re
 
 
 class Case(NamedTuple):
-    """A call that is timed: arguments of `preset`, end in s, and engine (or "plan")."""
+    """A call that is timed: arguments of `preset`, end in s, engine (or "plan") and options."""
 
     scene: str
     changes: dict[str, Any]
     t_end: float
     engine: str = "hybrid"
     geometry: str = "linear"
+    accuracy: float | None = None
+    """Of this build only; None: the default."""
 
 
 WEAK = {"d_c": 1e-6}
@@ -45,7 +48,9 @@ CASES = {
     "5 mm": Case("fig1", {"l": 5e-3}, 0.33),
     "2.5 mm": Case("fig1", {}, 0.33),
     "1.25 mm": Case("fig1", {"l": 1.25e-3}, 0.33),
+    "1.25 mm, accuracy 1e-4": Case("fig1", {"l": 1.25e-3}, 0.33, accuracy=1e-4),
     "0.625 mm": Case("fig1", {"l": 0.625e-3}, 0.33),
+    "0.625 mm, accuracy 1e-4": Case("fig1", {"l": 0.625e-3}, 0.33, accuracy=1e-4),
     "2.5 mm, finite": Case("fig1", {}, 0.33, geometry="finite"),
     "1.25 mm, finite": Case("fig1", {"l": 1.25e-3}, 0.33, geometry="finite"),
     "5 mm, d_c": Case("fig1", WEAK | {"l": 5e-3}, 0.25),
@@ -85,6 +90,7 @@ def finer(
     *,
     commits: Sequence[str] = (),
     repeats: int = REPEATS,
+    errors: bool = False,
     say: Callable[[str], None] = lambda _: None,
 ) -> pd.DataFrame:
     """Measure what runs cost with this build and, in turns with it, with those of commits.
@@ -93,29 +99,45 @@ def finer(
         cases: names in `CASES`.
         commits: of this repository.
         repeats: turns, of which the least time counts.
+        errors: compare with full dynamics of this build, too.
         say: told what is being run.
 
     Returns:
         One row for each case and build: case, build, seconds (processor time), GB (the most
         memory), steps, attempts, refused, slides, modal_bases, main, events; steps within spells by
-        the number of blocks (`SIZES`), and outside of them (`at_rest`).
+        the number of blocks (`SIZES`), and outside of them (`at_rest`); and the largest error of
+        the forces at which events start, over F_N, NaN unless there are as many events.
     """
-    rows = []
+    rows: list[dict[str, Any]] = []
+    exact: dict[str, np.ndarray] = {}
     with contextlib.ExitStack() as stack:
         builds: dict[str, Path | None] = {"this": None}
         for commit in commits:
             say(f"building {commit}")
             builds[commit] = stack.enter_context(built(commit))
         for name in cases:
-            found: dict[str, list[dict[str, Any]]] = {build: [] for build in builds}
+            case, only = CASES[name], ("this",) if CASES[name].accuracy else tuple(builds)
+            found: dict[str, list[dict[str, Any]]] = {build: [] for build in only}
             for _ in range(repeats):
-                for build, folder in builds.items():
+                for build in only:
                     say(f"{name}: {build}")
-                    found[build].append(_alone(CASES[name], folder))
+                    found[build].append(_alone(case, builds[build]))
+            full = case._replace(engine="dynamic", accuracy=None)
+            compares, key = errors and case.engine == "hybrid", json.dumps(full)
+            if compares and key not in exact:
+                say(f"{name}: full dynamics")
+                exact[key] = np.array(_alone(full, None)["starts"])
             for build, turns in found.items():
                 least = min(turns, key=lambda turn: turn["seconds"])
+                starts = np.array(least.pop("starts", ()))
+                if compares:
+                    least["error"] = _error(starts, exact[key])
                 rows.append({"case": name, "build": build, **least})
     return pd.DataFrame(rows)
+
+
+def _error(starts: np.ndarray, exact: np.ndarray) -> float:
+    return float(np.abs(starts - exact).max()) if len(starts) == len(exact) else np.nan
 
 
 @contextlib.contextmanager
@@ -178,7 +200,9 @@ def _run(case: Case, scene: Any, t_end: float) -> Any:
         pyfric.plan(scene, t_end=t_end)
         return None
     how: dict[str, Any] = {"fidelity": case.engine, "progress": False}
-    if case.engine == "hybrid":  # the energy budget had another name
+    if case.accuracy is not None:
+        how["accuracy"] = case.accuracy
+    if case.engine in ("hybrid", "dynamic"):  # the energy budget had another name
         names = ("energies", "budget")
         without = next(name for name in names if hasattr(pyfric.Options(), name))
         how |= {"geometry": case.geometry, "threads": 1, without: False}
@@ -187,14 +211,16 @@ def _run(case: Case, scene: Any, t_end: float) -> Any:
 
 def _counted(record: Any, case: Case) -> dict[str, Any]:
     counts = record.counts
-    found = {"main": int(record.events["is_main"].sum()), "events": len(record.events)}
+    found: dict[str, Any] = {"main": int(record.events["is_main"].sum()), "events": len(record.events)}
+    found["starts"] = (record.events["F_T_start"] / record.scene.F_N).tolist()
     if case.engine != "hybrid":
         return found
     steps, jumps = counts["steps"], counts["jumps"]
     found |= {name: counts.get(name) for name in ("attempts", "slides", "modal_bases")}
     attempts = found["attempts"]
     found |= {"steps": steps, "refused": None if attempts is None else attempts - jumps}
-    if not found["slides"]:
+    counted = found["slides"] is not None or "d_c" not in case.changes
+    if counted and not found["slides"]:
         dt = case.t_end / (steps + counts["steps_spared"])
         lasts, blocks = spells(record.switches, case.t_end)
         for kind, (least, most) in SIZES.items():

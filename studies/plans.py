@@ -278,6 +278,7 @@ def run(
     verify: str | None = None,
     viscosity: tuple[float, float] = VISCOSITY,
     wide: bool = False,
+    weakening: bool = False,
 ) -> pd.DataFrame:
     """Make the trials that a file does not hold yet, append their rows, and return all.
 
@@ -289,6 +290,7 @@ def run(
         verify: as in `trial`.
         viscosity: as in `drawn`.
         wide: draw from `drawn_wide`.
+        weakening: leave out scenes with d_c = 0.
     """
     done = set()
     if path.exists():
@@ -299,6 +301,8 @@ def run(
             continue
         try:
             question = drawn_wide(seed, n) if wide else drawn(seed, n, viscosity)
+            if weakening and not question[0].interface.d_c:
+                continue
             found = trial(*question, verify=verify)
         except (RunError, SceneError, EquilibriumError) as error:
             print(f"{n}: no such scene: {error}", flush=True)  # refused, or a lattice that folds

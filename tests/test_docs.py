@@ -210,6 +210,14 @@ def test_the_paper_counts_plans_as_they_are_stored():
     assert said + f"{data['not_measured'].sum()} of them the record says" in text
 
 
+def test_plans_with_weakening_are_told_as_they_are_stored():
+    data = pd.read_csv(ROOT / "reference_data" / "plans" / "weakening.csv")
+    text = " ".join((ROOT / "docs" / "validation.md").read_text(encoding="utf-8").split())
+    assert f"Of {len(data)} more scenes" in text
+    assert data["beyond_tolerance"].sum() == (data["beyond_tolerance"] & data["said"]).sum() == 2
+    assert not data["beyond_measured"].any()
+
+
 def test_texts_beside_the_charts_say_what_is_stored():
     folder = ROOT / "reference_data"
     price = pd.read_csv(folder / "chart" / "price_points.csv").set_index("name")

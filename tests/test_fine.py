@@ -40,6 +40,19 @@ def test_both_builds_make_the_same_runs(table):
     assert "processor time of older over" in fine.report(table)
 
 
+def test_errors_are_those_beside_full_dynamics(monkeypatch):
+    case = fine.Case("fig1", {"l": 5e-3}, 0.22, accuracy=1e-4)
+    monkeypatch.setattr(fine, "CASES", {"rough": case})
+    (row,) = fine.finer(["rough"], commits=[], repeats=1, errors=True).to_dict("records")
+    assert row["events"] > 0
+    assert 0 < row["error"] < 1e-4
+
+
+def test_other_events_have_no_error():
+    assert np.isnan(fine._error(np.zeros(2), np.zeros(3)))
+    assert fine._error(np.array([1.0, 2.0]), np.array([1.0, 2.5])) == 0.5
+
+
 def test_steps_of_all_kinds_are_those_of_the_run(table):
     row = table.iloc[0]
     record = pyfric.simulate(

@@ -75,3 +75,20 @@ def test_the_table_counts():
     assert list(found.index) == ["stress", "all"]
     assert list(found.loc["all"])[:6] == [3, 1, 1, 2, 1, 0]
     assert found.loc["all", "events trusted"] == "75.0%"
+
+
+def test_scenes_without_weakening_are_left_out(tmp_path, monkeypatch):
+    verdict = {"beyond_tolerance": False, "real": 0.0}
+    made = []
+
+    def trial(scene, t_end, want, tolerance, verify):
+        made.append(scene.interface.d_c)
+        return {"want": want, "tolerance": tolerance} | verdict
+
+    monkeypatch.setattr(plans, "trial", trial)
+    monkeypatch.setattr(plans, "drawn_wide", lambda _, n: (small_rod(d_c=1e-6 * n), 1.0, "a", 0.1))
+    rows = plans.run(tmp_path / "a.csv", range(3), wide=True, weakening=True, progress=False)
+    assert made == [1e-6, 2e-6]
+    assert rows["n"].tolist() == [1, 2]
+    plans.run(tmp_path / "b.csv", range(3), wide=True, progress=False)
+    assert made == [1e-6, 2e-6, 0.0, 1e-6, 2e-6]

@@ -124,7 +124,11 @@ def large(tell: Tell) -> None:
 @main.command(section="Speed")
 @click.option("--case", "cases", multiple=True, help="Only this case; may be repeated.")
 @_beside_option
-@click.option("--errors", is_flag=True, help="Compare hybrid runs with full dynamics (minutes to hours a case).")
+@click.option(
+    "--errors",
+    is_flag=True,
+    help="Compare hybrid runs with full dynamics (minutes to hours a case).",
+)
 @file_option("--out", metavar="FILE", help="Write the table as CSV.")
 @overwrite_option
 @telling
@@ -147,7 +151,7 @@ def finer(
 
     if unknown := [name for name in cases if name not in fine.CASES]:
         raise click.BadParameter(f"{unknown[0]!r}; known are {', '.join(fine.CASES)}")
-    names = cases or (fine.QUICK if quick else tuple(fine.CASES))
+    names = cases or (fine.QUICK if quick else fine.USUAL)
     more = {"repeats": 1} if quick else {}
     frame = fine.finer(names, commits=commits, errors=errors, say=tell.step, **more)
     words = [word for name in cases for word in ("--case", name)] + ["--errors"] * errors

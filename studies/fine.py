@@ -28,7 +28,10 @@ import pandas as pd
 if TYPE_CHECKING:
     from pyfric.figures import DataFigure
 
-__all__ = ["CASES", "LATTICES", "LINES", "Case", "built", "figure", "finer", "report", "spells"]
+__all__ = [
+    *("CASES", "LATTICES", "LINES", "LONG", "QUICK", "USUAL", "Case"),
+    *("built", "figure", "finer", "report", "spells"),
+]
 
 
 class Case(NamedTuple):
@@ -66,6 +69,8 @@ CASES = {
     "sequence": Case("fig1", {}, 0.9, "quasistatic"),
     "sequence, disorder": Case("fig1", {"disorder": 0.05}, 0.9, "quasistatic"),
     "plan": Case("fig1", {}, 0.9, "plan"),
+    "561 x 301, to 0.33 s": Case("fig1", {"l": 0.25e-3}, 0.33),
+    "0.625 mm, d_c, to 0.745 s": Case("fig1", WEAK | {"l": 0.625e-3}, 0.745),
 }
 """Fig. 1 scene with blocks of l, without and with d_c = 1 um, in linear geometry if not said."""
 LATTICES = ("5 mm", "2.5 mm", "1.25 mm", "0.625 mm")
@@ -76,6 +81,9 @@ SLOPES = {3: r"$\times$ 8", 4: r"$\times$ 16"}
 BUILDS = (("-", "o"), (":", "s"), ("-.", "^"))
 """Line and marker of each build."""
 QUICK = ("2.5 mm", "sequence", "plan")
+LONG = ("561 x 301, to 0.33 s", "0.625 mm, d_c, to 0.745 s")
+"""Cases of minutes a run, which are made if they are named."""
+USUAL = tuple(name for name in CASES if name not in LONG)
 REPEATS = 2
 LOADED = 0.12
 """End of a small run that loads all modules before the time is taken, s."""
@@ -86,7 +94,7 @@ THERE = Path(__file__).resolve()
 
 
 def finer(
-    cases: Sequence[str] = tuple(CASES),
+    cases: Sequence[str] = USUAL,
     *,
     commits: Sequence[str] = (),
     repeats: int = REPEATS,
@@ -211,7 +219,10 @@ def _run(case: Case, scene: Any, t_end: float) -> Any:
 
 def _counted(record: Any, case: Case) -> dict[str, Any]:
     counts = record.counts
-    found: dict[str, Any] = {"main": int(record.events["is_main"].sum()), "events": len(record.events)}
+    found: dict[str, Any] = {
+        "main": int(record.events["is_main"].sum()),
+        "events": len(record.events),
+    }
     found["starts"] = (record.events["F_T_start"] / record.scene.F_N).tolist()
     if case.engine != "hybrid":
         return found

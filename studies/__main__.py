@@ -115,7 +115,7 @@ def work(tell: Tell) -> None:
 @main.command(section="Speed")
 @telling
 def large(tell: Tell) -> None:
-    """Seconds and memory of the Fig. 1 scene on 561 x 301 blocks (15 minutes, up to 15 GB)."""
+    """Seconds and memory of the Fig. 1 scene on 561 x 301 blocks (20 minutes, 9 GB)."""
     import large
 
     tell.table(large.large(), large.report)

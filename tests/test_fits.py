@@ -140,6 +140,7 @@ def test_known_parameters_are_found_within_their_intervals(monkeypatch):
         assert profile["value"].is_monotonic_increasing
         assert profile["chi2"].min() == pytest.approx(found.chi2)
     assert found.fits
+    assert found.model_error == 0
     assert found.dof > 25
     assert (found.missing, found.extra) == (0, 0)
     assert found.scenes[0].law.mean.mu_k == pytest.approx(found.values["mu_k"])
@@ -191,6 +192,26 @@ def test_a_wrong_model_is_noticed(monkeypatch):
     assert "DOES NOT FIT" in str(found)
     assert "DOES NOT FIT" in fit_page(found).caption
     assert set(found.table["curve"]) == {1, 2}
+    low, high = found.intervals["mu_k"]
+    assert 0.01 < found.model_error <= fits.OFF
+    assert not low > 0.404  # halfway between both; an open end is NaN
+    assert not high < 0.404
+
+
+def test_intervals_assume_the_scatter_that_a_model_has_not(monkeypatch):
+    monkeypatch.setattr(fits, "STARTS", 1)
+    scatter = 0.008
+    table = events(curve(mu_k=0.44)).iloc[:16]
+    off = scatter * np.random.default_rng(1).standard_normal((2, len(table)))
+    for name, by in zip(("peak", "valley"), off, strict=True):
+        table[name] += by
+    found = pyfric.fit(SCENE, table, {"mu_k": (0.35, 0.55)}, model_error=1e-4, **STATIC)
+    assert not found.fits
+    assert found.model_error == pytest.approx(scatter, rel=0.4)  # 32 forces tell it to an eighth
+    low, high = found.intervals["mu_k"]
+    assert low < 0.44 < high
+    narrow = pyfric.fit(SCENE, events(curve(mu_k=0.44)).iloc[:16], {"mu_k": (0.35, 0.55)}, **STATIC)
+    assert high - low > 3 * np.diff(narrow.intervals["mu_k"])[0]
 
 
 def test_intervals_end_where_a_profile_passes_the_limit():

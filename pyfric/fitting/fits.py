@@ -12,6 +12,7 @@ inertia does, which is 0.01 to 0.05 F_N after large events.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
@@ -23,7 +24,7 @@ from pyfric.fitting.misfits import PER_EVENT, Misfit, onset
 from pyfric.fitting.problem import OTHERS, Data, Problem
 from pyfric.fitting.profiles import profiled
 from pyfric.fitting.results import Fit
-from pyfric.fitting.search import FOLLOWED, minima, walked
+from pyfric.fitting.search import FOLLOWED, STEP, minima, solved, walked
 from pyfric.fitting.sensors import ARRIVALS, LENGTHS, checked
 from pyfric.measured import COLUMNS, Curve, events
 from pyfric.scene import Scene, SceneError, SceneLike, as_scene, check_number, check_whole
@@ -35,6 +36,8 @@ STARTS = 8
 A policy."""
 OFF_LOAD = 0.05
 """Largest difference of the normal force of a scene from that of its curve, over it. A policy."""
+OFF = 0.1
+"""Largest error of forces of a wrong model, over F_N, that intervals assume. A policy."""
 NOTHING = pd.DataFrame({name: np.zeros(0) for name in COLUMNS})
 """A table without events."""
 SEARCH = "quasistatic"
@@ -129,8 +132,16 @@ def fit(
     if not found:
         reason = f"none has one; the last: {problem.reason}"
         raise SceneError("vary", ", ".join(bounds), "", "bounds with a run", reason)
-    u = walked(problem, found[0], say)
+    u, off = found[0], 0.0
+    if problem.fits(u, TOLERANCES[-2]):
+        u = walked(problem, u, say)
+    if not problem.fits(u):
+        for _ in range(2):
+            off = min(problem.scatter(u, OFF), OFF)
+            problem.model_error = math.hypot(model_error, off)
+            u = solved(problem.residuals, u, STEP)
     u, profiles, intervals = profiled(problem, u, level, say)
+    problem.model_error = model_error
     compared, values = problem.misfits(u), problem.values(u)
     assert compared is not None  # the best of those that have a run
     missing = sum(apart.missing for apart in compared)
@@ -151,6 +162,7 @@ def fit(
         runs=problem.runs,
         bounds=bounds,
         fronts=_of_fronts(problem, u, compared),
+        model_error=math.hypot(model_error, off),
         problem=problem,
     )
 

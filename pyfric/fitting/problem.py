@@ -9,9 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy
 
 from pyfric.engines import Options
 from pyfric.fitting.misfits import CAP, PER_EVENT, Misfit, misfit, overview
+from pyfric.fitting.results import DOUBTFUL
 from pyfric.fitting.sensors import arrivals_off, fronts_of, lengths_of, lengths_off
 from pyfric.measured import events
 from pyfric.planning import check_run, simulate
@@ -208,3 +210,25 @@ class Problem:
     def chi2(self, u: np.ndarray, tolerance: float = 0.0) -> float:
         """Return the sum of squares."""
         return float(np.sum(self.residuals(u, tolerance) ** 2))
+
+    def fits(self, u: np.ndarray, tolerance: float = 0.0) -> bool:
+        """Whether the residuals are those of noise."""
+        probability = scipy.stats.chi2.sf(self.chi2(u, tolerance), self.size - len(u))
+        return bool(probability >= DOUBTFUL)
+
+    def scatter(self, u: np.ndarray, tolerance: float) -> float:
+        """Return the root of the mean square of forces by which events are off, over F_N.
+
+        The variance of the measurement is taken away. Events are matched with a tolerance of
+        forces, so that those that are far off count, too.
+        """
+        parts = [np.zeros(0)]
+        model, found = self.model(u) or [], self.misfits(u, tolerance) or []
+        for each, seen, apart in zip(self.data, model, found, strict=True):
+            rows = np.flatnonzero(apart.partner >= 0)
+            for name in ("peak", "valley"):
+                known, error = (each.table[part].to_numpy() for part in (name, f"{name}_error"))
+                off = seen.events[name].to_numpy()[apart.partner[rows]] - known[rows]
+                parts.append(off**2 - error[rows] ** 2)
+        squares = np.concatenate(parts)
+        return math.sqrt(max(float(squares.mean()), 0.0)) if squares.size else 0.0

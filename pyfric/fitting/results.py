@@ -36,6 +36,8 @@ class Fit:
         bounds: name -> bounds that were searched.
         fronts: measured lengths of precursors and arrivals of fronts with their residuals: columns
             curve, kind ("lengths" or "arrivals"), at (force, or x in m), off (standard deviations).
+        model_error: standard deviation of forces of the model, over F_N, that intervals assume: the
+            one that was given, or as much more as a model that does not fit is off.
         problem: what makes its runs, for `pyfric.fitting.posterior`.
     """
 
@@ -53,6 +55,7 @@ class Fit:
     runs: int
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     fronts: pd.DataFrame = field(default_factory=pd.DataFrame)
+    model_error: float = 0.0
     problem: Any = field(default=None, repr=False, compare=False)
 
     @property
@@ -87,8 +90,9 @@ class Fit:
         lines.append(", ".join(counts))
         if not self.fits:
             lines.append(
-                f"THE MODEL DOES NOT FIT (probability {self.probability:.1g}): intervals do not "
-                "hold; try another law, disorder, or another parameter"
+                f"THE MODEL DOES NOT FIT (probability {self.probability:.1g}): intervals assume "
+                f"forces that are off by {self.model_error:.2g} F_N, and may not hold; try another "
+                "law, disorder, or another parameter"
             )
         lines.append(f"{self.runs} runs, {self.engine} at the end")
         return "\n".join(lines)

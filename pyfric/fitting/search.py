@@ -11,7 +11,6 @@ import scipy
 from numpy.linalg import norm
 
 from pyfric.fitting.problem import Problem
-from pyfric.fitting.results import DOUBTFUL
 
 FOLLOWED = 3
 """How many minima of a rough search are followed. A policy."""
@@ -46,7 +45,7 @@ def minima(
         for tolerance in others:
             u = solved(functools.partial(problem.residuals, tolerance=tolerance), u, STEP)
         found.append((problem.chi2(u, tolerances[-1]), u))
-        return scipy.stats.chi2.sf(found[-1][0], problem.size - len(u)) >= DOUBTFUL
+        return problem.fits(u, tolerances[-1])
 
     seen = [start for start in starts if problem.model(start) is not None]
     for number, start in enumerate(sorted(seen, key=lambda u: norm(problem.overview(u))), 1):
@@ -70,11 +69,10 @@ def walked(problem: Problem, u: np.ndarray, say: Callable[[str], None]) -> np.nd
     Each parameter is moved either way, and the others follow.
     """
     for _ in range(WALKS):
-        least = problem.chi2(u)
-        if scipy.stats.chi2.sf(least, problem.size - len(u)) >= DOUBTFUL:
+        if problem.fits(u):
             break
         say("minima nearby")
-        jacobian, best = jacobian_of(problem, u), u
+        least, jacobian, best = problem.chi2(u), jacobian_of(problem, u), u
         for k in range(len(u)):
             for step in WALK * np.concatenate([np.arange(-FAR, 0), np.arange(1, FAR + 1)]):
                 tried, chi2 = least_of_others(problem, u, jacobian, k, u[k] + step)

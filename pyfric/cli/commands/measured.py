@@ -180,7 +180,7 @@ def fit(
     figures.save_figure(figures.fit_page(found), stem)
     told = {"values": dict(found.values), "intervals": dict(found.intervals)}
     told |= {"chi2": found.chi2, "dof": found.dof, "probability": found.probability}
-    told |= {"missing": found.missing, "extra": found.extra}
+    told |= {"missing": found.missing, "extra": found.extra, "model_error": found.model_error}
     tell.result(plain(told), lambda: f"{read}\n{found}")
 
 

@@ -23,13 +23,13 @@ def linear():
     table = (
         events(pyfric.simulate(SCENE, 0.9, fidelity="quasistatic")).iloc[-6:].copy()
     )  # drops are large
-    rng = np.random.default_rng(3)
+    rng = np.random.default_rng(4)
     for name in ("peak", "valley"):
         table[name] += 0.01 + ERROR * rng.standard_normal(len(table))
         table[f"{name}_error"] = ERROR
     table["drop_error"] = np.sqrt(2) * ERROR
     table["rate"] = np.nan
-    bounds = {"offset": (-0.05, 0.05), "drift": (-0.05, 0.05)}
+    bounds = {"offset": (-0.02, 0.02), "drift": (-0.05, 0.05)}
     how = {"level": 0.68268949, "part": "all", "fidelity": "quasistatic"}
     return table, pyfric.fit(SCENE, table, bounds, **how)
 
@@ -60,6 +60,16 @@ def test_draws_have_the_exact_means_and_covariances():
     few = posterior(found, 100)
     pd.testing.assert_frame_equal(few, posterior(found, 100))
     assert not few.equals(posterior(found, 100, seed=1))
+
+
+def test_draws_assume_the_error_of_the_model():
+    pytest.importorskip("emcee")
+    _, found = linear()
+    off = 2 * ERROR
+    wider = posterior(dataclasses.replace(found, model_error=off), 800)
+    ratio = wider["offset"].std() / posterior(found, 800)["offset"].std()
+    assert ratio == pytest.approx(np.hypot(off, ERROR) / ERROR, rel=0.25)
+    assert found.problem.model_error == 0
 
 
 def test_what_is_missing_is_said(monkeypatch):

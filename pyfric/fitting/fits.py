@@ -135,13 +135,14 @@ def fit(
     u, off = found[0], 0.0
     if problem.fits(u, TOLERANCES[-2]):
         u = walked(problem, u, say)
+    u, profiles, intervals = profiled(problem, u, level, say)
     if not problem.fits(u):
         for _ in range(2):
             off = min(problem.scatter(u, OFF), OFF)
             problem.model_error = math.hypot(model_error, off)
             u = solved(problem.residuals, u, STEP)
-    u, profiles, intervals = profiled(problem, u, level, say)
-    problem.model_error = model_error
+        u, profiles, intervals = profiled(problem, u, level, say)
+        problem.model_error = model_error
     compared, values = problem.misfits(u), problem.values(u)
     assert compared is not None  # the best of those that have a run
     missing = sum(apart.missing for apart in compared)

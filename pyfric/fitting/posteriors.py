@@ -6,6 +6,7 @@ forces of the model jump, draws show it, and a profile is its envelope.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 
 import numpy as np
@@ -30,7 +31,8 @@ def posterior(
 ) -> pd.DataFrame:
     """Draw parameters from their posterior, given the measurements of a fit.
 
-    Each draw takes a run: 0.05 s for the quasi-static engine with 29 blocks along the interface.
+    As in intervals of the fit, forces of the model have the error `found.model_error`. Each draw
+    takes a run: 0.05 s for the quasi-static engine with 29 blocks along the interface.
 
     Args:
         found: a fit of this process.
@@ -46,9 +48,10 @@ def posterior(
         SceneError: the extra "posterior" is missing, or an argument is refused.
     """
     draws, seed = check_whole("draws", draws, 100), check_whole("seed", seed, 0)
-    problem = found.problem
-    if problem is None:
+    if found.problem is None:
         raise SceneError("found", None, "", "a fit of this process, as fit returns it", "no runs")
+    problem = copy.copy(found.problem)
+    problem.model_error = found.model_error
     try:
         import emcee
     except ImportError:

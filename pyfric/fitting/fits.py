@@ -133,7 +133,7 @@ def fit(
         reason = f"none has one; the last: {problem.reason}"
         raise SceneError("vary", ", ".join(bounds), "", "bounds with a run", reason)
     u, off = found[0], 0.0
-    if problem.fits(u, TOLERANCES[-2]):
+    if problem.fits(u, TOLERANCES[-2]):  # what is further off is mended by no minimum nearby
         u = walked(problem, u, say)
     u, profiles, intervals = profiled(problem, u, level, say)
     if not problem.fits(u):

@@ -212,6 +212,10 @@ def test_intervals_assume_the_scatter_that_a_model_has_not(monkeypatch):
     assert low < 0.44 < high
     narrow = pyfric.fit(SCENE, events(curve(mu_k=0.44)).iloc[:16], {"mu_k": (0.35, 0.55)}, **STATIC)
     assert high - low > 3 * np.diff(narrow.intervals["mu_k"])[0]
+    assert f"off by {found.model_error:.2g} F_N" in str(found)
+    assert f"off by {found.model_error:.2g} F_N" in fit_page(found).caption
+    given = pyfric.fit(SCENE, table, {"mu_k": (0.35, 0.55)}, model_error=scatter / 2, **STATIC)
+    assert given.model_error == pytest.approx(found.model_error, rel=0.05)  # the whole, not a sum
 
 
 def test_intervals_end_where_a_profile_passes_the_limit():

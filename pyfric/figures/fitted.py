@@ -63,7 +63,8 @@ def fit_page(fit: Fit) -> DataFigure:
     fig.caption = (
         f"(a) {what}, measured and of the model, and residuals; the model {verdict}: "
         f"chi^2 {fit.chi2:.4g} with {fit.dof} degrees of freedom. Others: profiles of parameters, "
-        f"with intervals of {fit.level:.0%}."
+        f"with intervals of {fit.level:.0%}"
+        + ("." if fit.fits else f", for forces that are off by {fit.model_error:.2g} F_N.")
     )
     fig.tables = {
         "events": fit.table,

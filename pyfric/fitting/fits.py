@@ -12,7 +12,6 @@ inertia does, which is 0.01 to 0.05 F_N after large events.
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
@@ -20,10 +19,10 @@ import numpy as np
 import pandas as pd
 import scipy
 
-from pyfric.fitting.misfits import PER_EVENT, Misfit, onset
-from pyfric.fitting.problem import OTHERS, Data, Problem
+from pyfric.fitting.misfits import Misfit, onset
+from pyfric.fitting.problem import Data, Problem
 from pyfric.fitting.profiles import profiled
-from pyfric.fitting.results import Fit
+from pyfric.fitting.results import DOUBTFUL, Fit, probability
 from pyfric.fitting.search import FOLLOWED, STEP, minima, solved, walked
 from pyfric.fitting.sensors import ARRIVALS, LENGTHS, checked
 from pyfric.measured import COLUMNS, Curve, events
@@ -78,7 +77,7 @@ def fit(
             one by one, and large ones by their mean forces; "all": all are compared one by one, for
             periodic sequences.
         model_error: standard deviation of forces of the model, over F_N, that is added to the
-            errors of the measurement.
+            errors of the measurement. If no parameter fits, intervals assume that of the best one.
         seed: of the runs that are spread over the bounds.
         progress: function that is told what is done.
         options: of the runs, as of `pyfric.simulate`; fidelity = "hybrid" by default.
@@ -132,22 +131,21 @@ def fit(
     if not found:
         reason = f"none has one; the last: {problem.reason}"
         raise SceneError("vary", ", ".join(bounds), "", "bounds with a run", reason)
-    u, off = found[0], 0.0
+    u = found[0]
     if problem.fits(u, TOLERANCES[-2]):  # what is further off is mended by no minimum nearby
         u = walked(problem, u, say)
     u, profiles, intervals = profiled(problem, u, level, say)
-    if not problem.fits(u):
-        for _ in range(2):
-            off = min(problem.scatter(u, OFF), OFF)
-            problem.model_error = math.hypot(model_error, off)
+    assumed = model_error
+    if probability(problem.chi2(u), problem.dof(u)) < DOUBTFUL:
+        say("how far the model is off")
+        for _ in range(2):  # then for the parameters that this error leads to
+            assumed = max(model_error, min(problem.scatter(u, OFF), OFF))
+            problem.model_error = assumed
             u = solved(problem.residuals, u, STEP)
         u, profiles, intervals = profiled(problem, u, level, say)
         problem.model_error = model_error
     compared, values = problem.misfits(u), problem.values(u)
     assert compared is not None  # the best of those that have a run
-    missing = sum(apart.missing for apart in compared)
-    count = sum(len(each.table) for each in data) - missing
-    others = int(sum(np.count_nonzero(apart.residuals[-OTHERS:]) for apart in compared))
     return Fit(
         scenes=tuple(problem.scenes_of(values)),
         values=values,
@@ -155,15 +153,15 @@ def fit(
         profiles=profiles,
         level=level,
         chi2=problem.chi2(u),
-        dof=PER_EVENT * count + others + sum(map(_independent, data)) - len(values),
+        dof=problem.dof(u),
         table=_compared(problem, u, compared),
-        missing=missing,
+        missing=sum(apart.missing for apart in compared),
         extra=sum(apart.extra for apart in compared),
         engine=options["fidelity"],
         runs=problem.runs,
         bounds=bounds,
         fronts=_of_fronts(problem, u, compared),
-        model_error=math.hypot(model_error, off),
+        model_error=assumed,
         problem=problem,
     )
 
@@ -216,14 +214,6 @@ def _check_load(scene: Scene, measured: Curve | pd.DataFrame | None) -> None:
     if F_N is not None and abs(scene.F_N / F_N - 1) > OFF_LOAD:
         allowed = f"that of the curve, {F_N:.4g} N, within {OFF_LOAD:.0%}"
         raise SceneError("F_N", scene.F_N, "N", allowed, "the scene has another load")
-
-
-def _independent(data: Data) -> int:
-    """Return the number of independent residuals of lengths and arrivals."""
-    count = 0 if data.lengths is None else len(data.lengths)
-    if data.arrivals is not None:
-        count += len(data.arrivals) - data.arrivals["event"].nunique()
-    return count
 
 
 def _table_of(measured: Curve | pd.DataFrame) -> pd.DataFrame:

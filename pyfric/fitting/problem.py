@@ -9,11 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-import scipy
 
 from pyfric.engines import Options
 from pyfric.fitting.misfits import CAP, PER_EVENT, Misfit, misfit, overview
-from pyfric.fitting.results import DOUBTFUL
+from pyfric.fitting.results import DOUBTFUL, probability
 from pyfric.fitting.sensors import arrivals_off, fronts_of, lengths_of, lengths_off
 from pyfric.measured import events
 from pyfric.planning import check_run, simulate
@@ -49,6 +48,14 @@ class Data:
         """Number of residuals."""
         parts = (len(part) for part in (self.lengths, self.arrivals) if part is not None)
         return (PER_EVENT * len(self.table) + OTHERS if len(self.table) else 0) + sum(parts)
+
+    @property
+    def of_fronts(self) -> int:
+        """Number of independent residuals of lengths and arrivals."""
+        count = 0 if self.lengths is None else len(self.lengths)
+        if self.arrivals is not None:
+            count += len(self.arrivals) - self.arrivals["event"].nunique()
+        return count
 
 
 class Seen(NamedTuple):
@@ -212,9 +219,16 @@ class Problem:
         return float(np.sum(self.residuals(u, tolerance) ** 2))
 
     def fits(self, u: np.ndarray, tolerance: float = 0.0) -> bool:
-        """Whether the residuals are those of noise."""
-        probability = scipy.stats.chi2.sf(self.chi2(u, tolerance), self.size - len(u))
-        return bool(probability >= DOUBTFUL)
+        """Whether the residuals are those of noise, if all of them count: enough for a search."""
+        return probability(self.chi2(u, tolerance), self.size - len(u)) >= DOUBTFUL
+
+    def dof(self, u: np.ndarray) -> int:
+        """Return the degrees of freedom: residuals that tell something, less parameters."""
+        count = -len(u)
+        for each, apart in zip(self.data, self.misfits(u) or [], strict=True):
+            count += PER_EVENT * (len(each.table) - apart.missing) + each.of_fronts
+            count += int(np.count_nonzero(apart.residuals[-OTHERS:]))
+        return count
 
     def scatter(self, u: np.ndarray, tolerance: float) -> float:
         """Return the root of the mean square of forces by which events are off, over F_N.

@@ -16,6 +16,11 @@ DOUBTFUL = 0.01
 """Probability of the residuals below which the model is said not to fit. A policy."""
 
 
+def probability(chi2: float, dof: int) -> float:
+    """Return the probability of a sum of squares at least this large, if the model is right."""
+    return float(scipy.stats.chi2.sf(chi2, max(dof, 1)))
+
+
 @dataclass(frozen=True, kw_only=True)
 class Fit:
     """Parameters that fit measured events, and what is known of them.
@@ -25,9 +30,9 @@ class Fit:
         values: best parameters by name.
         intervals: name -> ends of the confidence interval; an end is NaN where the bound is reached
             before the misfit tells.
-        profiles: name -> data frame with columns value and chi2.
+        profiles: name -> data frame with columns value and chi2, which assume `model_error`.
         level: confidence of the intervals.
-        chi2, dof: sum of squares, and degrees of freedom.
+        chi2, dof: sum of squares with the errors that were given, and degrees of freedom.
         table: measured events with columns curve, event, peak, valley, model_peak, model_valley
             (over F_N), off_peak, off_valley (standard deviations).
         missing, extra: events of the measurement that the model has not, and the reverse.
@@ -37,7 +42,7 @@ class Fit:
         fronts: measured lengths of precursors and arrivals of fronts with their residuals: columns
             curve, kind ("lengths" or "arrivals"), at (force, or x in m), off (standard deviations).
         model_error: standard deviation of forces of the model, over F_N, that intervals assume: the
-            one that was given, or as much more as a model that does not fit is off.
+            one that was given, or by how much a model that does not fit is off, if that is more.
         problem: what makes its runs, for `pyfric.fitting.posterior`.
     """
 
@@ -61,7 +66,7 @@ class Fit:
     @property
     def probability(self) -> float:
         """Of a sum of squares at least this large, if the model is right."""
-        return float(scipy.stats.chi2.sf(self.chi2, max(self.dof, 1)))
+        return probability(self.chi2, self.dof)
 
     @property
     def fits(self) -> bool:
@@ -89,10 +94,11 @@ class Fit:
             counts += [f"{n} {kind}" for kind, n in self.fronts["kind"].value_counts().items()]
         lines.append(", ".join(counts))
         if not self.fits:
+            assumed = f"may not hold; they assume forces that are off by {self.model_error:.2g} F_N"
             lines.append(
-                f"THE MODEL DOES NOT FIT (probability {self.probability:.1g}): intervals assume "
-                f"forces that are off by {self.model_error:.2g} F_N, and may not hold; try another "
-                "law, disorder, or another parameter"
+                f"THE MODEL DOES NOT FIT (probability {self.probability:.1g}): intervals "
+                f"{assumed if self.model_error else 'do not hold'}; try another law, disorder, or "
+                "another parameter"
             )
         lines.append(f"{self.runs} runs, {self.engine} at the end")
         return "\n".join(lines)

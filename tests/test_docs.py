@@ -218,6 +218,14 @@ def test_plans_with_weakening_are_told_as_they_are_stored():
     assert not data["beyond_measured"].any()
 
 
+def test_errors_of_fine_lattices_are_those_that_are_stored():
+    data = pd.read_csv(ROOT / "reference_data" / "speed" / "lattices_errors.csv")
+    text = (ROOT / "docs" / "explanation" / "speed.md").read_text(encoding="utf-8")
+    for row in data.itertuples():
+        steps = f"{row.steps:,}".replace(",", " ") if row.steps >= 10_000 else str(row.steps)
+        assert f"| {row.seconds:.2g} | {steps} | {row.error:.0e}".replace("e-0", "e-") in text
+
+
 def test_texts_beside_the_charts_say_what_is_stored():
     folder = ROOT / "reference_data"
     price = pd.read_csv(folder / "chart" / "price_points.csv").set_index("name")

@@ -5,8 +5,8 @@
 !>
 !> Contact states are fixed during a sub-step. Each block has event functions that are positive meanwhile (pyfric_law).
 !> If one is negative at the end, shorter sub-steps are tried until the earliest root is bracketed. The sub-step then ends
-!> just behind the root, contacts switch there, and the next sub-step goes to the end of the step. If none is negative at
-!> the end, a parabola through start, middle and end is tested for each event function. If it falls below zero, the
+!> just behind the root, contacts switch there, and the next sub-step goes to the end of the step. The stages of a sweep
+!> foresee the root, so that a single trial is left in most cases. If none is negative at the end, a parabola through start, middle and end is tested for each event function. If it falls below zero, the
 !> sub-step is cut there. Signs are compared, never products.
 module pyfric_location
   use pyfric_kinds, only: dp, ip
@@ -16,6 +16,8 @@ module pyfric_location
   use pyfric_law, only: event_functions, knot_functions, last_knots, time_to_knot, N_CONTACT, N_KNOT, N_MARK
   use pyfric_rows, only: row_t, other_forces, budget_t
   use pyfric_contact, only: contact_t, switch_contacts
+  use pyfric_table_stepper, only: table_t
+  use pyfric_sweep, only: share_of_step
   use pyfric_log, only: log_t, has_room
   use pyfric_status, only: DONE, ENDLESS, TOO_SHORT
   implicit none (type, external)
@@ -23,10 +25,12 @@ module pyfric_location
   public :: step_control_t, new_control, test_substep, complete_substep, max_switches, MAX_QUIET
 
   real(dp), parameter :: ROOT_WIDTH = 2.0_dp**(-40)       !! largest distance of a switch behind its root, over dt
+  real(dp), parameter :: FORESEEN_WIDTH = 2.0_dp**(-30)   !! the same, if the root was foreseen: it is exact in linear motion
   real(dp), parameter :: SHORTEST_SUBSTEP = 2.0_dp**(-30) !! shortest adaptive sub-step, over dt
   real(dp), parameter :: DIP_LENGTH = 2.0_dp**(-4)        !! shortest sub-step that is tested for dips, over dt
   real(dp), parameter :: DIP_DEPTH = 2.0_dp**(-20)        !! smallest depth of a dip, over the values at the ends
   real(dp), parameter :: KNOT_WIDTH = 2.0_dp**(-20)       !! distance at which a knot of age or a pinning counts as reached, over dt
+  integer, parameter :: MAX_TRIALS = 60           !! most trials that are foreseen: a bisection at every third one resolves 2^-20
   integer, parameter :: MAX_QUIET = 64            !! most quiet transitions that one step may log
   integer, parameter :: ADAPT_ORDER = 4           !! order of the error of an adaptive sub-step in its length
   integer, parameter :: WHOLE = 0, CUT = 1, SEARCH = 2
@@ -143,20 +147,24 @@ contains
 
   !> Tests a trial sub-step by its bottom rows: it is accepted if its error is small, and no event function crosses zero
   !> before its end. If it is rejected, another length is tried from the same start.
-  subroutine test_substep(s, step, t0, dt, err, old, new, contact, w, control, status)
+  subroutine test_substep(s, table, step, t0, dt, err, old, new, q, contact, w, control, status)
     type(model_t), intent(in) :: s
+    type(table_t), intent(in) :: table
     real(dp), intent(in) :: step                           !! steps made before this one
     real(dp), intent(in) :: t0                             !! time of step 0 [s]
     real(dp), intent(in) :: dt                             !! step [s]
     real(dp), intent(in) :: err                            !! error over what is allowed
     real(dp), intent(in) :: old(LB:s%n + LANES, 4, s%nz)   !! state at the start of the sub-step
     real(dp), intent(in) :: new(LB:s%n + LANES, 4, s%nz)   !! state at its end
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4, 0:table%stages, 2:table%stages)  !! its stages, if it was made by a sweep
     type(contact_t), intent(in) :: contact
     type(row_t), intent(inout) :: w
     type(step_control_t), intent(inout) :: control
     integer(ip), intent(out) :: status                     !! see pyfric_status
+    logical :: first
 
     status = DONE
+    first = control%phase /= SEARCH
     control%finished = control%length >= control%remaining
     control%t = t0 + step*dt + (control%start + control%length)
     if (control%finished) control%t = t0 + (step + 1.0_dp)*dt
@@ -170,7 +178,12 @@ contains
       call evaluate_events(s, control%t, new(LB, 1, 1), new(LB, 1, min(2, s%nz)), contact, control%marks, w, control%g, &
                            control%margin)
       control%crossed = any(control%g < 0.0_dp)
-      if (control%crossed .or. control%phase == SEARCH) call narrow_search(dt, control)
+      if (control%crossed .or. control%phase == SEARCH) then
+        call narrow_search(dt, merge(FORESEEN_WIDTH, ROOT_WIDTH, table%swept), control)
+      end if
+      if (control%crossed .and. first .and. .not. control%accepted .and. table%swept) then
+        call foresee(s, table, dt, old, new, q, contact, w, control)
+      end if
       if (control%accepted) call check_dips(s, control%t, dt, old, new, contact, w, control)
     end if
     control%finished = control%finished .and. control%accepted
@@ -217,9 +230,35 @@ contains
     call plan_substep(s, control%t, dt, contact, budget, control)
   end subroutine complete_substep
 
+  !> Searches within a sub-step that was tried, by its stages, for the length that is tried next.
+  subroutine foresee(s, table, dt, old, new, q, contact, w, control)
+    type(model_t), intent(in) :: s
+    type(table_t), intent(in) :: table
+    real(dp), intent(in) :: dt                             !! step [s]
+    real(dp), intent(in) :: old(LB:s%n + LANES, 4, s%nz)   !! state at the start of the sub-step
+    real(dp), intent(in) :: new(LB:s%n + LANES, 4, s%nz)   !! state at its end
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4, 0:table%stages, 2:table%stages)  !! its stages
+    type(contact_t), intent(in) :: contact
+    type(row_t), intent(inout) :: w
+    type(step_control_t), intent(inout) :: control
+    type(step_control_t) :: search
+    real(dp) :: rows(LB:s%n + LANES, 4, 2)
+
+    search = control
+    do while (.not. search%accepted .and. search%trials < MAX_TRIALS)
+      call share_of_step(s, table, control%b, search%length/control%b, old, new, q, rows)
+      call evaluate_events(s, control%t - (control%b - search%length), rows(LB, 1, 1), rows(LB, 1, min(2, s%nz)), contact, &
+                           control%marks, w, search%g, search%margin)
+      search%crossed = any(search%g < 0.0_dp)
+      call narrow_search(dt, ROOT_WIDTH, search)
+    end do
+    if (search%accepted) control%length = search%length
+  end subroutine foresee
+
   !> Narrows the search interval by the result of the trial, and chooses the next trial.
-  pure subroutine narrow_search(dt, control)
+  pure subroutine narrow_search(dt, width, control)
     real(dp), intent(in) :: dt           !! step [s]
+    real(dp), intent(in) :: width        !! largest distance of the end of the sub-step behind the root, over dt
     type(step_control_t), intent(inout) :: control
     real(dp) :: root
 
@@ -243,10 +282,10 @@ contains
     end if
     control%trials = control%trials + 1
     root = control%a + (control%b - control%a)*first_root(control%g_a, control%g_b)
-    control%accepted = control%crossed .and. control%b - root <= ROOT_WIDTH*dt
+    control%accepted = control%crossed .and. control%b - root <= width*dt
     if (control%accepted) return
     if (mod(control%trials, 3) == 0) root = 0.5_dp*(control%a + control%b)
-    control%length = min(max(root, control%a) + 0.5_dp*ROOT_WIDTH*dt, control%b)
+    control%length = min(max(root, control%a) + 0.5_dp*width*dt, control%b)
   end subroutine narrow_search
 
   !> Cuts the sub-step, at most once, where an event function seems to fall below zero inside.

@@ -5,7 +5,7 @@ module pyfric_stepping
   use pyfric_model, only: model_t
   use pyfric_rows, only: budget_t, row_t, new_row, take_shared
   use pyfric_workspace, only: reserve, aligned, widen, narrow, RINGS, CARRY, BONDS, FX, FZ, COLUMNS, MAX_STAGES
-  use pyfric_rk4, only: rk4_step, bottom_front, bottom_rows
+  use pyfric_sweep, only: swept_step, bottom_front, bottom_rows
   use pyfric_table_stepper, only: table_t, table_step
   use pyfric_contact, only: contact_t, switch_contacts
   use pyfric_boundaries, only: foundation
@@ -186,7 +186,7 @@ contains
       if (bottom_first) then
         if (thread == 0) then
           call sweep(1, bottom_front(method%table))
-          call test_step(s, method, run, y(LB, 1, 1, run%current), y(LB, 1, 1, 3 - run%current), contact)
+          call test_step(s, method, run, y(LB, 1, 1, run%current), y(LB, 1, 1, 3 - run%current), work(at, 1), contact)
         end if
         !$omp barrier
       end if
@@ -194,7 +194,9 @@ contains
       if (bottom_first .and. run%control%accepted) call sweep(merge(bottom_front(method%table) + 1, 1, thread == 0), huge(1))
       !$omp barrier
       if (thread == 0) then
-        if (.not. bottom_first) call test_step(s, method, run, y(LB, 1, 1, run%current), y(LB, 1, 1, 3 - run%current), contact)
+        if (.not. bottom_first) then
+          call test_step(s, method, run, y(LB, 1, 1, run%current), y(LB, 1, 1, 3 - run%current), work(at, 1), contact)
+        end if
         if (s%law%flows) contact%memory = w(1)%memory  ! the first thread owns the bottom row
         call complete_step(s, method, run, y(LB, 1, 1, 3 - run%current), rods(:, 3 - run%current), contact, budget, log)
       end if
@@ -220,7 +222,7 @@ contains
     type(run_t), intent(in) :: run
     integer, intent(in) :: j0                   !! first row of this thread
     integer, intent(in) :: j1                   !! last row of this thread
-    integer, intent(in) :: first                !! fronts to make, see pyfric_rk4
+    integer, intent(in) :: first                !! fronts to make, see pyfric_sweep
     integer, intent(in) :: last                 !! see `first`
     real(dp), intent(inout) :: y(LB:s%n + LANES, 4, s%nz, 2)      !! the state and the next one
     real(dp), intent(inout) :: stage(LB:s%n + LANES, 4, s%nz)     !! work space of tables: a stage
@@ -236,7 +238,7 @@ contains
     old = run%current
     new = 3 - old
     if (method%table%swept) then
-      call rk4_step(s, method%table, run%t, run%sub, j0, j1, first, last, method%keep_budget, contact%mode, contact%memory, &
+      call swept_step(s, method%table, run%t, run%sub, j0, j1, first, last, method%keep_budget, contact%mode, contact%memory, &
                     y(LB, 1, 1, old), rods(:, old), y(LB, 1, 1, new), rods(:, new), budget, work(LB, RINGS), &
                     work(LB, CARRY), work(LB, BONDS), work(LB, FX), work(LB, FZ), w)
     else
@@ -246,17 +248,19 @@ contains
   end subroutine advance_rows
 
   !> Whether the sub-step from old to new is accepted; its bottom rows decide.
-  subroutine test_step(s, method, run, old, new, contact)
+  subroutine test_step(s, method, run, old, new, work, contact)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method
     type(run_t), intent(inout) :: run
     real(dp), intent(in) :: old(LB:s%n + LANES, 4, s%nz)       !! state at the start
     real(dp), intent(in) :: new(LB:s%n + LANES, 4, s%nz)       !! state at the end
+    real(dp), intent(in) :: work(LB:s%n + LANES, COLUMNS)      !! of the thread that made its bottom rows
     type(contact_t), intent(in) :: contact
 
     if (run%no_substeps) return
     run%error = max(maxval(run%err(1, :))/run%allowed(1), maxval(run%err(2, :))/run%allowed(2))
-    call test_substep(s, run%step, method%t0, method%dt, run%error, old, new, contact, run%bottom_row, run%control, run%status)
+    call test_substep(s, method%table, run%step, method%t0, method%dt, run%error, old, new, work(LB, RINGS), contact, &
+                      run%bottom_row, run%control, run%status)
   end subroutine test_step
 
   !> Finishes a step or sub-step: switches contacts and plans the next one.

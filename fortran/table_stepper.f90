@@ -27,7 +27,7 @@ module pyfric_table_stepper
 
   type :: table_t
     integer :: stages = 0
-    logical :: swept = .false.             !! RK4 or its opposite: made in a single sweep (pyfric_rk4), from c and b alone
+    logical :: swept = .false.             !! made in a single sweep (pyfric_sweep), from c and b alone
     real(dp) :: c(MAX_STAGES) = 0.0_dp
     real(dp) :: b(MAX_STAGES) = 0.0_dp
     real(dp) :: bbar(MAX_STAGES) = 0.0_dp

@@ -10,11 +10,11 @@ module pyfric_workspace
   public :: reserve, aligned, widen, narrow
   public :: MAX_STAGES, RINGS, FX, FZ, CARRY, BONDS, COLUMNS
 
-  integer, parameter :: MAX_STAGES = 5  !! of a stepper
-  !> Columns of a thread's rows work(LB:n+LANES, COLUMNS). Of each stage after the first a sweep keeps as many rows as there
-  !> are stages, because row j is last needed by the last stage of row j. In finite geometry: forces that go up a row, two for
+  integer, parameter :: MAX_STAGES = 6  !! of a stepper
+  !> Columns of a thread's rows work(LB:n+LANES, COLUMNS). Of each stage after the first a sweep keeps one row more than
+  !> there are stages: row j is last needed by the last stage of row j, and the two bottom rows until switches are located. In finite geometry: forces that go up a row, two for
   !> each stage, and forces of bonds [N]. Forces on a row [N].
-  integer, parameter :: RINGS = 1, CARRY = RINGS + 4*MAX_STAGES*(MAX_STAGES - 1), BONDS = CARRY + 2*MAX_STAGES, &
+  integer, parameter :: RINGS = 1, CARRY = RINGS + 4*(MAX_STAGES + 1)*(MAX_STAGES - 1), BONDS = CARRY + 2*MAX_STAGES, &
     FX = BONDS + 2*N_BOND, FZ = FX + 1, COLUMNS = FZ
 
 contains

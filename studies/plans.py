@@ -26,7 +26,7 @@ import numpy as np
 import pandas as pd
 
 from pyfric.checks import regression
-from pyfric.engines import ENGINES, QuasistaticRun, RunError, step_size
+from pyfric.engines import ENGINES, QuasistaticRun, RunError, default_stepper, step_size
 from pyfric.engines.cost import full_work, machine_speed
 from pyfric.planning import simulate
 from pyfric.record import Errors, differences, fronts, paired
@@ -241,8 +241,8 @@ def of_longest(made: Record) -> float | None:
 
 def full_seconds(scene: Scene, made: Record, t_end: float) -> float:
     """Return the expected time of full dynamics at the step of a record, in s."""
-    dt = made.method.dt or step_size(scene)
-    return full_work(scene, default_geometry(scene), dt, t_end) * machine_speed()
+    dt, stepper = made.method.dt or step_size(scene), made.method.stepper or default_stepper(scene)
+    return full_work(scene, default_geometry(scene), dt, t_end, stepper) * machine_speed()
 
 
 def judged(made: Record, truth: Record) -> dict[str, Any]:

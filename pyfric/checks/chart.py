@@ -141,7 +141,7 @@ def _expected(scene: Scene, t_end: float, method: Method) -> float:
         return 0.0
     dt = _step(scene, method)
     geometry = method.geometry or default_geometry(scene)
-    return full_work(scene, geometry, dt, t_end) * machine_speed()
+    return full_work(scene, geometry, dt, t_end, "rk4") * machine_speed()
 
 
 def _step(scene: Scene, method: Method) -> float | None:

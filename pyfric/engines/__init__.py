@@ -22,7 +22,6 @@ from pyfric.engines.engine import ENGINES, Engine
 from pyfric.engines.hybrid import HYBRID, HybridRun
 from pyfric.engines.integration import folded, integrate, largest_strain
 from pyfric.engines.options import (
-    ACCURACY,
     FINEST,
     RTOL,
     Fidelity,
@@ -37,9 +36,12 @@ from pyfric.engines.pauses import coarser, longest_pause, pause_notes, relaxatio
 from pyfric.engines.prediction import prediction_curve
 from pyfric.engines.quasistatic import EQUILIBRIUM, QUASISTATIC, QuasistaticRun
 from pyfric.engines.step_sizes import (
+    ACCURACY,
     MAX_STEPS,
     check_steps,
+    default_stepper,
     default_switching,
+    resolving,
     rounded_step,
     step_of_waves,
     step_size,

@@ -106,7 +106,7 @@ def work_so_far(run: Run | Record) -> float:
 
 
 def full_counts(
-    scene: Scene, dt: float, lasts: float, stepper: str = "rk4", calls: int = 0
+    scene: Scene, dt: float, lasts: float, stepper: str, calls: int = 0
 ) -> dict[str, float]:
     """Return the operations of full dynamics with steps dt over a time `lasts`, both in s.
 
@@ -117,14 +117,14 @@ def full_counts(
     return {"steps": steps, "block_evaluations": evaluations, "calls": min(calls, steps)}
 
 
-def located(scene: Scene, counts: Mapping[str, float], stepper: str = "rk4") -> float:
+def located(scene: Scene, counts: Mapping[str, float], stepper: str) -> float:
     """Return the block evaluations that locate transitions: all but those of whole steps."""
     of_steps = STEPPERS[stepper].evaluations * counts["steps"] * scene.N_x * scene.N_z
     return max(counts["block_evaluations"] - of_steps, 0.0)
 
 
 def finer_counts(
-    scene: Scene, counts: Mapping[str, float], ratio: float, old: str = "rk4", new: str = "rk4"
+    scene: Scene, counts: Mapping[str, float], ratio: float, old: str, new: str
 ) -> dict[str, float]:
     """Return the operations of a run with another stepper and steps shorter by a ratio.
 
@@ -141,7 +141,7 @@ def full_work(
     geometry: Geometry,
     dt: float,
     lasts: float,
-    stepper: str = "rk4",
+    stepper: str,
     calls: int = 0,
 ) -> float:
     """Return the work (s) of full dynamics with steps dt over a time `lasts`, both in s."""
@@ -185,7 +185,7 @@ def machine_speed() -> float:
         start = time.thread_time()
         core.advance(model, state, log, TIMED, switching="located", budget=False)
         seconds = time.thread_time() - start
-    expected = work(scene, "finite", full_counts(scene, dt, TIMED * dt))
+    expected = work(scene, "finite", full_counts(scene, dt, TIMED * dt, "rk4"))
     return float(np.clip(seconds / expected, FASTEST, SLOWEST))
 
 

@@ -31,14 +31,13 @@ if TYPE_CHECKING:
     from pyfric.record import Method
     from pyfric.scene import Written
 
-Owner = Literal["plan", "run", "events", "steps", "jumps", "energies", "machine"]
+Owner = Literal["plan", "run", "events", "steps", "energies", "machine"]
 """What an option belongs to: the choice of the engine; every run; runs that find events, make time
-steps, jump, or can keep energies; or the machine, on which the result does not depend."""
+steps, or can keep energies; or the machine, on which the result does not depend."""
 LACKS: dict[Owner, str] = {
     "run": "does not have it",
     "events": "finds no event whose error could be measured",
     "steps": "makes no time steps",
-    "jumps": "makes no jumps",
     "energies": "does not follow all energies",
 }
 """What an engine does that does not have the options of an owner; engines decide on no others."""

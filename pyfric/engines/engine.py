@@ -52,6 +52,7 @@ class Engine:
         options: options that it uses. With "verify" it finds events whose errors can be measured.
         geometries: geometries of bonds that it has.
         steppers: steppers that it has; none if it makes no time steps.
+        jumps: whether it jumps over time.
         check: function that raises SceneError for a scene that the engine cannot run.
         follow: function that runs a scene.
     """
@@ -62,6 +63,7 @@ class Engine:
     options: frozenset[str]
     geometries: tuple[Geometry, ...] = ("finite", "linear")
     steppers: tuple[str, ...] = ()
+    jumps: bool = False
     check: Callable[[Scene], None] = lambda scene: None
     follow: Follow
 
@@ -69,11 +71,6 @@ class Engine:
     def steps(self) -> bool:
         """Whether it makes time steps, so that its runs go on from a `State`."""
         return bool(self.steppers)
-
-    @property
-    def jumps(self) -> bool:
-        """Whether it jumps over time, with an accuracy."""
-        return "accuracy" in self.options
 
     @property
     def energies(self) -> bool:

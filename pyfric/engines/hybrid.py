@@ -346,8 +346,9 @@ HYBRID = Engine(
     name=HybridRun.name,
     models="dynamics inside events, closed forms or slip without inertia between them",
     leaves_out=("fast modes, once they have nearly decayed",),
-    options=owned("run", "events", "steps", "jumps", "energies"),
-    steppers=("rk4", "rk4_opposite", "imex"),
+    options=owned("run", "events", "steps", "energies"),
+    jumps=True,
+    steppers=("rk4", "rk46", "rk46_waves", "imex"),
     check=check_scene,
     follow=follow,
 )

@@ -28,7 +28,17 @@ from pyfric.engines.declared import (
     option,
 )
 from pyfric.engines.pauses import longest_pause
-from pyfric.engines.step_sizes import check_located, check_steps, default_switching, step_size
+from pyfric.engines.step_sizes import (
+    ACCURACY,
+    ERRORS,
+    check_located,
+    check_steps,
+    default_stepper,
+    default_switching,
+    is_auto,
+    keeps,
+    step_size,
+)
 from pyfric.record import Method
 from pyfric.scene import (
     Annotation,
@@ -55,8 +65,6 @@ if TYPE_CHECKING:
 RTOL = 1e-6
 """Default of rtol. The error of rupture times of a short front is then 2e-11 s, with located
 switching; 1e-3 makes it 7e-9 s for 1.3 times less work."""
-ACCURACY = 1e-6
-"""Default of accuracy."""
 FINEST = 1e-9
 """Smallest accuracy."""
 MAX_THREADS = 4096
@@ -68,7 +76,7 @@ Want = Literal["loading_curve", "precursors", "stress", "front_speed", "motion"]
 """The quantity that a run is made for."""
 Verify = Literal["none", "sample", "full", "shared"]
 """How errors are measured."""
-StepperName = Literal["rk4", "rk4_opposite", "verlet", "symplectic_euler", "adaptive", "imex"]
+StepperName = Literal["rk4", "rk46", "rk46_waves", "verlet", "symplectic_euler", "adaptive", "imex"]
 """The name of a stepper."""
 
 
@@ -165,13 +173,14 @@ class Options:
     stepper: StepperName | None = option(
         None,
         "steps",
-        """the stepper. "rk4": classical RK4, order 4 (the paper's). "rk4_opposite": order 4, with
-        errors opposite to those of "rk4". The limit of short steps lies between both, if steps are
-        not too long. "verlet": velocity Verlet with viscous forces at a predicted velocity, order
-        2. "symplectic_euler": semi-implicit Euler, order 1. "adaptive": RK4 with an error estimate
-        and sub-steps inside dt. These three need full dynamics. "imex": implicit in rate-and-state
-        friction, which needs it, order 3.""",
-        unless='"rk4", or "imex" with rate-and-state friction',
+        """the stepper. "rk46": six stages, order 4, and 6 in linear motion. "rk46_waves": the same
+        form, for waves with little damping. "rk4": classical RK4, order 4 (the paper's). "verlet":
+        velocity Verlet with viscous forces at a predicted velocity, order 2. "symplectic_euler":
+        semi-implicit Euler, order 1. "adaptive": RK4 with an error estimate and sub-steps inside
+        dt. These three need full dynamics. "imex": implicit in rate-and-state friction, which needs
+        it, order 3.""",
+        unless='"rk46", "rk46_waves" where viscosity leaves "rk46" less than half of its steps, "rk4" '
+        'with method = "paper", or "imex" with rate-and-state friction',
         kept=lambda method: method.stepper or None,
     )
     switching: Switching | None = option(
@@ -199,15 +208,17 @@ class Options:
     dt: Annotated[float | Literal["auto"], Step()] = option(
         "auto",
         "steps",
-        """time step in s, or "auto" for about half of the stability limit. See `step_size`; with a
-        plan, its step.""",
+        """time step in s, or "auto" for the longest one that keeps `accuracy`. See `step_size`; with
+        a plan, its step.""",
         kept=lambda method: method.dt,
     )
     accuracy: Annotated[float | None, Quantity("F_N", ge=FINEST, le=1.0, optional=True)] = option(
         None,
-        "jumps",
-        """error over F_N that jumps of the hybrid engine may cause in forces of events.""",
-        unless="1e-6, or that of the level (`pyfric.plan`)",
+        "steps",
+        """error over F_N that time steps, and jumps of the hybrid engine, may cause in forces of
+        events. It sets dt = "auto" of the steppers "rk46" and "rk46_waves", from errors measured in
+        other scenes; `verify` measures those of a run.""",
+        unless="1e-5, or that of the level (`pyfric.plan`)",
         kept=lambda method: method.accuracy,
     )
     energies: Annotated[bool | None, YesNo()] = option(
@@ -328,7 +339,8 @@ class Options:
             allowed = "None for loads that are prescribed, which are not the paper's"
             raise SceneError("method", "paper", "", allowed)
         switching = self.switching or default_switching(scene, self.method)
-        return step_size(scene, dt, self.stepper_on(scene)), switching
+        accuracy = self.accuracy or ACCURACY
+        return step_size(scene, dt, self.stepper_on(scene), accuracy, switching), switching
 
     def stepper_on(self, scene: Scene) -> StepperName:
         """Return the stepper.
@@ -336,7 +348,7 @@ class Options:
         Raises:
             SceneError: it is implicit and the friction is not, or the other way round.
         """
-        stepper: StepperName = self.stepper or ("imex" if scene.law.flows else "rk4")
+        stepper = self.stepper or ("rk4" if self.method else default_stepper(scene))
         if STEPPERS[stepper].implicit is not scene.law.flows:
             allowed = "'imex'" if scene.law.flows else "another one"
             law = scene.interface.law.kind
@@ -367,14 +379,20 @@ class Options:
             reason = "steps without inertia between events leave energies out"
             raise SceneError("energies", True, "", "False, or fidelity = 'dynamic'", reason)
         dt, switching = self.steps_on(scene)
+        stepper = self.stepper_on(scene)
+        chosen = is_auto(self.dt) and self.method is None and keeps(stepper, switching)
+        if self.accuracy is not None and not (engine.jumps or chosen):
+            steppers = " or ".join(map(repr, ERRORS))
+            allowed = f"None, or dt = 'auto' with the stepper {steppers} and located switching"
+            raise SceneError("accuracy", self.accuracy, "F_N", allowed, "has no effect")
         if switching == "located":
-            check_located(scene, self.stepper_on(scene), dt)
+            check_located(scene, stepper, dt)
         check_steps(t_begin, t_end, dt)
         every = (t_end - t_begin) / dt / POINTS if self.sample is None else self.sample / dt
         return Method(
             engine=engine.name,
             geometry=self.geometry or default_geometry(scene),
-            stepper=self.stepper_on(scene),
+            stepper=stepper,
             switching=switching,
             rtol=(self.rtol or RTOL) if self.stepper == "adaptive" else None,
             dt=dt,

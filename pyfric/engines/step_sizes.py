@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -12,13 +13,19 @@ from pyfric.statics import stability_limit
 if TYPE_CHECKING:
     from pyfric.scene import Number, Scene, SceneLike
 
+ACCURACY = 1e-5
+"""Default of the option `accuracy`: error over F_N that steps and jumps may leave in forces."""
 AUTO_SHARE = 0.5
-"""dt = "auto" is this share of the stability limit, rounded down to `DIGITS` digits as a multiple
-of sqrt(m/k): so it hangs neither on units nor on the last bits of the limit.
-
-In the Fig. 1 scene with switches at step ends, the main precursors up to 0.9 s then keep their
-order. Their forces are those of the paper's step, an eighth of the limit, within 8e-4 F_N. The
-difference is proportional to the step, and far smaller with located switches."""
+"""dt = "auto" over the stability limit, for other steppers than those of `ERRORS`, and for switches
+at step ends, whose errors are proportional to the step."""
+ERRORS = {"rk46": (1e-6, 6), "rk46_waves": (1e-5, 4)}
+"""Largest error of forces of events over F_N with located switches and steps of half the limit, in
+the scenes of `studies finer --errors`, and the order in which it falls."""
+LONGEST = 0.9
+"""Longest step over the stability limit, which is that of the lattice at rest. Forces and switches
+leave a tenth."""
+HALVED = 2
+"""A step that is so many halvings too long for weakening is shortened: a policy."""
 DIGITS = 3
 """Digits of dt = "auto" over sqrt(m/k)."""
 ALMOST = 1e-9
@@ -47,29 +54,74 @@ def is_auto(dt: Any) -> bool:
     return isinstance(dt, str) and dt == "auto"
 
 
+@functools.lru_cache(maxsize=256)
+def default_stepper(scene: Scene) -> str:
+    """Return the default of the option `stepper`.
+
+    Without enough viscosity, waves would grow in steps of "rk46" that are not short.
+    """
+    if scene.law.flows:
+        return "imex"
+    damped, waves = (stability_limit(scene, name)[0] for name in ("rk46", "rk46_waves"))
+    return "rk46" if damped >= waves / 2 else "rk46_waves"
+
+
+def keeps(stepper: str, switching: Switching) -> bool:
+    """Whether it is known which error steps of a stepper leave."""
+    return stepper in ERRORS and switching == "located"
+
+
+def share_of_limit(stepper: str, switching: Switching, accuracy: float) -> float:
+    """Return the step over the stability limit that leaves an error `accuracy` over F_N.
+
+    It is `AUTO_SHARE` where that is not known.
+    """
+    if not keeps(stepper, switching):
+        return AUTO_SHARE
+    error, order = ERRORS[stepper]
+    return min(AUTO_SHARE * (accuracy / error) ** (1 / order), LONGEST)
+
+
 def step_size(
-    scene: SceneLike, dt: Number | Literal["auto"] = "auto", stepper: str = "rk4"
+    scene: SceneLike,
+    dt: Number | Literal["auto"] = "auto",
+    stepper: str | None = None,
+    accuracy: float = ACCURACY,
+    switching: Switching | None = None,
 ) -> float:
     """Return the time step in s, checked against the stability limit of the stepper.
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
-        dt: step in s, or "auto" for `AUTO_SHARE` of the limit, rounded down to three digits over
-            sqrt(m/k). For the stepper "adaptive", which makes sub-steps inside dt, any dt is
-            allowed, and "auto" uses the limit of RK4.
-        stepper: the stepper.
+        dt: step in s, or "auto" for `share_of_limit`, rounded down to three digits over sqrt(m/k):
+            so it hangs neither on units nor on the last bits of the limit. It resolves weakening
+            of friction, if a step that is not much shorter can. For the stepper "adaptive", which
+            makes sub-steps inside dt, any dt is allowed, and "auto" uses the limit of RK4.
+        stepper: the stepper; None means the default one.
+        accuracy: error of forces of events over F_N that "auto" allows.
+        switching: where contacts switch; None means the default.
 
     Raises:
         SceneError: dt is not a number, not positive, or above the limit.
     """
+    scene = as_scene(scene)
+    stepper = stepper or default_stepper(scene)
     limit, _ = stability_limit(scene, stepper)
     if is_auto(dt):
-        return rounded_step(as_scene(scene), AUTO_SHARE * limit)
+        switching = switching or default_switching(scene)
+        share = share_of_limit(stepper, switching, accuracy)
+        return rounded_step(scene, resolving(scene, share * limit))
     dt = check_number("dt", dt, "s", gt=0.0, note=", or 'auto'")
     if not STEPPERS[stepper].adaptive and dt > limit:
         allowed = f"0 < dt <= {limit:.4g} s, the stability limit of {stepper} for this scene"
         raise SceneError("dt", dt, "s", allowed, "unstable")
     return dt
+
+
+def resolving(scene: Scene, dt: float) -> float:
+    """Return a step (s), shortened to resolve weakening if it is at most `HALVED` halvings too long."""
+    resolves = scene.resolving_step
+    return min(dt, resolves) if resolves >= dt / 2**HALVED else dt
 
 
 def rounded_step(scene: Scene, dt: float) -> float:

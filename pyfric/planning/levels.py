@@ -1,28 +1,31 @@
 """Levels: the models of a scene in the order of their cost.
 
-Each level differs from the one before in everything that the answer hangs on. With h the longest
-step that the tolerance allows, and a the accuracy of jumps:
+Each level differs from the one before in everything that the answer hangs on. With h a step short
+enough to have an order (`SHARE`), a scene of finite geometry has these:
 
-engine        geometry   stepper        step   jumps
------------   --------   ------------   ----   ------
-quasistatic   linear
-hybrid        linear     rk4_opposite   h      a
-hybrid        finite     rk4            h      a/10
-hybrid        finite     rk4_opposite   h/2    a/100
-hybrid        finite     rk4            h/4    a/1000
+tolerance     engine        geometry   step    jumps
+-----------   -----------   --------   -----   -----
+`LOOSE` or    quasistatic   linear
+more          hybrid        finite     h       1e-4
+              hybrid        finite     2h/3    1e-5
+              hybrid        finite     4h/9    1e-6
+less          hybrid        linear     h       1e-4
+              hybrid        finite     2h/3    1e-5
+              hybrid        finite     4h/9    1e-6
+              hybrid        finite     8h/27   1e-7
 
-The leading errors of rk4 and rk4_opposite have opposite signs, so that the limit of short steps
-lies between both. Where the opposite stepper is unstable, or contacts switch at step ends, the step
-is halved instead. In a scene of one geometry the second level has half the step. Without states of
-rest the levels are full dynamics with h, h/2 and h/4.
+A static sequence only measures the error of the run that follows. Linear geometry is left out where
+it neglects more than the tolerance, and in scenes that have no other; their steps are all of one
+geometry. Without states of rest the levels are full dynamics with these steps. Where contacts
+switch at step ends, and if the step was given, it is halved instead: the difference of two runs is
+then still the error of the finer one.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -35,6 +38,7 @@ from pyfric.engines import (
     Options,
     default_switching,
     largest_strain,
+    resolving,
     rounded_step,
     step_size,
 )
@@ -44,27 +48,26 @@ from pyfric.statics import stability_limit
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pyfric.engines import Want
     from pyfric.scene import Geometry, Scene
 
-SHARE, LOOSEST = 0.25, 1e-3
-"""Accuracy of jumps at the first level, over the tolerance and over F_N at most; the share of the
-tolerance for errors of steps, too. Policies."""
-STRICTER = 0.1
-"""Accuracy of jumps at a level over that at the one before: a policy."""
-LONGEST = 0.9
-"""Longest step over the stability limit, which is that of the lattice at rest. Forces and switches
-leave a tenth."""
-STATIC, ROTATION = 0.01, 0.2
-"""Errors of forces over F_N without inertia, and without rotation of bonds over the strain: orders
-of magnitude. A level whose error exceeds the tolerance is left out."""
-HALVED = 2
-"""Levels with half the step of the one before: a policy."""
-PHASE = 1 / 120
-"""Phase error of one RK4 step for a motion of angular frequency omega, over (omega dt)^5."""
+SHARE = 0.47
+"""Step of the first level over the stability limit. Longer ones have no order: two wrong histories
+can agree. The largest of the shares tried at which none did, in 200 scenes."""
+SHORTER, HALF = 2 / 3, 1 / 2
+"""Step of a level over that of the one before: policies; see the module."""
+FIRST, STRICTER = 1e-4, 0.1
+"""Accuracy of jumps at the first level, and of a level over that of the one before: policies."""
+STEPPED = 4
+"""Levels with steps, with linear geometry; one less without: a policy."""
+LOOSE = 0.05
+"""Least tolerance that a quasi-static sequence can tell anything of: it is off by up to 0.04 F_N in
+the paper's scenes."""
+ROTATION = 0.2
+"""Error of forces over F_N without rotation of bonds, over the strain: order of magnitude. Linear
+geometry is left out where it exceeds the tolerance."""
 ALONE = ((0.1, 0), (0.02, 1), (0.0, 2))
-"""Least tolerance -> number of the level that is made where no errors are measured: a policy. The
-quasi-static sequence is off by up to 0.04 F_N in the paper's scenes, linear geometry by 0.005."""
+"""Least tolerance -> kind of the level that is made where no errors are measured: the cheapest, the
+cheapest with steps, the cheapest with steps in the scene's own geometry. A policy."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,14 +113,6 @@ class Level:
         return dataclasses.replace(asked, **how, energies=bool(asked.energies))
 
 
-class Way(NamedTuple):
-    """Geometry, stepper and step (s) of a level."""
-
-    geometry: Geometry
-    stepper: str
-    dt: float
-
-
 def levels(scene: Scene, options: Options, *, begun: bool = False) -> tuple[Level, ...]:
     """Return the levels of a scene, the cheapest first, with those that cannot run.
 
@@ -129,26 +124,18 @@ def levels(scene: Scene, options: Options, *, begun: bool = False) -> tuple[Leve
         options: options of the run, on this scene.
         begun: whether the run begins at a state of motion.
     """
-    moves = _moves(scene, options)
-    own = options.geometry or default_geometry(scene)
+    moves, own = _moves(scene, options), options.geometry or default_geometry(scene)
+    given = options.dt != "auto"
     if moves:
         found = [Level(engine="hybrid", geometry=own, cannot=moves)]
     else:
         cannot = "it starts from the loaded slider" * begun or _no_statics(scene, options)
         alike = ENGINES["quasistatic"].lacks(dataclasses.replace(options, verify=None)) is None
         found = [Level(engine="quasistatic", geometry="linear", cannot=cannot, answers=alike)]
-    linear_first = not moves and own == "finite" and rotation(scene) <= options.tolerance
-    geometries: list[Geometry] = [*["linear"] * linear_first, *[own] * (1 + HALVED)]
-    answers = len(geometries)
-    if options.dt != "auto":
-        geometries, answers = geometries[: 2 + linear_first], 1 + linear_first
-    engine = "dynamic" if moves else "hybrid"
-    accuracy = options.accuracy or min(max(SHARE * options.tolerance, FINEST), LOOSEST)
-    for n, way in enumerate(_ways(scene, options, geometries)):
-        found.append(_of_way(scene, options, engine, way, accuracy, answers=n < answers))
-        if options.accuracy is None or n + 1 >= answers:
-            accuracy = max(STRICTER * accuracy, FINEST)
-    return tuple(found)
+    linear = own == "finite" and not given and not moves and found[0].cannot
+    linear = linear and rotation(scene) <= options.tolerance
+    geometries: list[Geometry] = ["linear"] * bool(linear) + [own] * (STEPPED - 1)
+    return (*found, *_stepped(scene, options, "dynamic" if moves else "hybrid", geometries))
 
 
 def of_named(scene: Scene, options: Options) -> tuple[Level, ...]:
@@ -165,59 +152,58 @@ def of_named(scene: Scene, options: Options) -> tuple[Level, ...]:
         named = Level(engine=engine, geometry="linear")
         return named, *(dataclasses.replace(level, answers=False) for level in rest[1:])
     dt, switching = options.steps_on(scene)
-    asked = dataclasses.replace(options, dt=dt, switching=switching, method=None)
-    accuracy, found = options.accuracy or ACCURACY, []
-    for n, way in enumerate(_ways(scene, asked, [own] * (1 + HALVED))):
-        way = way if n else way._replace(geometry=options.geometry or own)
-        found.append(_of_way(scene, asked, engine, way, accuracy, answers=not n))
-        accuracy = max(STRICTER * accuracy, FINEST)
+    asked = dataclasses.replace(
+        options, dt=dt, switching=switching, accuracy=options.accuracy or ACCURACY, method=None
+    )
+    return _stepped(scene, asked, engine, [options.geometry or own, own, own])
+
+
+def _stepped(
+    scene: Scene, options: Options, engine: str, geometries: Sequence[Geometry]
+) -> tuple[Level, ...]:
+    """Return the levels of an engine with steps, of these geometries one after the other.
+
+    If the step was given, one of them answers, and the others measure its errors.
+    """
+    stepper, switching = options.stepper_on(scene), options.switching or default_switching(scene)
+    given = options.dt != "auto"
+    dt = step_size(scene, options.dt, stepper) if given else first_step(scene, options)
+    shorter = HALF if given or switching == "step_end" else SHORTER
+    accuracy, found = options.accuracy or FIRST, []
+    for n, geometry in enumerate(geometries[:3] if given else geometries):
+        answers = not (given and n)
+        found.append(
+            Level(
+                engine=engine,
+                geometry=geometry,
+                stepper=stepper,
+                dt=dt * shorter**n,
+                switching=switching,
+                accuracy=accuracy if ENGINES[engine].jumps else None,
+                rtol=_rtol(options, shorter**n) if STEPPERS[stepper].adaptive else None,
+                answers=answers,
+            )
+        )
+        if options.accuracy is None or given or not answers:
+            accuracy = max(STRICTER * accuracy, FINEST)
     return tuple(found)
 
 
-def _ways(scene: Scene, options: Options, geometries: Sequence[Geometry]) -> list[Way]:
-    """Return geometry, stepper and step of levels.
+def _rtol(options: Options, shorter: float) -> float:
+    """Return the largest error of a sub-step, which is of order 4 in its length."""
+    return max((options.rtol or RTOL) * shorter**4, 1e-12)
 
-    Steppers alternate with their opposites, if contacts switch within steps and an eighth of the
-    step is stable with the opposite one. A step that is given belongs to the stepper that is given;
-    otherwise the second level has that stepper, unless the opposite one needs a far shorter step.
-    The step is halved where the geometry is the same, or where steppers do not alternate.
+
+def first_step(scene: Scene, options: Options) -> float:
+    """Return the step of the first level with steps, in s.
+
+    It resolves weakening of friction if a step that is not much shorter can: then the steps of all
+    levels do. Otherwise friction drops at once at all of them.
     """
-    given, dt = options.dt != "auto", longest_step(scene, options)
-    opposite, own = STEPPERS["rk4"].opposite, options.stepper_on(scene)
-    if own != "rk4" or (options.switching or default_switching(scene)) != "located":
-        opposite = ""
-    stable = LONGEST * stability_limit(scene, opposite)[0] if opposite else 0.0
-    turns = stable >= dt / 8
-    first = (given and geometries[0] == geometries[-1]) or stable < dt / 2
-    ways: list[Way] = []
-    for n, geometry in enumerate(geometries):
-        before, step = ways[-1] if ways else None, dt
-        if before and (geometry == before.geometry or not (turns or given)):
-            step = before.dt / 2
-        if turns and n % 2 == first:
-            ways.append(Way(geometry, opposite, min(step, stable)))
-        else:
-            ways.append(Way(geometry, own, step))
-    return ways
-
-
-def _of_way(
-    scene: Scene, options: Options, engine: str, way: Way, accuracy: float, *, answers: bool
-) -> Level:
-    """Return the level of an engine with steps."""
-    rtol, longest = None, longest_step(scene, options)
-    if STEPPERS[way.stepper].adaptive:
-        rtol = max((options.rtol or RTOL) * (way.dt / longest) ** 4, 1e-12)
-    return Level(
-        engine=engine,
-        geometry=way.geometry,
-        stepper=way.stepper,
-        dt=way.dt,
-        switching=options.switching or default_switching(scene),
-        accuracy=accuracy if ENGINES[engine].jumps else None,
-        rtol=rtol,
-        answers=answers,
-    )
+    if options.dt != "auto":
+        return step_size(scene, options.dt, options.stepper_on(scene))
+    limit, _ = stability_limit(scene, options.stepper_on(scene))
+    return rounded_step(scene, resolving(scene, SHARE * limit))
 
 
 def rotation(scene: Scene) -> float:
@@ -240,53 +226,9 @@ def _no_statics(scene: Scene, options: Options) -> str:
     """Return why the quasi-static sequence tells nothing of what is wanted, "" if it does."""
     if options.want == "front_speed":
         return "it has no front speed"
-    if options.tolerance < STATIC:
-        return f"its error is of the order of {STATIC:g} F_N"
+    if options.tolerance < LOOSE:
+        return f"it tells nothing of errors below {LOOSE:g} F_N"
     return ENGINES["quasistatic"].cannot(scene)
-
-
-def longest_step(scene: Scene, options: Options) -> float:
-    """Return the step of the first level with steps, in s.
-
-    Its expected error is a share of the tolerance. It resolves weakening of friction if a step of
-    the last level can; otherwise friction drops at once at all levels.
-    """
-    stepper = options.stepper_on(scene)
-    auto = step_size(scene, options.dt, stepper)
-    error = step_error(scene, options.want, auto)
-    if options.dt != "auto" or stepper != "rk4" or error == 0:
-        return auto
-    dt = auto * (SHARE * options.tolerance / error) ** 0.25
-    dt = min(dt, LONGEST * stability_limit(scene)[0])
-    if scene.resolving_step >= dt / 2**HALVED:
-        dt = min(dt, scene.resolving_step)
-    return rounded_step(scene, dt)
-
-
-def step_error(scene: Scene, want: Want, dt: float) -> float:
-    """Return the expected error of RK4 steps with located switching, as the tolerance of a plan.
-
-    A block that starts to slip oscillates with omega^2 = s/m, where s is the stiffness that its
-    bonds offer along the interface. In two dimensions s = 2 k + 2 (k/2)/2 = 5 k/2, from two
-    horizontal and two diagonal bonds. The oscillation lasts T = 1/(eta omega^2/(2 k)). Its phase
-    error is then omega T (omega dt)^4/120. This is the relative error of a front speed. The error
-    of F_T is this share of the force drop (mu_s - mu_k) F_N/N_x of one block.
-
-    Args:
-        scene: the scene.
-        want: the quantity that the run is made for.
-        dt: step, in s.
-    """
-    slider, law = scene.slider, scene.law
-    stiff = 2.5 * slider.k
-    if scene.N_z == 1:
-        stiff = 2 * slider.k + scene.k_top + scene.driver.K
-    omega2 = stiff / scene.m
-    lasts = 2 * slider.k / (scene.eta * omega2) if scene.eta else 1 / math.sqrt(omega2)
-    phase = min(PHASE * lasts * dt**4 * omega2**2.5, 1.0)  # out of phase
-    if want == "front_speed":
-        return phase
-    return phase * max(float(np.max(law.drop)), 1e-6) / scene.N_x
 
 
 def alone(of: tuple[Level, ...], tolerance: float) -> Level:

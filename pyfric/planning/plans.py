@@ -28,7 +28,7 @@ from pyfric.engines import (
     step_of_waves,
     work,
 )
-from pyfric.planning.levels import Level, alone, as_full, levels, longest_step, of_named
+from pyfric.planning.levels import Level, alone, as_full, first_step, levels, of_named
 from pyfric.record import blocks_needed, zone_of_scene
 from pyfric.scene import SceneError, check_number, default_geometry
 from pyfric.signals import at_once
@@ -263,7 +263,7 @@ def expected_cost(scene: Scene, t_end: float, options: Options) -> tuple[float, 
     """
     options = options.on(scene)
     try:
-        check_steps(0.0, t_end, longest_step(scene, options))
+        check_steps(0.0, t_end, first_step(scene, options))
     except SceneError:
         return 0.0, 0.0
     first = pilot(scene, t_end, options.stop_when)

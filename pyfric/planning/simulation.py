@@ -21,6 +21,7 @@ from pyfric.engines import (
     RunError,
     check_kept,
     check_steps,
+    default_stepper,
     full_work,
     kept,
     machine_speed,
@@ -272,7 +273,7 @@ def _short_steps(asked: Asked, progress: object) -> list[str]:
     if fidelity not in ("auto", "hybrid") or ENGINES["hybrid"].cannot(scene) or not scene.eta:
         return []
     dt, _ = asked.options.steps_on(scene)
-    whole = full_work(scene, "linear", dt, lasts)
+    whole = full_work(scene, "linear", dt, lasts, asked.options.stepper_on(scene))
     if whole * SLOWEST <= LONG or whole * machine_speed() <= LONG:
         return []
     of_waves = step_of_waves(scene)
@@ -322,8 +323,9 @@ def _budget(asked: Asked, level: Level, before: Record) -> float:
     times = multiple(budget)
     if times is None:
         return float(budget) / machine_speed()
-    alone = dataclasses.replace(level, stepper="rk4", dt=step_size(asked.scene))
-    return times * expected_work(asked.scene, alone, asked.t_end - asked.t_begin, before)
+    scene = asked.scene
+    alone = dataclasses.replace(level, stepper=default_stepper(scene), dt=step_size(scene))
+    return times * expected_work(scene, alone, asked.t_end - asked.t_begin, before)
 
 
 class _Slower:
@@ -331,7 +333,7 @@ class _Slower:
 
     def __init__(self, asked: Asked) -> None:
         scene, lasts = asked.scene, asked.t_end - asked.t_begin
-        full = full_work(scene, "linear", step_size(scene), lasts)
+        full = full_work(scene, "linear", step_size(scene), lasts, default_stepper(scene))
         self.scene, self.limit, self.ended = scene, STATIC_SHARE * full, False
 
     def __call__(self, run: Any) -> bool:

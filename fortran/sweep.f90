@@ -1,11 +1,11 @@
-!> One step of classical RK4, or of its opposite of five stages, in a single sweep over the rows.
+!> One step of a Runge-Kutta method in a single sweep over the rows.
 !>
-!> Of these Runge-Kutta methods each stage follows from the last one alone: u + c_s h v_(s-1), v + c_s h F_(s-1)/m.
+!> Of these methods each stage follows from the last one alone: u + c_s h v_(s-1), v + c_s h F_(s-1)/m.
 !> Stage s of a row needs only stage s - 1 of that row and its neighbours. Therefore the stages follow each other up
 !> the lattice, one row apart, and their data are still in the cache for any size of the lattice. A thread owns rows
 !> j0..j1. In the rows next to them it repeats the few earlier stages that it needs. Nothing is shared during a step,
 !> and every row sees the same operations for any number of threads.
-module pyfric_rk4
+module pyfric_sweep
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_model, only: model_t, close_state
@@ -16,7 +16,7 @@ module pyfric_rk4
   use pyfric_table_stepper, only: table_t
   implicit none (type, external)
   private
-  public :: rk4_step, bottom_front, bottom_rows
+  public :: swept_step, share_of_step, bottom_front, bottom_rows
 
 contains
 
@@ -36,7 +36,7 @@ contains
 
   !> Computes rows j0..j1 of the state one step later, at fixed contact states. A sweep may be split into two calls with
   !> the same work space: one up to front `bottom_front`, and one from the next front on.
-  subroutine rk4_step(s, table, t, sub, j0, j1, first, last, keep_budget, mode, memory, y, rod, y_new, rod_new, budget, q, &
+  subroutine swept_step(s, table, t, sub, j0, j1, first, last, keep_budget, mode, memory, y, rod, y_new, rod_new, budget, q, &
                       carry, b, fx, fz, w)
     type(model_t), intent(in) :: s
     type(table_t), intent(in) :: table
@@ -54,7 +54,7 @@ contains
     real(dp), intent(inout) :: y_new(LB:s%n + LANES, 4, s%nz)   !! rows j0..j1 are written
     real(dp), intent(inout) :: rod_new(6)             !! written by the thread that owns the top row
     type(budget_t), intent(inout) :: budget           !! entries of rows j0..j1 are advanced
-    real(dp), intent(inout) :: q(LB:s%n + LANES, 4, 0:table%stages - 1, 2:table%stages)  !! work space: rows of stages
+    real(dp), intent(inout) :: q(LB:s%n + LANES, 4, 0:table%stages, 2:table%stages)  !! work space: rows of stages
     real(dp), intent(inout) :: carry(LB:s%n + LANES, 2, table%stages)  !! work space of finite geometry
     real(dp), intent(inout) :: b(LB:s%n + LANES, 2, N_BOND)       !! work space of finite geometry
     real(dp), intent(inout) :: fx(LB:s%n + LANES)                 !! work space
@@ -72,12 +72,12 @@ contains
         j = front - stage + 1
         if (j < max(1, low - 1) .or. j > high) cycle
         if (j == max(1, low - 1)) carry(:, :, stage) = 0.0_dp
-        slot = mod(j, stages)
+        slot = mod(j, stages + 1)
         if (stage == 1) then
           call stage_of_row(y(LB, 1, max(j - 1, 1)), y(LB, 1, j), y(LB, 1, min(j + 1, s%nz)))
         else
-          call stage_of_row(q(LB, 1, merge(stages - 1, slot - 1, slot == 0), stage), q(LB, 1, slot, stage), &
-                            q(LB, 1, merge(0, slot + 1, slot == stages - 1), stage))
+          call stage_of_row(q(LB, 1, merge(stages, slot - 1, slot == 0), stage), q(LB, 1, slot, stage), &
+                            q(LB, 1, merge(0, slot + 1, slot == stages), stage))
         end if
       end do
     end do
@@ -108,7 +108,7 @@ contains
         call rod_to_row(s, rod_new, y_new(LB, 1, j))
       end if
     end subroutine stage_of_row
-  end subroutine rk4_step
+  end subroutine swept_step
 
   !> Computes a row of blocks at the next stage, or at the end of the step.
   pure subroutine next_row(s, table, stage, sub, slot, y, row, fx, fz, q, y_new)
@@ -121,7 +121,7 @@ contains
     real(dp), intent(in) :: row(LB:s%n + LANES, 4)       !! at this stage
     real(dp), intent(in) :: fx(LB:s%n + LANES)           !! its forces [N]
     real(dp), intent(in) :: fz(LB:s%n + LANES)           !! its forces [N]
-    real(dp), intent(inout) :: q(LB:s%n + LANES, 4, 0:table%stages - 1, 2:table%stages)  !! rows of the stages
+    real(dp), intent(inout) :: q(LB:s%n + LANES, 4, 0:table%stages, 2:table%stages)  !! rows of the stages
     real(dp), intent(inout) :: y_new(LB:s%n + LANES, 4)  !! at the end
 
     if (stage < table%stages) then
@@ -132,8 +132,8 @@ contains
     if (table%stages == 4) then
       call to_end(s%n, sub, s%m, y, q(LB, VX, slot, 2), q(LB, VX, slot, 3), row(LB, VX), fx, fz, y_new)
     else
-      call to_end_of_five(s%n, table, sub, s%m, y, q(LB, VX, slot, 2), q(LB, VX, slot, 3), q(LB, VX, slot, 4), row(LB, VX), &
-                          fx, fz, y_new)
+      call to_end_of_six(s%n, table, sub, s%m, y, q(LB, VX, slot, 2), q(LB, VX, slot, 3), q(LB, VX, slot, 4), &
+                         q(LB, VX, slot, 5), row(LB, VX), fx, fz, y_new)
     end if
     call close_state(s, y_new)
   end subroutine next_row
@@ -213,39 +213,95 @@ contains
     end do
   end subroutine to_end
 
-  !> The end of a step of five stages: u + dt sum_s b_s v_s, v + dt sum_s b_s F_s/m. The first four forces follow from the
+  !> The end of a step of six stages: u + dt sum_s b_s v_s, v + dt sum_s b_s F_s/m. The first five forces follow from the
   !> velocities of the stages: c_(s+1) dt F_s/m = v_(s+1) - v.
-  pure subroutine to_end_of_five(n, table, dt, m, y, v2, v3, v4, v5, fx, fz, y_new)
+  pure subroutine to_end_of_six(n, table, dt, m, y, v2, v3, v4, v5, v6, fx, fz, y_new)
     integer, intent(in) :: n
     type(table_t), intent(in) :: table
     real(dp), intent(in) :: dt                          !! step [s]
     real(dp), intent(in) :: m                           !! block mass [kg]
     real(dp), intent(in) :: y(LB:n + LANES, 4)          !! state at the start of the step
-    real(dp), intent(in) :: v2(LB:n + LANES, 2)         !! velocities of stage 2 [m/s]
-    real(dp), intent(in) :: v3(LB:n + LANES, 2)         !! velocities of stage 3 [m/s]
-    real(dp), intent(in) :: v4(LB:n + LANES, 2)         !! velocities of stage 4 [m/s]
-    real(dp), intent(in) :: v5(LB:n + LANES, 2)         !! velocities of stage 5 [m/s]
-    real(dp), intent(in) :: fx(LB:n + LANES)            !! force of stage 5 [N]
-    real(dp), intent(in) :: fz(LB:n + LANES)            !! force of stage 5 [N]
+    real(dp), intent(in) :: v2(LB:n + LANES, 2)         !! velocities of stages [m/s]
+    real(dp), intent(in) :: v3(LB:n + LANES, 2)
+    real(dp), intent(in) :: v4(LB:n + LANES, 2)
+    real(dp), intent(in) :: v5(LB:n + LANES, 2)
+    real(dp), intent(in) :: v6(LB:n + LANES, 2)
+    real(dp), intent(in) :: fx(LB:n + LANES)            !! force of the last stage [N]
+    real(dp), intent(in) :: fz(LB:n + LANES)            !! force of the last stage [N]
     real(dp), intent(inout) :: y_new(LB:n + LANES, 4)   !! state at the end of the step
-    real(dp) :: b(5), g(4), b_m
-    integer :: d, i
+    real(dp) :: b(6), g(5), b_m
+    integer :: i
 
-    b = dt*table%b
-    g = table%b(:4)/table%c(2:5)
-    b_m = b(5)/m
-    do d = 1, 2
-      !GCC$ ivdep
-      do i = 1, n
-        y_new(i, d) = y(i, d) + (((b(1)*y(i, d + 2) + b(2)*v2(i, d)) + (b(3)*v3(i, d) + b(4)*v4(i, d))) + b(5)*v5(i, d))
-        y_new(i, d + 2) = y(i, d + 2) + ((g(1)*(v2(i, d) - y(i, d + 2)) + g(2)*(v3(i, d) - y(i, d + 2))) &
-                                         + (g(3)*(v4(i, d) - y(i, d + 2)) + g(4)*(v5(i, d) - y(i, d + 2))))
-      end do
+    b = dt*table%b(:6)
+    g = table%b(:5)/table%c(2:6)
+    b_m = b(6)/m
+    !GCC$ ivdep
+    do i = 1, n
+      y_new(i, UX) = y(i, UX) + (((b(1)*y(i, VX) + b(2)*v2(i, 1)) + (b(3)*v3(i, 1) + b(4)*v4(i, 1))) + &
+                                 (b(5)*v5(i, 1) + b(6)*v6(i, 1)))
+      y_new(i, VX) = y(i, VX) + (((g(1)*(v2(i, 1) - y(i, VX)) + g(2)*(v3(i, 1) - y(i, VX))) &
+                                  + (g(3)*(v4(i, 1) - y(i, VX)) + g(4)*(v5(i, 1) - y(i, VX)))) &
+                                 + (g(5)*(v6(i, 1) - y(i, VX)) + b_m*fx(i)))
     end do
     !GCC$ ivdep
     do i = 1, n
-      y_new(i, VX) = y_new(i, VX) + b_m*fx(i)
-      y_new(i, VZ) = y_new(i, VZ) + b_m*fz(i)
+      y_new(i, UZ) = y(i, UZ) + (((b(1)*y(i, VZ) + b(2)*v2(i, 2)) + (b(3)*v3(i, 2) + b(4)*v4(i, 2))) + &
+                                 (b(5)*v5(i, 2) + b(6)*v6(i, 2)))
+      y_new(i, VZ) = y(i, VZ) + (((g(1)*(v2(i, 2) - y(i, VZ)) + g(2)*(v3(i, 2) - y(i, VZ))) &
+                                  + (g(3)*(v4(i, 2) - y(i, VZ)) + g(4)*(v5(i, 2) - y(i, VZ)))) &
+                                 + (g(5)*(v6(i, 2) - y(i, VZ)) + b_m*fz(i)))
     end do
-  end subroutine to_end_of_five
-end module pyfric_rk4
+  end subroutine to_end_of_six
+
+  !> The two bottom rows at a share of a step that a sweep has brought past them. In linear motion this is a step of
+  !> that length: with alpha_sj = c_s c_(s-1) ... c_(s-j+1), its weights b(theta) fulfil
+  !>
+  !>     sum_s b_s(theta) alpha_sj = theta^(j+1) sum_s b_s alpha_sj ,   j = 0 ... stages - 1 .
+  pure subroutine share_of_step(s, table, sub, theta, y, y_new, q, rows)
+    type(model_t), intent(in) :: s
+    type(table_t), intent(in) :: table
+    real(dp), intent(in) :: sub                                 !! length of the step or sub-step [s]
+    real(dp), intent(in) :: theta                               !! share of it
+    real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)          !! state at its start
+    real(dp), intent(in) :: y_new(LB:s%n + LANES, 4, s%nz)      !! state at its end
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4, 0:table%stages, 2:table%stages)  !! rows of the stages
+    real(dp), intent(out) :: rows(LB:s%n + LANES, 4, 2)         !! the bottom rows there
+    real(dp) :: b(MAX_STAGES), last
+    integer :: j, stage, d
+
+    b = share_weights(table, theta)
+    last = b(table%stages)/table%b(table%stages)                ! the last force follows from the end of the step
+    rows = 0.0_dp
+    do j = 1, min(2, s%nz)
+      do d = 1, 2
+        rows(:, d, j) = y(:, d, j) + sub*b(1)*y(:, d + 2, j)
+        rows(:, d + 2, j) = y(:, d + 2, j) + last*(y_new(:, d + 2, j) - y(:, d + 2, j))
+        do stage = 2, table%stages
+          rows(:, d, j) = rows(:, d, j) + sub*b(stage)*q(:, d + 2, j, stage)
+          rows(:, d + 2, j) = rows(:, d + 2, j) + (b(stage - 1) - last*table%b(stage - 1))/table%c(stage) &
+                              *(q(:, d + 2, j, stage) - y(:, d + 2, j))
+        end do
+      end do
+      call close_state(s, rows(LB, 1, j))
+    end do
+  end subroutine share_of_step
+
+  !> The weights of `share_of_step`: the last one first, because alpha is a triangle.
+  pure function share_weights(table, theta) result(b)
+    type(table_t), intent(in) :: table
+    real(dp), intent(in) :: theta
+    real(dp) :: b(MAX_STAGES), alpha(MAX_STAGES, 0:MAX_STAGES - 1)
+    integer :: j, n
+
+    n = table%stages
+    alpha = 0.0_dp
+    alpha(:n, 0) = 1.0_dp
+    do j = 1, n - 1
+      alpha(j + 1:n, j) = table%c(j + 1:n)*alpha(j:n - 1, j - 1)
+    end do
+    b = 0.0_dp
+    do j = n - 1, 0, -1
+      b(j + 1) = (theta**(j + 1)*sum(table%b(:n)*alpha(:n, j)) - sum(b(j + 2:n)*alpha(j + 2:n, j)))/alpha(j + 1, j)
+    end do
+  end function share_weights
+end module pyfric_sweep

@@ -39,9 +39,11 @@ JUNCTION = 1.25e-9
 CALL = 1.5e-4
 """Time of one call of the core, in s. A run that conditions can end, or whose law records motion,
 needs one for each point of the loading curve. To record motion takes as long again."""
-LANDING = {"linear": (1.52e-3, 1e-8), "finite": (2.46e-3, 2.4e-8)}
-"""Time of one predicted landing of a jump, in s: a constant, and a part for each number of a banded
-factor, which static solutions read. It includes the calls of the core around the jump."""
+ATTEMPT = {"linear": (0.5e-3, 0.2e-8), "finite": (1.0e-3, 1.0e-8)}
+LANDING = {"linear": (0.5e-3, 0.4e-8), "finite": (1.2e-3, 1.2e-8)}
+"""Times of an attempt to jump until its end is predicted, and of each predicted end, in s: a
+constant, and a part for each number of a banded factor, which static solutions read. They include
+the calls of the core around a jump."""
 SLIDE = (1.4e-2, 6e-8)
 """Additional time of one attempt to jump over slip, in s."""
 EVENT_STEPS = 800.0
@@ -82,6 +84,7 @@ def prices(scene: Scene, geometry: Geometry) -> dict[str, float]:
     return {
         "block_evaluations": evaluation / blocks,
         "calls": CALL * (2 if scene.law.junctions else 1),
+        "attempts": ATTEMPT[geometry][0] + ATTEMPT[geometry][1] * numbers,
         "landings": LANDING[geometry][0] + LANDING[geometry][1] * numbers,
         "slides": SLIDE[0] + SLIDE[1] * numbers,
         "modal_bases": hybrid - dynamic,

@@ -76,8 +76,9 @@ class HybridRun(Run):
         self.made |= dict.fromkeys(counted, 0)
         self.rests = RestStates(self.known, self.method.dt, self.method.stepper, self.made)
         self.solver = RememberedStates(self.rests)
-        # Neither a jump nor a wait takes less work in full dynamics than an attempt.
-        self.least = math.ceil(self._as_steps({"landings": 1}))
+        # Neither a jump nor a wait takes less work in full dynamics than an attempt, or its refusal.
+        self.wait = math.ceil(self._as_steps({"attempts": 1}))
+        self.least = math.ceil(self._as_steps({"attempts": 1, "landings": 1}))
         self.least_slide = math.ceil(self._as_steps({"slides": 1}))
         self.worth = self.state.step
         self.begun = self.worth - self.counts["steps"] - self.counts["steps_spared"]
@@ -105,7 +106,7 @@ class HybridRun(Run):
         if not slips.any():
             return 0
         if not self.slides:  # the core returns when the last block stops, apart from corner slip
-            return self.least if state.corner[slips].all() else LONGEST
+            return self.wait if state.corner[slips].all() else LONGEST
         V = self.scene.piece("V", just_after(state)).at(state.t), self.scene.V_top
         if np.abs(state.y[0, 2, slips]).max() > FAST * np.abs(V).max():
             return self.least_slide
@@ -135,7 +136,7 @@ class HybridRun(Run):
 
         Those of the run that it continues are included.
         """
-        names, counts = ("landings", "slides", "modal_bases"), self.counts
+        names, counts = ("attempts", "landings", "slides", "modal_bases"), self.counts
         return self._as_steps({name: counts[name] for name in names})
 
     def _as_steps(self, counts: dict[str, int]) -> float:
@@ -168,11 +169,11 @@ class HybridRun(Run):
         if n_max <= 0:
             return 1
         if self.method.budget and way.any():  # its heat would not be known
-            return self.least
-        least = self.least_slide if way.any() else self.least
+            return self.wait
+        wait = self.least_slide if way.any() else self.wait
         touches = state.y[0, 1] + self.scene.gap < 0
         if not closed.any() or (self.scene.bare & (touches != self.known.pressed)).any():
-            return least
+            return wait
         known = self.limits.solver(just_after(state), state.t, way.any())
         if known is None:
             return n_max
@@ -184,14 +185,14 @@ class HybridRun(Run):
             self._slipping(closed, way, outside) if way.any() else self._resting(closed, outside)
         )
         if found is None:
-            return least
+            return wait
         modes, start = found
         landing = self._landing(modes, outside, start, n_max)
         if isinstance(landing, Stale) and not way.any():
             modes = self.rests.renew(closed, start[0])
             landing = self._landing(modes, outside, start, n_max)
         if not isinstance(landing, Landing):
-            return max(landing.steps, least)
+            return max(landing.steps, wait)
         self._sample_jump(landing, outside)
         full = landing.n == n_max
         n = self._ends_after(landing.n)
@@ -202,7 +203,7 @@ class HybridRun(Run):
             self._land(landing, modes.space)
         while state.step < end:
             self.call(end - state.step)
-        return 1 if full else self.least
+        return 1 if full else self.wait
 
     def _resting(
         self, stuck: np.ndarray, outside: Outside
@@ -267,7 +268,7 @@ class HybridRun(Run):
         behind, slower = path.q[0] + path.lag[0], path.q[1] + path.lag[1]
         motion = modes.split(q - behind, v - slower)
         how = {"dt": state.dt, "accuracy": self.accuracy, "least": self.least}
-        how["loose"] = self.method.accuracy * self.scene.F_N
+        how |= {"wait": self.wait, "loose": self.method.accuracy * self.scene.F_N}
         jump = Jump(modes, outside, path, motion, state.t - state.t_0, **how)
         landing = jump.land(n_max, self.piece_ends(state.step + LONGEST) - state.step)
         self.made["landings"] += jump.predicted

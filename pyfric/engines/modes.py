@@ -36,9 +36,6 @@ if TYPE_CHECKING:
     from pyfric.engines.space import Space, Tangent
 
 
-TOGETHER = 8
-"""Modes that are corrected together, which takes less time than one by one."""
-
 
 def applied(operator: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
     """Return what a real linear operator makes of complex vectors, shape (n, m)."""
@@ -81,12 +78,12 @@ class Corrected(NamedTuple):
     """A mode corrected by the static response to its residual.
 
     Attributes:
-        shape: shape (n_q,), complex, in m.
+        shift: what it adds to the shape, shape (n_q,), complex, in m.
         rate: in 1/s.
         off: error of the rate that is left, in 1/s.
     """
 
-    shape: np.ndarray
+    shift: np.ndarray
     rate: complex
     off: float
 
@@ -112,8 +109,7 @@ class Modes:
         gaps: gap functions of modes of amplitude 1, shape (n_c, n), complex, in N.
         u_h: mean u_x of the driven blocks in these modes, shape (n,), complex, in m.
         fade: expected decay rate of the truncated part, in 1/s.
-        off: largest errors of the rates with slipping blocks, shape (n,), in 1/s; 0 without any,
-            where all modes that count are corrected.
+        off: largest errors of the rates, shape (n,), in 1/s.
     """
 
     gap_functions: GapFunctions
@@ -155,10 +151,9 @@ class Modes:
 
     # --- corrections -----------------------------------------------------------------------------
 
-    def corrected(self, k: int) -> Corrected:
-        """Return mode k, corrected. Corrections are cached.
+    def corrected(self, which: np.ndarray) -> list[Corrected]:
+        """Return modes with these indices, corrected. Corrections are cached.
 
-        Modes are corrected in fixed groups, so that the bits do not depend on which are asked for.
         With Q(lambda) = K + lambda C + lambda^2 M and a shape phi, Rayleigh's functional gives the
         error of a rate, delta lambda = phi.Q phi/(phi.C phi + 2 lambda phi.M phi). A further
         correction would divide it by the square of the factor by which this one reduces the
@@ -167,12 +162,13 @@ class Modes:
         unsymmetric and the left shape, which is not corrected, takes the place of phi: the factor
         itself counts.
         """
-        if k not in self._corrections:
-            group = slice(k - k % TOGETHER, k - k % TOGETHER + TOGETHER)
-            psi = self.pulled[:, group] * self.norm[group]
-            found = self._correct(self.x[:, group], psi, self.rates[group], self.norm[group])
-            self._corrections.update(enumerate(found, group.start))
-        return self._corrections[k]
+        numbers = which.tolist()
+        new = [k for k in numbers if k not in self._corrections]
+        if new:
+            psi = self.pulled[:, new] * self.norm[new]
+            found = self._correct(self.x[:, new], psi, self.rates[new], self.norm[new])
+            self._corrections.update(zip(new, found, strict=True))
+        return [self._corrections[k] for k in numbers]
 
     def _correct(
         self, x: np.ndarray, psi: np.ndarray, rates: np.ndarray, norm: np.ndarray
@@ -193,9 +189,9 @@ class Modes:
         kept = np.minimum(ratio + np.abs(wrong / rates), 1.0)
         rates = rates - (1 - kept) * wrong
         rates.real = np.minimum(rates.real, 0.0)
-        shapes = np.ascontiguousarray((phi + shift).T)
-        shapes.flags.writeable = False
-        return map(Corrected, shapes, rates.tolist(), (kept * np.abs(wrong)).tolist())
+        shifts = np.ascontiguousarray(shift.T)
+        shifts.flags.writeable = False
+        return map(Corrected, shifts, rates.tolist(), (kept * np.abs(wrong)).tolist())
 
     def _residual(self, phi: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """Return (K + lambda C + lambda^2 M) phi of shapes phi (n_q, m) with rates (m,) in 1/s."""
@@ -326,7 +322,7 @@ def _off(
     """Return r.M^-1 r/cut^2 of the residuals r of single modes, shape (n,), in N/m.
 
     A residual is orthogonal to the space. It excites motion outside only, which is no slower than
-    `cut`. Zeros without slipping blocks, and for chains, which the space spans.
+    `cut`. Zeros for chains, which the space spans.
 
     Args:
         space: the slider.
@@ -335,7 +331,7 @@ def _off(
         x: single eigenvectors, shape (r, n).
         rates: in 1/s, shape (n,).
     """
-    if not (len(space.slips) and space.cut):
+    if not space.cut:
         return np.zeros(len(rates))
     root = np.sqrt(space.M[space.free])[:, None]
     (K, C), (k, c) = (force[space.free] / root for force in forces), reduced

@@ -35,11 +35,15 @@ class Start(NamedTuple):
 
     Attributes:
         q: coordinates of the last static state, shape (n_q,), in m.
+        drive: displacement of the driver there, in m.
+        load: F_N and T there, in N; None means those at t = 0.
         drift: dq/d(drive) at the end of the last jump, shape (n_q,).
         contraction: last observed factor by which an iteration reduces the error.
     """
 
     q: np.ndarray
+    drive: float
+    load: tuple[float, float] | None
     drift: np.ndarray
     contraction: float
 
@@ -116,7 +120,7 @@ class RestStates:
 
         def loaded() -> Start:
             q = known.coordinates(known.loaded.u, known.loaded.rod)
-            return Start(q, self.modes(stuck).space.drift, 1.0)
+            return Start(q, 0.0, None, self.modes(stuck).space.drift, 1.0)
 
         return self._starts.made(stuck.tobytes(), loaded)
 
@@ -132,7 +136,8 @@ class RestStates:
         """Return coordinates (m) and forces (N) of the static state, or None if none is found.
 
         The search starts on the path of a state with the same blocks at the same positions. If
-        there is none, it starts at `near` (m), or at the latest state with the same contact states.
+        there is none, it starts at the latest state with the same contact states, to which the slip
+        of few blocks is added; if many have slipped, at `near` (m).
         """
         key = stuck.tobytes()
         if key in self._unstable:
@@ -148,14 +153,16 @@ class RestStates:
             drive_0, path = self._rests[place]
             q = at(path, drive - drive_0)
         else:
-            q = start.q.copy() if near is None else near.copy()
+            q = modes.space.carried(start.q, u_x[held], drive - start.drive)
+            if q is None or load != start.load:
+                q = start.q.copy() if near is None else near.copy()
         q[held] = u_x[held]
         found = rest(modes, q, drive, load, enough, start.contraction)
         if found is None:
             self._starts[key] = start._replace(contraction=1.0)
             return None
         q, forces, contraction = found
-        self._starts[key] = Start(q, start.drift, contraction)
+        self._starts[key] = Start(q, drive, load, start.drift, contraction)
         path = np.array([q, start.drift, np.zeros_like(q)])
         self._rests.made(place, lambda: (drive, path))
         return q, forces

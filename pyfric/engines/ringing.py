@@ -44,8 +44,8 @@ class Ringing:
             which: indices of the modes, shape (m,).
         """
         new = which[~self._corrected[which]]
-        for k in new.tolist():
-            _, self.rates[k], self.off[k] = self.modes.corrected(k)
+        for k, mode in zip(new.tolist(), self.modes.corrected(new), strict=True):
+            _, self.rates[k], self.off[k] = mode
         self.growth[new] = self.modes.stepped(self.rates[new])
         self._corrected[new] = True
 
@@ -57,7 +57,7 @@ class Ringing:
             s: time, in s.
             which: indices of the modes, shape (m,).
         """
-        self.rates[self.which] = [self.modes.corrected(k).rate for k in self.which.tolist()]
+        self.rates[self.which] = [mode.rate for mode in self.modes.corrected(self.which)]
         self.growth = self.modes.stepped(self.rates)
         first, last = (self.modes.changes(stiffer, which) for stiffer in (begin, end))
         self.rates[which] += first
@@ -78,14 +78,13 @@ class Ringing:
             s: time, in s.
             which: indices of the modes that count, shape (m,).
         """
-        shapes = np.zeros((len(which), self.modes.space.n_q), dtype=complex)
-        known = self._corrected[which]
-        if not known.all():
-            shapes[~known] = (self.modes.space.B @ self.modes.x[:, which[~known]]).T
-        for i in np.flatnonzero(known):
-            shapes[i] = self.modes.corrected(int(which[i])).shape
-        a, rates = (part[which] for part in self.at(s))
-        return (np.array([a, a * rates, a * rates**2]) @ shapes).real
+        a, rates = self.at(s)
+        parts = np.array([a, a * rates, a * rates**2])
+        motion = (parts[:, which] @ self.modes.x[:, which].T).real @ self.modes.space.B.T
+        known = which[self._corrected[which]]
+        for part, mode in zip(parts[:, known].T, self.modes.corrected(known), strict=True):
+            motion += np.outer(part.real, mode.shift.real) - np.outer(part.imag, mode.shift.imag)
+        return motion
 
     def late(self, s: float, which: np.ndarray) -> np.ndarray:
         """Return changes of gap functions at s (s) by errors of rates, shape (n_c, m), in N."""

@@ -6,7 +6,7 @@ linear oscillation. Stuck blocks are held in u_x, and all other coordinates are 
     M w'' + C w' + K w = 0 .
 
 Slow motion is computed in a space B of few shapes. These are the slowest undamped modes,
-K phi = omega^2 M phi, found by shift-invert Lanczos; the static response to the driver; and the
+K phi = omega^2 M phi, found by shift-invert block Lanczos; the static response to the driver; and the
 viscous corrections K^-1 C phi of all these shapes.
 
 The truncated part of the motion, outside B, decays. A mode of frequency omega with at least half of
@@ -23,31 +23,67 @@ Source: B. N. Parlett, The Symmetric Eigenvalue Problem (1998), Lanczos and Rayl
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from pyfric.core import OPEN, STUCK
 from pyfric.engines.woodbury import Released
 from pyfric.scene import FRICTIONLESS
-from pyfric.statics import BARE, EquilibriumError, States, ends, extended, mass
+from pyfric.statics import BARE, EquilibriumError, Memory, States, ends, extended, mass
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import scipy.sparse as sp
 
     from pyfric.statics import StaticSolver
 
 N_MODES = 28
 """Number of undamped modes in the space."""
-LANCZOS = 1e-3
-"""Relative error of squared frequencies: what the space misses of a mode counts as truncated."""
+BLOCK, APPLIED = 16, 6
+"""Vectors that block Lanczos solves for together, and how often. The squared frequency of the
+fastest mode is then about 1 % off: what the space misses of it counts as truncated. Policies."""
+FEW, KEPT = 4, 32
+"""Blocks whose slip a static state follows by their responses, and responses that are kept: an event
+of few blocks comes again and again at the same ones. Policies."""
 SLOWEST = 7.0
 """Viscous over elastic forces of overdamped motion, over eta/k: 6 in plane waves. Edges of a
 lattice raise it to 6.6."""
+
+
+def largest(
+    apply: Callable[[np.ndarray], np.ndarray], start: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the largest eigenvalues of a symmetric operator, shape (m,), and vectors, (n, m).
+
+    They are those of block Lanczos: of the operator in the space of a block of vectors to which it
+    was applied `APPLIED` times.
+
+    Args:
+        apply: the operator, on vectors of shape (n, k).
+        start: a vector that the first block contains, shape (n,).
+        count: number of eigenvalues, at most n/2; m is `count` or less.
+    """
+    n = len(start)
+    first = np.random.default_rng(0).standard_normal((n, min(BLOCK, n)))
+    first[:, 0] = start / np.linalg.norm(start) * math.sqrt(n)
+    block, basis, images = np.linalg.qr(apply(first))[0], [], []
+    for _ in range(max(APPLIED, math.ceil(count / BLOCK)) if n > BLOCK else 1):
+        basis.append(block)
+        images.append(apply(block))
+        if sum(part.shape[1] for part in basis) + BLOCK > n:
+            break
+        block = images[-1]
+        for _ in range(2):  # twice is enough
+            for part in basis:
+                block = block - part @ (part.T @ block)
+        block = np.linalg.qr(block)[0]
+    whole = np.hstack(basis)
+    squares, vectors = np.linalg.eigh(whole.T @ np.hstack(images))
+    return squares[-count:], whole @ vectors[:, -count:]
 
 
 class Tangent(NamedTuple):
@@ -123,6 +159,7 @@ class Space:
         overdamped = scene.slider.k / (SLOWEST * scene.eta) if scene.eta else np.inf
         self.fastest = min(cut, overdamped)
         self.decay = min(scene.eta * cut**2 / (4 * scene.slider.k), self.fastest)
+        self._moved: Memory[np.ndarray] = Memory(KEPT)
 
     # --- shapes ----------------------------------------------------------------------------------
 
@@ -135,12 +172,10 @@ class Space:
             self.B = np.zeros((self.n_q, 0))
             return 0.0
         root, driven, n = np.sqrt(M), self.drift[free], len(free)
-        squares, basis = np.full(1, np.inf), np.zeros((n, 0))
-        with contextlib.suppress(ArpackError):  # without modes, all other motion is truncated
-            inverse = LinearOperator((n, n), lambda x: root * self._factor.solve(root * x), float)
-            room = 1 + 3 * count // 2  # fewer solutions than with twice the modes
-            squares, basis = eigsh(inverse, count, v0=root * driven, tol=LANCZOS, ncv=room)
-            basis /= root[:, None]
+        squares, basis = largest(
+            lambda x: root[:, None] * self._factor.solve(root[:, None] * x), root * driven, count
+        )
+        basis /= root[:, None]
         if squares.min() <= 0:
             what = "the static state is unstable: too few blocks hold a slider that is compressed"
             raise EquilibriumError(what, np.nan, 0.0, 0)
@@ -188,6 +223,30 @@ class Space:
         q = np.zeros((self.n_q, len(blocks)))
         q[blocks, np.arange(len(blocks))] = 1.0
         return q + self.answer(-(self.K @ q))
+
+    def carried(self, q: np.ndarray, u_x: np.ndarray, drive: float) -> np.ndarray | None:
+        """Return the static state after a slip of few stuck blocks and a motion of the driver.
+
+        None if many blocks have moved. In finite geometry it is off to second order.
+
+        Args:
+            q: the static state before, shape (n_q,), in m.
+            u_x: positions of the stuck blocks afterwards, shape (n_stuck,), in m.
+            drive: motion of the driver, in m.
+        """
+        slip = u_x - q[self.held]
+        blocks = self.held[slip != 0].tolist()
+        if len(blocks) > FEW:
+            return None
+        new = [block for block in blocks if block not in self._moved]
+        if new:
+            found = self.moved(np.array(new)).T
+            for block, shape in zip(new, found, strict=True):
+                self._moved.made(block, lambda shape=shape: shape.copy())
+        q = q + drive * self.drift
+        for block in blocks:
+            q += slip[np.searchsorted(self.held, block)] * self._moved[block]
+        return q
 
     @functools.cached_property
     def drift(self) -> np.ndarray:

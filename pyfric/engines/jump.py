@@ -286,7 +286,7 @@ class Jump:
     def _inexact(self, s: float, alive: np.ndarray) -> bool:
         """Return whether errors of the rates of modes that are alive count at s (s)."""
         wrong = self.ringing.late(s, alive).max(axis=0, initial=0.0)
-        return bool((wrong * len(alive) > CORRECTED * self.accuracy).any())
+        return bool((wrong * math.sqrt(len(alive)) > CORRECTED * self.accuracy).any())
 
     def _late(self, s: float, due: float, alive: np.ndarray) -> tuple[float, float]:
         """Return the change of the gap functions at s (s) by errors of rates, in N.
@@ -294,10 +294,10 @@ class Jump:
         Also return its decay rate if the jump begins later, in 1/s.
         """
         growth = self.ringing.growth[alive]
-        wrong = self.ringing.late(s, alive) * self._counted(s, due)[alive]
-        parts = wrong[wrong.sum(axis=1).argmax()]
-        change = float(parts.sum())
-        return change, float(-growth.real @ parts) / change if change else 0.0
+        squares = (self.ringing.late(s, alive) * self._counted(s, due)[alive]) ** 2
+        parts = squares[squares.sum(axis=1).argmax()]
+        square = float(parts.sum())  # of errors that do not hang on each other
+        return math.sqrt(square), float(-growth.real @ parts) / square if square else 0.0
 
     def _defect(self, s: float, due: float, alive: np.ndarray) -> tuple[float, float]:
         """Return the change of the gap functions by the residual of the modes until s (s), in N.

@@ -141,6 +141,7 @@ class Space:
         self.contact = States(scene, mode, FRICTIONLESS)
         self.K, self.free = solver.tangents(mode), solver.unknown(mode)
         self._K_held, self._by_gap = self.K[self.held], np.zeros(self.K.shape[0])
+        self._grounded = solver.grounded(mode, driven=True)
         self._by_gap[ends(scene.N_x).u_z] = -scene.k_f * scene.gap * self.contact.closed
         if near is None:
             if not stuck.any():  # singular: rounding would decide whether it can be factorised
@@ -281,9 +282,10 @@ class Space:
             load: F_N and T, in N; None means those at t = 0.
         """
         solver = self.solver.under(load)
-        if solver.geometry == "finite":
-            return solver.forces(q, self.contact, drive)[0]
-        return solver.load + solver.unpushed + drive * solver.push - self.K @ q + self._by_gap
+        force = solver.load + solver.unpushed + drive * solver.push + self._by_gap
+        if solver.geometry == "linear":
+            return force - self.K @ q
+        return force - self._grounded * q + solver.of_springs(q)
 
     def on_held(self, x: np.ndarray, force: np.ndarray) -> np.ndarray:
         """Return the part of a force (N), (n_q,), on stuck blocks that displacements x leave."""

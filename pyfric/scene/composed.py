@@ -377,10 +377,12 @@ class Composed:
         """Number of driven blocks, 1 for a spring at a side without a plate."""
         return (self.j_h_top - self.j_h + 1) * (self.i_h_end - self.i_h + 1)
 
-    @property
+    @functools.cached_property
     def x(self) -> np.ndarray:
         """Reference positions of the columns from the centre, shape (N_x,), in m."""
-        return (np.arange(self.N_x) - (self.N_x - 1) / 2) * self.slider.l
+        x = (np.arange(self.N_x) - (self.N_x - 1) / 2) * self.slider.l
+        x.flags.writeable = False
+        return x
 
     @property
     def n_of_i(self) -> np.ndarray:

@@ -182,6 +182,18 @@ class System:
         n = self.scene.n_driven
         return self._driven @ np.broadcast_to(self.scene.driver.K / n * self.u_drv0, n)
 
+    def of_springs(self, q: np.ndarray) -> np.ndarray:
+        """Return the forces of all bonds on the coordinates at q, shape (n_q,), in N."""
+        return self._on_coordinates(self._springs(self.displacements(q)[0]))
+
+    def _on_coordinates(self, force: np.ndarray) -> np.ndarray:
+        """Return forces on the coordinates, (n_q,), from those on blocks, (N_z, 2, N_x), in N."""
+        found = self.coordinates(force, np.zeros(3))
+        if self.scene.rigid:
+            x, z = force[-1]
+            found[-3:] = x.sum(), z.sum(), (self.scene.x * z).sum()  # not by BLAS
+        return found
+
     def forces(
         self, q: np.ndarray, contact: States, drive: float | None
     ) -> tuple[np.ndarray, float]:
@@ -201,11 +213,9 @@ class System:
             F_T = scene.driver_force(drive, moved, 0.0)
             each = scene.driver.K / scene.n_driven * (drive - scene.d * moved)
             force[scene.driven] += scene.d * np.reshape(each, force[scene.driven].shape)
-        top = force[-1]
-        force = self.coordinates(force, np.zeros(3))  # T' force, without the top under a rod
+        force = self._on_coordinates(force)
         if scene.rigid:
-            turning = (scene.x * top[1]).sum() - scene.kappa * q[-1]  # not by BLAS
-            force[-3:] = top[0].sum(), top[1].sum() - self._on_rod, turning
+            force[-2:] -= self._on_rod, scene.kappa * q[-1]
         return force, F_T
 
     # --- tangents --------------------------------------------------------------------------------
@@ -235,7 +245,8 @@ class System:
 
     def elongations(self, shapes: np.ndarray) -> list[np.ndarray]:
         """Return du_x and du_z over each bond, shape (n_bonds, n), of shapes (n_q, n)."""
-        return np.split(self._differences @ shapes, 2)
+        found = self._differences @ shapes
+        return [found[: len(found) // 2], found[len(found) // 2 :]]
 
     def largest_turn(self, q: np.ndarray) -> float:
         """Return the largest relative displacement of the ends of a bond, over l."""
@@ -262,6 +273,10 @@ class System:
         """Stiffness of all bonds in linear geometry, which does not depend on the state."""
         return assembled(self._differences, spring_tangents(self._lattice))
 
+    def grounded(self, mode: np.ndarray, *, driven: bool) -> np.ndarray:
+        """Return the stiffness from each coordinate to the ground, shape (n_q,), in N/m."""
+        return ground(self.scene, self._T, mode != OPEN, driver=driven)
+
     def stiffness(self, of_bonds: np.ndarray, mode: np.ndarray, *, driven: bool) -> sp.csr_array:
         """Return the stiffness of bonds, foundation and driver, shape (n_q, n_q), in N/m.
 
@@ -270,7 +285,7 @@ class System:
             mode: contact states, shape (N_x,).
             driven: whether the driver's spring is attached.
         """
-        held = ground(self.scene, self._T, mode != OPEN, driver=driven)
+        held = self.grounded(mode, driven=driven)
         if self.geometry == "linear":
             return (self._K + sp.diags_array(held)).tocsr()
         return assembled(self._differences, of_bonds, held)

@@ -23,7 +23,18 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
 
 PRICES = (
-    *("EVALUATION", "BOTTOM", "BLOCK", "CLOSED", "JUNCTION", "CALL", "ATTEMPT", "LANDING", "SLIDE", "RUN"),
+    *(
+        "EVALUATION",
+        "BOTTOM",
+        "BLOCK",
+        "CLOSED",
+        "JUNCTION",
+        "CALL",
+        "ATTEMPT",
+        "LANDING",
+        "SLIDE",
+        "RUN",
+    ),
     *("RELEASE", "STATIC_EVENT", "UNKNOWN", "MODES", "FLOPS"),
 )
 RATE = "FLOPS"

@@ -516,10 +516,24 @@ def rk4_step(*args: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, 
     return _runge_kutta_step(rows, [1 / 6, 1 / 3, 1 / 3, 1 / 6], *args)
 
 
-def rk4_opposite_step(*args: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, float]]:
-    """Return the same with R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24 + z^5/60."""
-    c = 0.5251532966241576, 0.2754049693883984, 0.5297539961792543, 0.9200761705590146
-    b = 0.1198903876004858, 0.28922320221750564, 0.224859363727749, 0.12960234091721815
+def rk46_step(*args: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, float]]:
+    """Return the same with R(z) = 1 + z + ... + z^6/720."""
+    c = 0.215698616936814233, 0.589123227484637551, 0.887069754615658149, 0.1643, 0.8179633309290967
+    b = 0.0327885706189006, 0.282159545482237559, 0.296320423971946809, 0.194766711269656088
+    return _nested_step(c, (*b, 0.102282590585891691), *args)
+
+
+def rk46_waves_step(*args: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, float]]:
+    """Return the same with R(z) of Berland, Bogey and Bailly."""
+    c = 0.465515130665907016, 0.123614612658358104, 0.44338770386844224, 0.9222, 0.5321417524599334
+    b = 0.137085190131006644, 0.024058266856017584, 0.0245763656183909, 0.491341862869562718
+    return _nested_step(c, (*b, 0.246267357324908651), *args)
+
+
+def _nested_step(
+    c: Sequence[float], b: Sequence[float], *args: Any
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, float]]:
+    """Return the same by stages each of which follows from the last one alone."""
     rows = [], *([0] * k + [share] for k, share in enumerate(c))
     return _runge_kutta_step(rows, [*b, 1 - sum(b)], *args)
 

@@ -43,6 +43,7 @@ from pyfric.engines.step_sizes import (
     default_switching,
     resolving,
     rounded_step,
+    share_of_limit,
     step_of_waves,
     step_size,
 )

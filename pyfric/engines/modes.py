@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from pyfric.engines.space import Space, Tangent
 
 
-
 def applied(operator: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
     """Return what a real linear operator makes of complex vectors, shape (n, m)."""
     real, imag = np.hsplit(operator(np.hstack([x.real, x.imag])), 2)

@@ -1,7 +1,7 @@
 """Levels: the models of a scene in the order of their cost.
 
 Each level differs from the one before in everything that the answer hangs on. With h a step short
-enough to have an order (`SHARE`), a scene of finite geometry has these:
+enough to have an order (`STEP_ERROR`), a scene of finite geometry has these:
 
 tolerance     engine        geometry   step    jumps
 -----------   -----------   --------   -----   -----
@@ -16,9 +16,9 @@ less          hybrid        linear     h       1e-4
 
 A static sequence only measures the error of the run that follows. Linear geometry is left out where
 it neglects more than the tolerance, and in scenes that have no other; their steps are all of one
-geometry. Without states of rest the levels are full dynamics with these steps. Where contacts
-switch at step ends, and if the step was given, it is halved instead: the difference of two runs is
-then still the error of the finer one.
+geometry. Without states of rest the levels are full dynamics with these steps. Steps of other
+steppers than "rk46", those at whose ends contacts switch, and one that was given are halved
+instead: their order is lower.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ from pyfric.engines import (
     largest_strain,
     resolving,
     rounded_step,
+    share_of_limit,
     step_size,
 )
 from pyfric.scene import default_geometry
@@ -50,9 +51,10 @@ if TYPE_CHECKING:
 
     from pyfric.scene import Geometry, Scene
 
-SHARE = 0.47
-"""Step of the first level over the stability limit. Longer ones have no order: two wrong histories
-can agree. The largest of the shares tried at which none did, in 200 scenes."""
+STEP_ERROR = 7e-7
+"""Error of forces over F_N that steps of the first level leave in most scenes (`share_of_limit`): 0.47
+of the stability limit of "rk46". Longer steps have no order: two wrong histories can agree. Of the
+errors tried it is the largest with which none did in 200 scenes."""
 SHORTER, HALF = 2 / 3, 1 / 2
 """Step of a level over that of the one before: policies; see the module."""
 FIRST, STRICTER = 1e-4, 0.1
@@ -168,7 +170,8 @@ def _stepped(
     stepper, switching = options.stepper_on(scene), options.switching or default_switching(scene)
     given = options.dt != "auto"
     dt = step_size(scene, options.dt, stepper) if given else first_step(scene, options)
-    shorter = HALF if given or switching == "step_end" else SHORTER
+    six = stepper == "rk46" and switching == "located" and not given
+    shorter = SHORTER if six else HALF
     accuracy, found = options.accuracy or FIRST, []
     for n, geometry in enumerate(geometries[:3] if given else geometries):
         answers = not (given and n)
@@ -202,8 +205,10 @@ def first_step(scene: Scene, options: Options) -> float:
     """
     if options.dt != "auto":
         return step_size(scene, options.dt, options.stepper_on(scene))
-    limit, _ = stability_limit(scene, options.stepper_on(scene))
-    return rounded_step(scene, resolving(scene, SHARE * limit))
+    stepper, switching = options.stepper_on(scene), options.switching or default_switching(scene)
+    limit, _ = stability_limit(scene, stepper)
+    share = share_of_limit(stepper, switching, STEP_ERROR)
+    return rounded_step(scene, resolving(scene, share * limit))
 
 
 def rotation(scene: Scene) -> float:

@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from pyfric.display import Progress
     from pyfric.engines import Keywords
     from pyfric.planning.levels import Level
+    from pyfric.planning.pairs import Pair
     from pyfric.scene import Number, Scene, SceneLike
 
 STATIC_SHARE = 0.25
@@ -355,7 +356,7 @@ def leveled(asked: Asked, of: tuple[Level, ...], progress: object = None) -> Rec
     if options.verify == "none":
         todo = todo[todo.index(alone(of, options.tolerance)) :]
     runs: list[Made] = []
-    agreed, failed = False, None
+    agreed, failed, pair = False, None, None
     for asked_level in todo:
         before, lasts = runs[-1].record if runs else None, asked.t_end - asked.t_begin
         level = asked_level
@@ -391,7 +392,8 @@ def leveled(asked: Asked, of: tuple[Level, ...], progress: object = None) -> Rec
         if not record.done or options.verify in ("none", "shared") or agreed:
             break
         if len(runs) > 1:
-            errors = finest(asked, runs).errors()
+            pair = finest(asked, runs)
+            errors = pair.errors()
             agreed = bool(errors.holds)
             enough = errors.measured() is None and not errors.partly  # finer ones tell no more
             if enough or (agreed and options.verify != "full"):
@@ -401,18 +403,19 @@ def leveled(asked: Asked, of: tuple[Level, ...], progress: object = None) -> Rec
         if isinstance(failed, RunError):
             failed.record = _with_notes(failed.record, *notes)
         raise failed
-    return _answer(asked, runs, notes)
+    if len(runs) > 1 and (pair is None or pair.fine is not runs[-1]):
+        pair = finest(asked, runs)
+    return _answer(asked, runs, pair, notes)
 
 
-def _answer(asked: Asked, runs: list[Made], notes: list[str]) -> Record:
+def _answer(asked: Asked, runs: list[Made], pair: Pair | None, notes: list[str]) -> Record:
     """Return the finest run that may be returned, with its errors and notes."""
     options = asked.options
     if options.fidelity == "auto":
         levels = ", then ".join(str(made.level) for made in runs)
         notes = [f"for {options.want} within {options.tolerance:g}: {levels}", *notes]
     record = runs[0].record
-    if len(runs) > 1:
-        pair = finest(asked, runs)
+    if pair is not None:
         errors, more = pair.as_far_as_it_goes()
         if options.verify == "full":
             errors, also = pair.perturbed(errors)

@@ -9,7 +9,8 @@ other times (`AGAIN`). One that begins while the last event of the other run goe
 part of that: a pause near `t_gap` parts them. What goes on in one of the runs is compared as far as
 both know it: forces on the way in place of arrests, front speeds where both runs know the five
 rupture times of a block. A prescribed interface has no forces: its rupture times are compared.
-Where nothing slips in either run, their loading curves are.
+Where nothing slips in either run, only their loading curves are compared, which tells nothing of
+events.
 
 What is local stays with its event: lengths, front speeds, arrest. Start forces hang on the stresses
 that all earlier events left.
@@ -42,6 +43,8 @@ BLOCKS = ("n_blocks", "first_block", "last_block", "L_p_over_L")
 """Columns that tell which blocks slip in an event."""
 BY_EVENT = ("start", "arrest", "length", "stress", "rupture")
 """Those of which there is one for each pair of events."""
+MARKS = ("turned", "open")
+"""What is marked at a pair of events."""
 
 
 class Differences(NamedTuple):
@@ -53,11 +56,14 @@ class Differences(NamedTuple):
             other blocks, or one of them once more, or has ended in one run alone. `own` is False
             for main events of the other run alone.
         speeds: event, t_start (s) and error.
+        curve: largest difference of forces over F_N, and how many points were compared, where
+            nothing slips in either run; () otherwise.
         covered: time up to which both runs are known to agree or differ, s.
     """
 
     events: pd.DataFrame
     speeds: pd.DataFrame
+    curve: tuple[float, int] | tuple[()]
     covered: float
 
     @property
@@ -78,7 +84,7 @@ class Differences(NamedTuple):
     def before(self, t: float) -> Differences:
         """Return the differences of events that start before a time, in s."""
         kept = (table[table["t_start"] < t] for table in (self.events, self.speeds))
-        return Differences(*kept, min(self.covered, t))
+        return Differences(*kept, self.curve, min(self.covered, t))
 
     def beyond(self, tolerance: float, want: str | None = None) -> pd.DataFrame:
         """Return the rows of `events` that are further apart than this.
@@ -105,6 +111,8 @@ class Differences(NamedTuple):
             found[name] = float(factor * np.quantile(speeds, share)) if speeds.size else None
             values[name] = speeds
         compared = {name: len(known) for name, known in values.items() if len(known)}
+        if self.curve:
+            found["curve"], compared["curve"] = factor * self.curve[0], self.curve[1]
         events = int((self.events["own"] & (self.events["event"] > 0)).sum())
         return found | {"compared": compared, "events": events, "covered": self.covered}
 
@@ -123,17 +131,25 @@ def differences(record: RecordData, other: RecordData, until: float = math.inf) 
     covered = min(until, *(float(run.curve["t"].iloc[-1]) for run in (record, other)))
     own, speeds = _Pairs(record, other, covered).rows()
     others, _ = _Pairs(other, record, covered).rows()
-    others = others.rename(columns={"event": "other", "other": "event"})
-    begin = float(record.curve["t"].iloc[0])
-    if not len(own) and not len(others) and record.scene.driver.K and covered > begin:
-        off = _curves_apart(record, other, covered) / record.scene.F_N
-        row = {"event": 0, "other": 0, "t_start": begin, "arrest": off}
-        own = pd.DataFrame([dict.fromkeys(own, np.nan) | row])
-    both = pd.concat([own.assign(own=True), others.assign(own=False)], ignore_index=True)
-    once = {"t_start": "first", **dict.fromkeys((*BY_EVENT, "turned", "open", "own"), "max")}
-    events = both.groupby(["event", "other"], sort=False).agg(once).reset_index()
+    rows: dict[tuple[int, int], dict[str, float]] = {}
+    for mine, found in ((True, own), (False, others)):
+        for (e, k), row in found.items():
+            pair = (e, k) if mine else (k, e)
+            before = rows.setdefault(pair, row | {"own": False})
+            before |= {name: np.fmax(before[name], row[name]) for name in (*BY_EVENT, *MARKS)}
+            before["own"] |= mine
+    columns = "event", "other", "t_start", *BY_EVENT, *MARKS, "own"
+    values = ([e, k, *(row[name] for name in columns[2:])] for (e, k), row in rows.items())
+    events = pd.DataFrame(list(values), columns=columns).astype({"event": int, "other": int})
+    begin, curve = float(record.curve["t"].iloc[0]), ()
+    if not rows and record.scene.driver.K and covered > begin:
+        curve = _curves_apart(record, other, covered)
     covered = float(np.fmin(covered, events["t_start"][events["open"] > 0].min()))
-    return Differences(events, speeds, covered)
+    return Differences(events, speeds, curve, covered)
+
+
+Event = dict[str, Any]
+"""A row of the table of events."""
 
 
 class _Pairs:
@@ -141,41 +157,42 @@ class _Pairs:
 
     def __init__(self, a: RecordData, b: RecordData, covered: float) -> None:
         self.a, self.b, self.covered = a, b, covered
-        self.events, self.partners = a.events, b.events
-        ours = self.events[self.events["t_start"] <= covered]
-        theirs = self.partners["is_main"][self.partners["t_start"] <= covered]
+        ours = a.events[a.events["t_start"] <= covered]
+        theirs = b.events["is_main"][b.events["t_start"] <= covered]
         any_main = ours["is_main"].any() or theirs.any()
         self.ours = ours[ours["is_main"] | (not any_main)]
-        later = self.partners["is_main"] & (self.partners["t_start"] > covered)
-        self.partners = self.partners[later.cumsum() <= 1]  # up to the next main event
+        later = b.events["is_main"] & (b.events["t_start"] > covered)
+        self.theirs = b.events[later.cumsum() <= 1]  # up to the next main event
+        self.events, self.partners = (
+            dict(zip(table.index.tolist(), table.to_dict("records"), strict=True))
+            for table in (self.ours, self.theirs)
+        )
         self.force = float(np.interp(covered, b.curve["t"], b.curve["F_T"]))
 
-    def rows(self) -> tuple[pd.DataFrame, pd.DataFrame]:
-        """Return differences of events, and of their front speeds."""
-        rows, speeds = [], []
+    def rows(self) -> tuple[dict[tuple[int, int], dict[str, float]], pd.DataFrame]:
+        """Return differences of events by their pairs, and those of front speeds."""
+        rows, speeds = {}, [np.zeros((3, 0))]
+        unknown = dict.fromkeys(BY_EVENT, np.nan) | dict.fromkeys(MARKS, 0.0)
         for e, k in self._chosen():
             row, off = self._pair(e, k) if k else (self._alone(e), np.zeros(0))
-            about = {"event": e, "other": k, "t_start": float(self.events.loc[e, "t_start"])}
-            rows.append(about | dict.fromkeys(BY_EVENT, np.nan) | row)
-            speeds.append(pd.DataFrame({"event": e, "t_start": about["t_start"], "error": off}))
-        columns = ["event", "other", "t_start", *BY_EVENT, "turned", "open"]
-        table = pd.DataFrame(rows, columns=columns, dtype=float)
-        nothing = pd.DataFrame({name: np.zeros(0) for name in ("event", "t_start", "error")})
-        return table, pd.concat(speeds, ignore_index=True) if speeds else nothing
+            begin = self.events[e]["t_start"]
+            rows[e, k] = unknown | row | {"t_start": begin}
+            speeds.append(np.array([np.full(len(off), e), np.full(len(off), begin), off]))
+        return rows, pd.DataFrame(np.hstack(speeds).T, columns=["event", "t_start", "error"])
 
     def _chosen(self) -> list[tuple[int, int]]:
         """Return events of a and their partners in b, 0 for one that b may have after its end."""
-        cost = event_distances(self.ours, self.partners, self.a.scene, self.covered)
+        cost = event_distances(self.ours, self.theirs, self.a.scene, self.covered)
         late = (self.covered - self.ours["t_start"].to_numpy()) * pace(self.a.scene, self.covered)
         off = np.abs(self.ours["F_T_start"].to_numpy() - self.force) / self.a.scene.F_N
         never = SAME + late + np.nan_to_num(off)
         i, j = in_order(np.hstack([cost, np.repeat(never[:, None], len(never), axis=1)]))
-        partners = [*self.partners.index, *[0] * len(never)]
-        return [(int(e), int(partners[k])) for e, k in zip(self.ours.index[i], j, strict=True)]
+        ours, theirs = list(self.events), [*self.partners, *[0] * len(never)]
+        return [(ours[e], theirs[k]) for e, k in zip(i.tolist(), j.tolist(), strict=True)]
 
     def _pair(self, e: int, k: int) -> tuple[dict[str, float], np.ndarray]:
         """Return the differences of event e of a from event k of b, and those of front speeds."""
-        event, partner = self.events.loc[e], self.partners.loc[k]
+        event, partner = self.events[e], self.partners[k]
         ended = bool(event["finished"] and partner["finished"])
         F_N, start = self.a.scene.F_N, event["F_T_start"] - partner["F_T_start"]
         arrest = event["F_T_arrest"] - partner["F_T_arrest"]
@@ -191,7 +208,7 @@ class _Pairs:
         again = max(each["n_episodes"] / each["n_blocks"] for each in (event, partner))
         return row | {"open": turned and again > AGAIN}, self._speeds(e, k, ended)
 
-    def _turned(self, event: pd.Series, partner: pd.Series, ended: bool) -> bool:
+    def _turned(self, event: Event, partner: Event, ended: bool) -> bool:
         """Return whether an event slips other blocks than another one, or outlasts it.
 
         Of events that go on to the end, only those that go on in both runs can tell, by their
@@ -203,15 +220,16 @@ class _Pairs:
             off |= any(event[name] != partner[name] for name in BLOCKS)
         return bool(off or self._outlasts(event, partner) or self._outlasts(partner, event))
 
-    def _outlasts(self, event: pd.Series, partner: pd.Series) -> bool:
+    def _outlasts(self, event: Event, partner: Event) -> bool:
         """Return whether an event goes on, after another one has ended within both runs."""
         ended = partner["finished"] and parts(self.covered - partner["t_stop"], self.a.method.t_gap)
         return bool(ended and not event["finished"])
 
     def _alone(self, e: int) -> dict[str, float]:
         """Return what is known of an event that b has not had yet, or has in another one."""
-        a, b, event, F_N = self.a, self.b, self.events.loc[e], self.a.scene.F_N
-        if (~self.partners["finished"] & (self.partners["t_start"] < event["t_start"])).any():
+        a, b, event, F_N = self.a, self.b, self.events[e], self.a.scene.F_N
+        begun = (one for one in self.partners.values() if one["t_start"] < event["t_start"])
+        if any(not one["finished"] for one in begun):
             end = event["t_stop"] if event["finished"] else a.curve["t"].iloc[-1]
             known = np.isfinite(event["F_T_start"])
             return {"arrest": _apart(a, b, event["t_start"], end) / F_N if known else np.nan}
@@ -222,7 +240,7 @@ class _Pairs:
         late = self.covered - event["t_start"]
         return {"rupture": late / span if span > 0 else np.nan, "open": True}
 
-    def _going_on(self, event: pd.Series, partner: pd.Series) -> float:
+    def _going_on(self, event: Event, partner: Event) -> float:
         """Return how far forces are apart in an event that goes on in one of two runs, in N.
 
         Where both have come to rest, they differ as their arrests do, even if that is too late to
@@ -297,8 +315,8 @@ def _apart(a: RecordData, b: RecordData, begin: float, end: float, later: float 
     return float(np.maximum(low - highest, lowest - high).max(initial=0.0))
 
 
-def _curves_apart(a: RecordData, b: RecordData, end: float) -> float:
-    """Return how far forces of two runs without slip are apart, in N, at points of one of them.
+def _curves_apart(a: RecordData, b: RecordData, end: float) -> tuple[float, int]:
+    """Return how far forces of two runs without slip are apart, over F_N, and at how many points.
 
     These are the points of the run that has fewer: the other one is linear between its own. Jumps
     of static states, with two points at a time, are left out.
@@ -306,9 +324,8 @@ def _curves_apart(a: RecordData, b: RecordData, end: float) -> float:
     coarse, fine = sorted((a.curve, b.curve), key=len)
     t = coarse["t"][(coarse["t"] <= end) & ~coarse["t"].duplicated(keep=False)]
     t = np.append(t, end)
-    return float(
-        np.abs(np.subtract(*(np.interp(t, c["t"], c["F_T"]) for c in (coarse, fine)))).max()
-    )
+    off = np.abs(np.subtract(*(np.interp(t, c["t"], c["F_T"]) for c in (coarse, fine))))
+    return float(off.max()) / a.scene.F_N, len(t)
 
 
 def _range(record: RecordData, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -18,6 +18,7 @@ COVERED = 1e-6
 SAID = {
     "start": ("force at start", "F_N", "events"),
     "arrest": ("force at arrest", "F_N", "events"),
+    "curve": ("force", "F_N", "points without slip"),
     "length": ("slipped length", "L", "events"),
     "stress": ("stresses", "F_N/N_x", "events"),
     "rupture": ("rupture times", "of the time of the front", "events"),
@@ -29,7 +30,10 @@ SAID = {
 FORCES = ("start", "arrest")
 PROMISED = {"stress": (*FORCES, "stress"), "front_speed": ("speed_95",)}
 """What is wanted -> the numbers that its tolerance bounds, the last of which has to be known;
-`FORCES` for all else, of which one has to be, or else the rupture times."""
+`FORCES` for all else."""
+INSTEAD = {"loading_curve": ("curve", "rupture"), "motion": ("curve", "rupture")}
+"""What is wanted -> what its tolerance bounds where no force at the start of an event was compared;
+the rupture times for all else but front speeds."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,13 +43,14 @@ class Errors:
     Forces are over F_N and of main events, lengths over L, stresses over F_N/N_x (root mean square
     over the interface), rupture times (root mean square over a front) over the time that the front
     takes, front speeds relative. Each is the largest one, but for the median and the 95th
-    percentile of front speeds. `arrest` also includes differences of forces elsewhere: in events
-    that last to the end of the run, and while nothing slips. None means that nothing was compared,
-    so this number is not measured.
+    percentile of front speeds. `arrest` also includes differences of forces in events that last to
+    the end of the run, and `curve` those of runs without any slip. None means that nothing was
+    compared, so this number is not measured.
 
     Attributes:
         want, tolerance: of the plan; None where there was none.
-        start, arrest, length, stress, rupture, speed_median, speed_95, speed_worst: the errors.
+        start, arrest, curve, length, stress, rupture, speed_median, speed_95, speed_worst: the
+            errors.
         compared: name to how many events, or blocks of fronts, were compared for it.
         events: events that were compared: main events, or all where there are none.
         factor: errors over the differences of the two runs.
@@ -64,6 +69,7 @@ class Errors:
     tolerance: float | None = None
     start: float | None = None
     arrest: float | None = None
+    curve: float | None = None
     length: float | None = None
     stress: float | None = None
     rupture: float | None = None
@@ -85,15 +91,17 @@ class Errors:
     def measured(self, want: str | None = None) -> float | None:
         """Return the error that a tolerance bounds, None where it was not measured.
 
-        What is wanted decides which numbers that are: `PROMISED`. Where forces are not known, as on
-        a prescribed interface, it is that of rupture times; front speeds have no substitute.
+        What is wanted decides which numbers that are: `PROMISED`. Where no force at the start of an
+        event was compared, as on a prescribed interface, they are those of `INSTEAD`.
         """
         want = want or self.want or ""
-        values = [getattr(self, name) for name in PROMISED.get(want, FORCES)]
-        known = [value for value in values if value is not None]
-        if not known:
-            return None if want == "front_speed" else self.rupture
-        return None if want in PROMISED and values[-1] is None else max(known)
+        names = PROMISED.get(want, FORCES)
+        if want != "front_speed" and self.start is None:
+            names = INSTEAD.get(want, ("rupture",))
+        values = [getattr(self, name) for name in names]
+        if want in PROMISED and values[-1] is None:
+            return None
+        return max((value for value in values if value is not None), default=None)
 
     @property
     def holds(self) -> bool | None:

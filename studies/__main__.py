@@ -127,7 +127,7 @@ def large(tell: Tell) -> None:
 @click.option(
     "--errors",
     is_flag=True,
-    help="Compare hybrid runs with full dynamics (minutes to hours a case).",
+    help="Measure errors of steps and of jumps of hybrid runs, too (seconds to minutes a case).",
 )
 @file_option("--out", metavar="FILE", help="Write the table as CSV.")
 @overwrite_option

@@ -43,6 +43,7 @@ class Case(NamedTuple):
     engine: str = "hybrid"
     geometry: str = "linear"
     accuracy: float | None = None
+    dt: float | None = None
     """Of this build only; None: the default."""
 
 
@@ -85,6 +86,8 @@ LONG = ("561 x 301, to 0.33 s", "0.625 mm, d_c, to 0.745 s")
 """Cases of minutes a run, which are made if they are named."""
 USUAL = tuple(name for name in CASES if name not in LONG)
 REPEATS = 2
+SHORT, JUMPS = 0.25, 1e-8
+"""Steps and accuracy of runs with which errors are measured, over the stability limit and F_N."""
 LOADED = 0.12
 """End of a small run that loads all modules before the time is taken, s."""
 SIZES = {"slip_1": (1, 1), "slip_2_3": (2, 3), "slip_4_10": (4, 10), "fronts": (11, 2**31)}
@@ -107,14 +110,16 @@ def finer(
         cases: names in `CASES`.
         commits: of this repository.
         repeats: turns, of which the least time counts.
-        errors: compare with full dynamics of this build, too.
+        errors: measure errors of forces, too.
         say: told what is being run.
 
     Returns:
         One row for each case and build: case, build, seconds (processor time), GB (the most
         memory), steps, attempts, refused, slides, modal_bases, main, events; steps within spells by
-        the number of blocks (`SIZES`), and outside of them (`at_rest`); and the largest error of
-        the forces at which events start, over F_N, NaN unless there are as many events.
+        the number of blocks (`SIZES`), and outside of them (`at_rest`); and the largest
+        errors of the forces at which events start, over F_N, NaN unless there are as many events:
+        `error` beside a run of this build with accurate jumps and steps of `SHORT` of the stability
+        limit of RK4, and of this build `error_jumps` beside one with accurate jumps alone.
     """
     rows: list[dict[str, Any]] = []
     exact: dict[str, np.ndarray] = {}
@@ -130,22 +135,27 @@ def finer(
                 for build in only:
                     say(f"{name}: {build}")
                     found[build].append(_alone(case, builds[build]))
-            full = case._replace(engine="dynamic", accuracy=None)
-            compares, key = errors and case.engine == "hybrid", json.dumps(full)
-            if compares and key not in exact:
-                say(f"{name}: full dynamics")
-                exact[key] = np.array(_alone(full, None)["starts"])
+            compares = errors and case.engine == "hybrid"
             for build, turns in found.items():
                 least = min(turns, key=lambda turn: turn["seconds"])
-                starts = np.array(least.pop("starts", ()))
+                starts, dt = least.pop("starts", ()), least.pop("dt", None)
                 if compares:
-                    least["error"] = _error(starts, exact[key])
+                    say(f"{name}: accurate runs")
+                    own = case._replace(accuracy=JUMPS, dt=dt)
+                    least["error"] = _error(starts, case._replace(accuracy=JUMPS, dt=0.0), exact)
+                    if build == "this":
+                        least["error_jumps"] = _error(starts, own, exact)
                 rows.append({"case": name, "build": build, **least})
     return pd.DataFrame(rows)
 
 
-def _error(starts: np.ndarray, exact: np.ndarray) -> float:
-    return float(np.abs(starts - exact).max()) if len(starts) == len(exact) else np.nan
+def _error(starts: Sequence[float], than: Case, exact: dict[str, np.ndarray]) -> float:
+    """Return the largest difference of forces from those of another run, which is made once."""
+    key = json.dumps(than)
+    if key not in exact:
+        exact[key] = np.array(_alone(than, None)["starts"])
+    known = exact[key]
+    return float(np.abs(starts - known).max()) if len(starts) == len(known) else np.nan
 
 
 @contextlib.contextmanager
@@ -210,6 +220,10 @@ def _run(case: Case, scene: Any, t_end: float) -> Any:
     how: dict[str, Any] = {"fidelity": case.engine, "progress": False}
     if case.accuracy is not None:
         how["accuracy"] = case.accuracy
+    if case.dt is not None:
+        from pyfric.statics import stability_limit
+
+        how["dt"] = case.dt or SHORT * stability_limit(scene)[0]
     if case.engine in ("hybrid", "dynamic"):  # the energy budget had another name
         names = ("energies", "budget")
         without = next(name for name in names if hasattr(pyfric.Options(), name))
@@ -224,6 +238,7 @@ def _counted(record: Any, case: Case) -> dict[str, Any]:
         "events": len(record.events),
     }
     found["starts"] = (record.events["F_T_start"] / record.scene.F_N).tolist()
+    found["dt"] = record.method.dt
     if case.engine != "hybrid":
         return found
     steps, jumps = counts["steps"], counts["jumps"]

@@ -520,7 +520,7 @@ def rk46_step(*args: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str,
     """Return the same with R(z) = 1 + z + ... + z^6/720."""
     c = 0.215698616936814233, 0.589123227484637551, 0.887069754615658149, 0.1643, 0.8179633309290967
     b = 0.0327885706189006, 0.282159545482237559, 0.296320423971946809, 0.194766711269656088
-    return _nested_step(c, (*b, 0.102282590585891691), *args)
+    return _nested_step(c, (*b, 0.102282590685891691), *args)
 
 
 def rk46_waves_step(*args: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, float]]:

@@ -8,9 +8,8 @@ Of each conjugate pair of eigenvectors, one is kept, multiplied by two. At the e
 static response to its residual is subtracted: with phi = B x,
 phi - K^-1 (K + lambda C + lambda^2 M) phi. Rayleigh's functional of this shape corrects lambda.
 
-A step of RK4 multiplies a mode by R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24, z = lambda dt. It leaves
-the quasi-static path unchanged. The ring-down of a run with steps dt therefore has the rates
-log(R)/dt. Other steppers have another R.
+A step multiplies a mode by R(z), z = lambda dt (`Stepper.growth`). It leaves the quasi-static path
+unchanged. The ring-down of a run with steps dt therefore has the rates log(R)/dt.
 
 In finite geometry rates follow the present tangent to first order,
 delta lambda = -phi.delta K phi/(phi.C phi + 2 lambda phi.M phi).

@@ -250,20 +250,21 @@ def _registry() -> Any:
     return pint.UnitRegistry(non_int_type=Fraction)
 
 
-_FIRST = re.compile(r"(?!kg)[A-Za-z]+(?=$|[ /*])")
-"""First unit of a product, to which no power applies."""
+_SMALLER = re.compile(r"(?:s|m|N|Pa|J)(?=$|[ /])")
+_LARGER = re.compile(r"(?:N|Pa|J)(?=$|[ /])")
+"""First units of a product, to which no power applies, with prefixes that are usual."""
 
 
 def _prefixed(name: str, unit: str) -> Fraction | None:
     """Return the number of SI `unit` in one `name` that differs by a prefix alone, such as "mm/s".
 
-    None if it differs otherwise. Reading definitions of all units takes 0.7 s.
+    None if it may differ otherwise. Reading the definitions of all units takes 0.7 s.
     """
     powers = {prefix: power for power, prefix in PREFIXES.items()} | {"µ": -2, "μ": -2}
     power = powers.get(name[: len(name) - len(unit)])
-    if power is None or not name.endswith(unit) or not _FIRST.match(unit):
+    if power is None or not name.endswith(unit):
         return None
-    return Fraction(1000) ** power
+    return Fraction(1000) ** power if (_LARGER if power > 0 else _SMALLER).match(unit) else None
 
 
 @lru_cache(maxsize=256)

@@ -43,7 +43,7 @@ def toy(monkeypatch, *owners, steps=False):
         follow=functools.partial(
             *((integrate, StepsToy) if steps else (static_sequence, StaticToy))
         ),
-        **({"steppers": ("rk4", "rk4_opposite")} if steps else static),
+        **({"steppers": ("rk4", "rk46")} if steps else static),
     )
     monkeypatch.setitem(ENGINES, "toy", engine)
     return engine

@@ -399,7 +399,7 @@ def test_located_runs_in_parts_through_a_record_and_hybrid(geometry, tmp_path):
     """A run goes on bit for bit; the hybrid engine makes the same events."""
     options = {"geometry": geometry, "switching": "located", "sample": 1e-5, "t_gap": 2e-5}
     whole = simulate(small(), 2e-3, **options)
-    assert (whole.method.stepper, whole.method.switching) == ("rk4", "located")
+    assert (whole.method.stepper, whole.method.switching) == ("rk46", "located")
     part = simulate(small(), 1.15e-3, **options)
     part = pyfric.Record.load(part.save(tmp_path / "part.nc"))
     rest = simulate(small(), 2e-3, initial=part)
@@ -496,4 +496,4 @@ def test_a_trial_takes_the_bottom_rows_only(threads):
     assert instants > 5
     trials = (log.tried - 3000 - instants) * 60 / 14
     assert trials == pytest.approx(round(trials), abs=1e-6)
-    assert 2 * instants < trials < 12 * instants
+    assert instants <= round(trials) < 1.5 * instants  # the first foresees where the second ends

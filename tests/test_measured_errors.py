@@ -217,22 +217,28 @@ def resampled(record, t, force):
 
 
 def test_runs_without_slip_are_compared_by_their_loading_curves(ladder):
+    """Which measures loading curves, and nothing else."""
     t = float(ladder.events["t_start"].iloc[0])
     one = pyfric.simulate(ladder.scene, 0.9 * t, fidelity="quasistatic")
     assert not len(one.events)
     off = one.curve.assign(F_T=one.curve["F_T"] * 1.5)
     found = differences(one, one.replace(curve=off)).errors()  # two samples
     end = one.curve["F_T"].iloc[-1] / one.scene.F_N
-    assert found["arrest"] == pytest.approx(0.5 * end, rel=1e-12)
+    assert found["curve"] == pytest.approx(0.5 * end, rel=1e-12)
     fine = resampled_at(one, np.linspace(0, one.curve["t"].iloc[-1], 100))
     off = fine.replace(curve=fine.curve.assign(F_T=fine.curve["F_T"] * 1.5))
     found = differences(fine, off).errors()
     assert found["events"] == 0
-    assert found["start"] is None
-    assert found["arrest"] == pytest.approx(0.5 * fine.curve["F_T"].max() / one.scene.F_N, rel=0.1)
-    assert (
-        Errors(want="precursors", tolerance=0.1, **differences(fine, fine).errors()).holds is True
-    )
+    assert (found["start"], found["arrest"]) == (None, None)
+    assert found["curve"] == pytest.approx(0.5 * fine.curve["F_T"].max() / one.scene.F_N, rel=0.1)
+    same = differences(fine, fine).errors()
+    for want in ("loading_curve", "motion"):
+        assert Errors(want=want, tolerance=0.1, **same).holds is True
+    for want in ("precursors", "stress", "front_speed"):
+        errors = Errors(want=want, tolerance=0.1, **same)
+        assert (errors.measured(), errors.holds) == (None, None)
+        assert f"for {want} within 0.1: NOT MEASURED" in str(errors)
+        assert "force within 0 F_N (100 points without slip)" in str(errors)
 
 
 def resampled_at(record, t):
@@ -299,12 +305,15 @@ def test_the_number_that_was_wanted_has_to_be_known():
 
 
 def test_measured_errors_are_told_apart_from_others():
-    errors = Errors(want="precursors", tolerance=0.1, arrest=0.01, events=3, covered=0.5)
-    assert errors.holds is True
+    some = {"arrest": 0.01, "events": 3, "covered": 0.5}
+    errors = Errors(want="precursors", tolerance=0.1, **some)
+    assert (errors.measured(), errors.holds) == (None, None)  # no start was compared
+    assert Errors(want="precursors", tolerance=0.1, start=0.02, **some).holds is True
     said = str(errors)
     assert "measured errors, up to 0.5 s (3 events):\n  force at arrest within 0.01 F_N\n" in said
     assert (
-        "force at start, slipped length, stresses, rupture times, front speed not measured" in said
+        "force at start, force, slipped length, stresses, rupture times, front speed not measured"
+        in said
     )
 
 

@@ -9,7 +9,7 @@ from helpers import small_rod
 
 import pyfric
 from pyfric.engines import Options, RunError
-from pyfric.planning.levels import levels, of_named
+from pyfric.planning.levels import first_step, levels, of_named
 from pyfric.planning.pairs import PERTURBATION, SAFETY, Asked, Made, Pair
 from pyfric.planning.simulation import leveled
 from pyfric.record import Record
@@ -30,10 +30,10 @@ def main_events(record):
 class Known:
     """Runs whose start forces are off by known errors, over F_N.
 
-    `static` is the error without inertia, `bonds` that of linear geometry, `step` that of the
-    longest step, of order 4 and with a minus for the opposite stepper. Steps of at least `turn`
-    longest ones take a wrong turn: an event is 0.1 L longer, and the next one starts at 0.005 F_N
-    more. From main event `chaos` on, runs differ by `noise` whatever the step.
+    `static` is the error without inertia, `bonds` that of linear geometry, `step` that of the first
+    step of a plan, of order 6. Steps of at least `turn` such steps take a wrong turn: an event is
+    0.1 L longer, and the next one starts at 0.005 F_N more. From main event `chaos` on, runs differ
+    by `noise` whatever the step.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class Known:
         self.ladder, self.static, self.bonds, self.step = ladder, static, bonds, step
         self.turn, self.chaos, self.noise = turn, chaos, noise
         self.main, self.asked, self.fails = main_events(ladder), [], {}
-        self.longest = 0.9 * stability_limit(ladder.scene)[0]
+        self.longest = first_step(ladder.scene, Options())
 
     def run(self, scene, t_end, options, *, enough=None, initial=None, progress=None):
         if options.fidelity in self.fails:
@@ -50,9 +50,8 @@ class Known:
         self.asked.append((options.fidelity, options.geometry, options.stepper, options.dt))
         share = 0.0 if options.dt == "auto" else options.dt / self.longest
         static = options.fidelity == "quasistatic"
-        sign = -1 if options.stepper == "rk4_opposite" else 1
         off = self.static * static + self.bonds * (options.geometry == "linear" and not static)
-        off += sign * self.step * share**4
+        off += self.step * share**6
         method = dataclasses.replace(
             self.ladder.method,
             engine=options.fidelity,
@@ -96,12 +95,12 @@ QUASISTATIC, LINEAR, FINITE = (
 @pytest.mark.parametrize(
     ("errors", "tolerance", "expected"),
     [
-        ({}, 0.1, [QUASISTATIC, LINEAR]),
-        ({"static": 0.04}, 0.05, [QUASISTATIC, LINEAR]),
-        ({"static": 0.04}, 0.03, [QUASISTATIC, LINEAR, FINITE]),
-        ({"static": 0.04, "bonds": 0.01}, 0.02, [QUASISTATIC, LINEAR, FINITE]),
-        ({"static": 0.4, "bonds": 0.04}, 0.02, [QUASISTATIC, LINEAR, FINITE, FINITE]),
-        ({"static": 0.8, "bonds": 0.4, "step": 0.1}, 0.02, [QUASISTATIC, LINEAR, *[FINITE] * 3]),
+        ({}, 0.1, [QUASISTATIC, FINITE]),
+        ({"static": 0.04}, 0.05, [QUASISTATIC, FINITE]),
+        ({"static": 0.09}, 0.05, [QUASISTATIC, FINITE, FINITE]),
+        ({"bonds": 0.01}, 0.02, [LINEAR, FINITE]),
+        ({"bonds": 0.04}, 0.02, [LINEAR, FINITE, FINITE]),
+        ({"bonds": 0.04, "step": 0.3}, 0.02, [LINEAR, *[FINITE] * 3]),
     ],
 )
 def test_levels_are_made_until_two_agree_and_the_finer_one_is_returned(
@@ -118,14 +117,17 @@ def test_levels_are_made_until_two_agree_and_the_finer_one_is_returned(
 
 def test_the_error_is_that_of_the_coarser_run(ladder):
     record = Known(ladder, static=0.04, bonds=0.001).made(tolerance=0.05)
-    assert record.errors.start == pytest.approx(0.039)
+    assert record.errors.start == pytest.approx(0.04)
     assert record.errors.by[0].startswith("quasistatic, linear geometry")
-    known = Known(ladder, static=0.8, bonds=0.4, step=1e-3)
+    record = Known(ladder, bonds=0.001).made(tolerance=0.02)
+    assert record.errors.start == pytest.approx(0.001)
+    assert record.errors.by[0].startswith("hybrid, linear geometry")
+    known = Known(ladder, bonds=0.4, step=1e-3)
     record = known.made(tolerance=0.01)
-    steppers, steps = zip(*[(stepper, dt) for *_, stepper, dt in known.asked[1:]], strict=True)
-    assert steppers == ("rk4_opposite", "rk4", "rk4_opposite")
-    off = [1e-3 * (dt / known.longest) ** 4 for dt in steps[1:]]
-    assert record.errors.start == pytest.approx(sum(off), rel=1e-6)  # of opposite signs
+    steps = [dt / known.longest for *_, dt in known.asked]
+    assert steps == pytest.approx([1, 2 / 3, 4 / 9])
+    off = [1e-3 * share**6 for share in steps]
+    assert record.errors.start == pytest.approx(off[1] - off[2], rel=1e-6)
 
 
 def test_an_event_that_turned_has_a_factor_of_safety(ladder):
@@ -133,11 +135,12 @@ def test_an_event_that_turned_has_a_factor_of_safety(ladder):
     known = Known(ladder, turn=0.9)
     record = known.made(tolerance=0.012)
     assert record.method.dt == pytest.approx(known.asked[-1][-1])
+    assert len(known.asked) == 3
     assert record.errors.holds
     turned = Known(ladder, turn=0.9)
     pair = [
         Made(level, turned.run(ladder.scene, 1.5, level.options(Options())), 0.0)
-        for level in levels(ladder.scene, Options())[2:4]
+        for level in levels(ladder.scene, Options())[1:3]
     ]
     asked = Asked(scene=ladder.scene, t_begin=0.0, t_end=1.5, options=Options(), run=turned.run)
     errors = Pair(asked, *pair).errors()
@@ -147,14 +150,14 @@ def test_an_event_that_turned_has_a_factor_of_safety(ladder):
 
 
 def test_a_level_beyond_the_budget_is_not_made_and_said(ladder):
-    errors = {"static": 0.8, "bonds": 0.4}
-    for budget, levels_made in (("1 x", 2), ("1 us", 2), ("1000 x", 4), (1e3, 4)):
+    errors = {"bonds": 0.4}
+    for budget, levels_made in (("1 x", 2), ("1 us", 2), ("1000 x", 3), (1e3, 3)):
         known = Known(ladder, **errors)
         record = known.made(tolerance=0.01, budget=budget)
         assert len(known.asked) == levels_made
         said = [note for note in record.notes if note.startswith("not made: hybrid, finite")]
         assert len(said) == (levels_made == 2)
-        assert record.errors.holds is (levels_made == 4)
+        assert record.errors.holds is (levels_made == 3)
     for wrong in ("0 x", "0.5 x", "x", "3 y", -1.0, 0.0, True):
         with pytest.raises(pyfric.SceneError, match="budget"):
             Options(budget=wrong)
@@ -171,7 +174,7 @@ def test_without_verification_one_level_is_made(ladder):
 def test_a_full_verification_makes_a_level_more_and_a_faster_driver(ladder):
     known = Known(ladder, static=0.04)
     record = known.made(tolerance=0.05, verify="full")
-    assert engines(known) == [QUASISTATIC, LINEAR, FINITE, FINITE]
+    assert engines(known) == [QUASISTATIC, FINITE, FINITE, FINITE]
     assert known.asked[2] == known.asked[3]
     assert record.method.geometry == "finite"
     assert record.errors.holds
@@ -290,8 +293,8 @@ def test_a_named_run_is_returned_and_compared_with_half_its_step(ladder):
     dt = 0.5 * known.longest
     record = known.made(fidelity="hybrid", dt=dt, verify="sample", tolerance=0.01)
     assert record.method.dt == dt
-    assert known.asked[1] == ("hybrid", "finite", "rk4_opposite", pytest.approx(dt / 2))
-    off = 1e-3 * 0.5**4 * (1 + 1 / 16)
+    assert known.asked[1] == ("hybrid", "finite", "rk46", pytest.approx(dt / 2))
+    off = 1e-3 * 0.5**6 * (1 - 1 / 64)
     assert record.errors.start == pytest.approx(SAFETY * off)
 
 

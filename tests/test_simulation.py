@@ -216,7 +216,7 @@ def test_a_ladder_that_does_not_get_on(monkeypatch):
 def test_a_ladder_that_takes_longer_than_dynamics_ends(monkeypatch):
     monkeypatch.setattr(simulation, "STATIC_SHARE", 0.0)
     record = simulate(slow(), 0.7, tolerance=0.1, verify="sample")
-    assert record.errors.by[0].startswith("hybrid, linear geometry")
+    assert record.errors.by[0].startswith("hybrid, finite geometry")
     assert any("left out: quasistatic" in note and "too long" in note for note in record.notes)
 
 
@@ -410,7 +410,8 @@ def test_notes_go_on():
 
 @functools.cache
 def hybrid(t_end, geometry):
-    return simulate(small(), t_end, fidelity="hybrid", geometry=geometry, sample=1e-4)
+    how = {"geometry": geometry, "sample": 1e-4, "accuracy": 1e-6}
+    return simulate(small(), t_end, fidelity="hybrid", **how)
 
 
 def in_two(t_half, geometry, folder):

@@ -148,10 +148,11 @@ STEPPERS: dict[str, Stepper] = {
             a=_lower(*_RK4_ROWS),
             swept=True,
         ),
-        # Six stages, each of which follows from the last one alone. In linear motion the order is 6:
-        # R(z) = 1 + z + ... + z^6/720. With that, the eight conditions of order 4 leave a family of
-        # one parameter. All b are positive and all c between 0 and 1; this member has about the
-        # smallest errors in nonlinear motion. Undamped motion grows by |z|^8/5760 in a step.
+        # Six stages, each of which follows from the last one alone. In linear motion they are of
+        # order 6: R(z) = 1 + z + ... + z^6/720. With that, the eight conditions of order 4 leave a
+        # family of one parameter. All b are positive and all c between 0 and 1; this member has
+        # about the smallest errors in nonlinear motion. Undamped motion grows by |z|^8/5760 in a
+        # step.
         _nested(
             "rk46",
             c="0 .215698616936814233 .589123227484637551 .887069754615658149 .1643 "
@@ -160,8 +161,8 @@ STEPPERS: dict[str, Stepper] = {
             ".102282590685891691 .0916821579713672473",
         ),
         # The same form with the growth of J. Berland, C. Bogey, C. Bailly, Computers & Fluids 35,
-        # 1459 (2006): z^5 and z^6 have the factors 0.007856772044 and 0.000959998595. Undamped motion
-        # does not grow up to |z| = 3.81.
+        # 1459 (2006): z^5 and z^6 have the factors 0.007856772044 and 0.000959998595. Undamped
+        # motion does not grow up to |z| = 3.81.
         _nested(
             "rk46_waves",
             c="0 .465515130665907016 .123614612658358104 .44338770386844224 .9222 "

@@ -20,7 +20,7 @@ from pyfric.engines.declared import Ends, Option, YesNo, multiple
 from pyfric.engines.dynamic import DYNAMIC, Run, RunError
 from pyfric.engines.engine import ENGINES, Engine
 from pyfric.engines.hybrid import HYBRID, HybridRun
-from pyfric.engines.integration import folded, integrate, largest_strain
+from pyfric.engines.integration import folded, integrate, largest_strain, shared_statics
 from pyfric.engines.options import (
     FINEST,
     RTOL,

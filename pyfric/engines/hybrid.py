@@ -76,7 +76,7 @@ class HybridRun(Run):
         self.made |= dict.fromkeys(counted, 0)
         self.rests = RestStates(self.known, self.method.dt, self.method.stepper, self.made)
         self.solver = RememberedStates(self.rests)
-        # Neither a jump nor a wait takes less work in full dynamics than an attempt, or its refusal.
+        # Neither a jump nor a wait takes less work in full dynamics than an attempt, or a refusal.
         self.wait = math.ceil(self._as_steps({"attempts": 1}))
         self.least = math.ceil(self._as_steps({"attempts": 1, "landings": 1}))
         self.least_slide = math.ceil(self._as_steps({"slides": 1}))

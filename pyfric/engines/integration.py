@@ -20,9 +20,11 @@ others every `STEPS` steps:
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextvars import ContextVar
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -113,7 +115,33 @@ def _last(scene: Scene, state: State, t_end: float) -> int:
     return math.ceil((t_end - t0) / state.dt * (1 - 1e-14))
 
 
+_KEPT: ContextVar[dict[tuple[Scene, Geometry], StaticSolver] | None] = ContextVar(
+    "kept", default=None
+)
+
+
+@contextlib.contextmanager
+def shared_statics() -> Iterator[None]:
+    """Let runs of one scene in one geometry that follow each other share their statics."""
+    token = _KEPT.set({})
+    try:
+        yield
+    finally:
+        _KEPT.reset(token)
+
+
 def _loaded(scene: Scene, geometry: Geometry, u_drv0: OnDriven | None) -> StaticSolver:
+    """Return the static solver with the loaded slider, that of the run before if it is the same."""
+    kept = _KEPT.get()
+    if kept is None or u_drv0 is not None:
+        return _found(scene, geometry, u_drv0)
+    if (scene, geometry) not in kept:
+        kept.clear()
+        kept[scene, geometry] = _found(scene, geometry, None)
+    return kept[scene, geometry]
+
+
+def _found(scene: Scene, geometry: Geometry, u_drv0: OnDriven | None) -> StaticSolver:
     """Return the static solver with the loaded slider.
 
     Raises:

@@ -47,6 +47,7 @@ class Limits:
             return None
         if not np.array_equal(np.minimum(mu_s, limit), self._mu_s):
             self._mu_s, self.present = np.minimum(mu_s, limit), copy.copy(self.known)
+            self.present.kept = {}
             values = {"mu_s": self._mu_s, "mu_k": np.minimum(scene.field("mu_k"), limit)}
             order = np.argsort(scene.n_of_i)
             fields = {name: tuple(of[order].tolist()) for name, of in values.items()}

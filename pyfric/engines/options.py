@@ -179,8 +179,8 @@ class Options:
         semi-implicit Euler, order 1. "adaptive": RK4 with an error estimate and sub-steps inside
         dt. These three need full dynamics. "imex": implicit in rate-and-state friction, which needs
         it, order 3.""",
-        unless='"rk46", "rk46_waves" where viscosity leaves "rk46" less than half of its steps, "rk4" '
-        'with method = "paper", or "imex" with rate-and-state friction',
+        unless='"rk46", "rk46_waves" where waves are damped too little for it, "rk4" with method = '
+        '"paper", and "imex" with rate-and-state friction',
         kept=lambda method: method.stepper or None,
     )
     switching: Switching | None = option(
@@ -208,8 +208,8 @@ class Options:
     dt: Annotated[float | Literal["auto"], Step()] = option(
         "auto",
         "steps",
-        """time step in s, or "auto" for the longest one that keeps `accuracy`. See `step_size`; with
-        a plan, its step.""",
+        """time step in s, or "auto" for the longest that keeps `accuracy`. See `step_size`; with a
+        plan, its step.""",
         kept=lambda method: method.dt,
     )
     accuracy: Annotated[float | None, Quantity("F_N", ge=FINEST, le=1.0, optional=True)] = option(

@@ -5,7 +5,6 @@ The modes of contact states, and the paths on which static states lie, are kept.
 
 from __future__ import annotations
 
-import functools
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -105,9 +104,13 @@ class RestStates:
         near = self.of_loaded if extends else None
         return modes_of(Space(self.known, stuck, near), self.dt, self.stepper)
 
-    @functools.cached_property
+    @property
     def of_loaded(self) -> Space:
-        return Space(self.known, self._loaded)
+        """The space of the loaded slider, which runs with the same solver share."""
+        kept = self.known.kept
+        if "space" not in kept:
+            kept["space"] = Space(self.known, self._loaded)
+        return kept["space"]
 
     def renew(self, stuck: np.ndarray, q: np.ndarray) -> Modes:
         """Return the modes at the tangent of a state q, and keep them for later calls."""

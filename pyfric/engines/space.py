@@ -6,8 +6,8 @@ linear oscillation. Stuck blocks are held in u_x, and all other coordinates are 
     M w'' + C w' + K w = 0 .
 
 Slow motion is computed in a space B of few shapes. These are the slowest undamped modes,
-K phi = omega^2 M phi, found by shift-invert block Lanczos; the static response to the driver; and the
-viscous corrections K^-1 C phi of all these shapes.
+K phi = omega^2 M phi, found by shift-invert block Lanczos; the static response to the driver; and
+the viscous corrections K^-1 C phi of all these shapes.
 
 The truncated part of the motion, outside B, decays. A mode of frequency omega with at least half of
 its elastic energy in bonds has -Re lambda >= eta omega^2/(4 k). The reason is that the viscosity of
@@ -45,10 +45,10 @@ N_MODES = 28
 """Number of undamped modes in the space."""
 BLOCK, APPLIED = 16, 6
 """Vectors that block Lanczos solves for together, and how often. The squared frequency of the
-fastest mode is then about 1 % off: what the space misses of it counts as truncated. Policies."""
+fastest mode is then 4e-4 off: what the space misses of it counts as truncated. Policies."""
 FEW, KEPT = 4, 32
-"""Blocks whose slip a static state follows by their responses, and responses that are kept: an event
-of few blocks comes again and again at the same ones. Policies."""
+"""Blocks whose slip a static state follows by their responses, and responses that are kept: an
+event of few blocks comes again and again at the same ones. Policies."""
 SLOWEST = 7.0
 """Viscous over elastic forces of overdamped motion, over eta/k: 6 in plane waves. Edges of a
 lattice raise it to 6.6."""
@@ -172,7 +172,7 @@ class Space:
         if not count:
             self.B = np.zeros((self.n_q, 0))
             return 0.0
-        root, driven, n = np.sqrt(M), self.drift[free], len(free)
+        root, driven = np.sqrt(M), self.drift[free]
         squares, basis = largest(
             lambda x: root[:, None] * self._factor.solve(root[:, None] * x), root * driven, count
         )
@@ -239,14 +239,14 @@ class Space:
         blocks = self.held[slip != 0].tolist()
         if len(blocks) > FEW:
             return None
-        new = [block for block in blocks if block not in self._moved]
+        shapes = {block: self._moved[block] for block in blocks if block in self._moved}
+        new = [block for block in blocks if block not in shapes]
         if new:
-            found = self.moved(np.array(new)).T
-            for block, shape in zip(new, found, strict=True):
-                self._moved.made(block, lambda shape=shape: shape.copy())
+            shapes |= zip(new, np.ascontiguousarray(self.moved(np.array(new)).T), strict=True)
         q = q + drive * self.drift
-        for block in blocks:
-            q += slip[np.searchsorted(self.held, block)] * self._moved[block]
+        for block, shape in shapes.items():
+            q += slip[np.searchsorted(self.held, block)] * shape
+            self._moved.made(block, lambda shape=shape: shape)
         return q
 
     @functools.cached_property

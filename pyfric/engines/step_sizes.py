@@ -119,7 +119,7 @@ def step_size(
 
 
 def resolving(scene: Scene, dt: float) -> float:
-    """Return a step (s), shortened to resolve weakening if it is at most `HALVED` halvings too long."""
+    """Return a step (s), shortened to resolve weakening if few (`HALVED`) halvings do."""
     resolves = scene.resolving_step
     return min(dt, resolves) if resolves >= dt / 2**HALVED else dt
 

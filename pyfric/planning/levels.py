@@ -52,9 +52,9 @@ if TYPE_CHECKING:
     from pyfric.scene import Geometry, Scene
 
 STEP_ERROR = 7e-7
-"""Error of forces over F_N that steps of the first level leave in most scenes (`share_of_limit`): 0.47
-of the stability limit of "rk46". Longer steps have no order: two wrong histories can agree. Of the
-errors tried it is the largest with which none did in 200 scenes."""
+"""Error of forces over F_N that steps of the first level leave in most scenes (`share_of_limit`):
+0.47 of the stability limit of "rk46". Longer steps have no order: two wrong histories can agree. Of
+the errors tried it is the largest with which none did in 200 scenes."""
 SHORTER, HALF = 2 / 3, 1 / 2
 """Step of a level over that of the one before: policies; see the module."""
 FIRST, STRICTER = 1e-4, 0.1
@@ -128,15 +128,17 @@ def levels(scene: Scene, options: Options, *, begun: bool = False) -> tuple[Leve
     """
     moves, own = _moves(scene, options), options.geometry or default_geometry(scene)
     given = options.dt != "auto"
+    found, statics = [], False
     if moves:
         found = [Level(engine="hybrid", geometry=own, cannot=moves)]
-    else:
+    elif options.tolerance >= LOOSE:
         cannot = "it starts from the loaded slider" * begun or _no_statics(scene, options)
         alike = ENGINES["quasistatic"].lacks(dataclasses.replace(options, verify=None)) is None
         found = [Level(engine="quasistatic", geometry="linear", cannot=cannot, answers=alike)]
-    linear = own == "finite" and not given and not moves and found[0].cannot
+        statics = not cannot
+    linear = own == "finite" and not (moves or statics or given)
     linear = linear and rotation(scene) <= options.tolerance
-    geometries: list[Geometry] = ["linear"] * bool(linear) + [own] * (STEPPED - 1)
+    geometries: list[Geometry] = ["linear"] * linear + [own] * (2 if given else STEPPED - 1)
     return (*found, *_stepped(scene, options, "dynamic" if moves else "hybrid", geometries))
 
 
@@ -173,7 +175,7 @@ def _stepped(
     six = stepper == "rk46" and switching == "located" and not given
     shorter = SHORTER if six else HALF
     accuracy, found = options.accuracy or FIRST, []
-    for n, geometry in enumerate(geometries[:3] if given else geometries):
+    for n, geometry in enumerate(geometries):
         answers = not (given and n)
         found.append(
             Level(
@@ -231,8 +233,6 @@ def _no_statics(scene: Scene, options: Options) -> str:
     """Return why the quasi-static sequence tells nothing of what is wanted, "" if it does."""
     if options.want == "front_speed":
         return "it has no front speed"
-    if options.tolerance < LOOSE:
-        return f"it tells nothing of errors below {LOOSE:g} F_N"
     return ENGINES["quasistatic"].cannot(scene)
 
 

@@ -27,6 +27,7 @@ from pyfric.engines import (
     machine_speed,
     multiple,
     owned,
+    shared_statics,
     step_of_waves,
     step_size,
     work,
@@ -355,7 +356,12 @@ def leveled(asked: Asked, of: tuple[Level, ...], progress: object = None) -> Rec
     notes = [f"left out: {level.engine} ({level.cannot})" for level in of if level.cannot]
     if options.verify == "none":
         todo = todo[todo.index(alone(of, options.tolerance)) :]
-    runs: list[Made] = []
+    with shared_statics():
+        return _leveled(asked, todo, notes, progress)
+
+
+def _leveled(asked: Asked, todo: list[Level], notes: list[str], progress: object) -> Record:
+    options, runs = asked.options, []
     agreed, failed, pair = False, None, None
     for asked_level in todo:
         before, lasts = runs[-1].record if runs else None, asked.t_end - asked.t_begin

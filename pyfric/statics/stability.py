@@ -300,12 +300,13 @@ def stability_limit(scene: SceneLike, stepper: str = "rk4") -> tuple[float, Mapp
     """Return the largest stable time step of the linear, damped lattice.
 
     For Runge-Kutta methods, all eigenvalues lambda of [[0, I], [-M^-1 K, -M^-1 C]] must have
-    |R(lambda dt)| <= 1; a growth of 1e-12 counts as stable (`GROWN`). "adaptive" makes steps of RK4.
-    For this stepper the value is not a limit of dt: it is the largest sub-step that the error
-    control can allow. "symplectic_euler" and "verlet" treat u and v differently; the matrix of their whole step must have no eigenvalue outside the unit circle. For a plane wave of
-    frequency omega and damping rate gamma this means (omega dt)^2 + 2 gamma dt <= 4 for
-    "symplectic_euler". For "verlet" it is a polynomial condition, which is omega dt <= 2 without
-    damping and gamma dt <= 2 without stiffness.
+    |R(lambda dt)| <= 1; a growth of 1e-12 counts as stable (`GROWN`). "adaptive" makes steps of
+    RK4. For this stepper the value is not a limit of dt: it is the largest sub-step that the error
+    control can allow. "symplectic_euler" and "verlet" treat u and v differently; the matrix of
+    their whole step must have no eigenvalue outside the unit circle. For a plane wave of frequency
+    omega and damping rate gamma this means (omega dt)^2 + 2 gamma dt <= 4 for "symplectic_euler".
+    For "verlet" it is a polynomial condition, which is omega dt <= 2 without damping and gamma dt
+    <= 2 without stiffness.
 
     The motion that sets the limit is local. The result is therefore the smaller one of two limits:
     that of plane waves of the infinite lattice, and that of all modes of a small lattice with the

@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import copy
 import functools
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -57,13 +57,15 @@ class System:
         u_drv0: u_x of the driven blocks at drive = 0 and F_T = 0, in m: see `Scene.u_driven`.
         pressed: blocks without friction that touch the foundation, (N_x,), bool; those of the
             loaded state, once it is known.
+        kept: what engines have found about it, by name.
     """
 
     u_drv0: OnDriven
+    kept: dict[str, Any]
 
     def __init__(self, scene: Scene, geometry: Geometry) -> None:
         self.scene, self.geometry, self.u_drv0 = scene, geometry, 0.0
-        self.pressed = scene.bare
+        self.pressed, self.kept = scene.bare, {}
         self._lattice, self._T = bonds(scene), coordinates(scene)
         self._springs = functools.partial(spring_forces, self._lattice)
         if geometry == "finite":

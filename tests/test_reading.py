@@ -111,10 +111,10 @@ def test_columns_can_be_chosen(tmp_path):
         ("time (s),Force (N)\n" + rows(), {}, [r"'Force \(N\)' may be F_T or F_N", "columns="]),
         ("time (s),tau (kPa),Shear stress (kPa)\n0,1,1\n1,2,2\n2,3,3\n", {}, ["both tau"]),
         ("0.1,0.2\n0.3,0.4\n", {}, ["no column is known to be the time", "'1', '2'"]),
-        ("time (s),F_T (N)\n0,1\n1\n2,3\n3,4\n", {}, ["row 3: 1 columns, row 4: 2", "head=3"]),
+        ("time (s),F_T (N)\n0,1\n1\n2,3\n3,4\n", {}, ["row 3: 1 columns, other rows: 2", "head=3"]),
         ("time (s);mu\n0;1,234\n1;1,345\n", {}, ["may be decimal, or part thou", 'decimal=","']),
-        ("time (s),mu\n0,1\n2,x\n3,4\n1,4\n", {}, ["row 3, column 2: 'x' is no number", "head=3"]),
-        ("time (s),mu\n0,1\n1,2\nend of test\n", {}, ["last row, 4, has no number", "cut"]),
+        ("time (s),mu\n0,1\n2,x\n3,4\n1,4\n", {}, ["row 3, column 2: 'x' is no number", 'gaps="x"', "head=3"]),
+        ("time (s),mu\n0,1\n1,2\n", {}, ["t = 2: samples; allowed: three or more"]),
         ("time,mu\n10:00:01,1\n10:00:02,2\n", {}, ["'10:00:01' is no number", "step="]),
         ("t F_T\n0 0.1 N1\n1 0.2 N1\n", {}, ["words or other signs between", "by commas"]),
         ("time (s)|mu\n0|1\n1|2\n2|3\n", {}, ["last row, 4, has words or other", "by commas"]),
@@ -202,7 +202,7 @@ def test_other_files_are_refused(tmp_path):
     (tmp_path / "a.xlsx").write_bytes(b"PK\3\4")
     refuse(lambda: read(tmp_path / "a.xlsx"), "export the table")
     (tmp_path / "a.bin").write_bytes(bytes(range(256)) * 20)
-    refuse(lambda: read(tmp_path / "a.bin"), "not a kind of file", "MATLAB, HDF5, TDMS")
+    refuse(lambda: read(tmp_path / "a.bin"), "not a kind of file", "HDF5, MATLAB, netCDF")
     refuse(lambda: read(tmp_path / "none"), "No such file")
     refuse(lambda: read(tmp_path), "directory")
 

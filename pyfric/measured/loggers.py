@@ -94,7 +94,8 @@ def _spans(path: Any) -> dict[str, tuple[tuple[Any, int], ...]]:
         def _update_object_properties(self, said: Any) -> None:
             super()._update_object_properties(said)
             said = {of: dict(pairs) for of, pairs in (said or {}).items()}
-            told.append({of: pairs.get("wf_start_time") for of, pairs in said.items()})
+            starts = {of: pairs.get("wf_start_time") for of, pairs in said.items()}
+            told.append({of: start and start.as_datetime64("ns") for of, start in starts.items()})
 
     told: list[dict[str, Any]] = []
     found: dict[str, list[tuple[Any, int]]] = {}

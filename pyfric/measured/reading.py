@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
@@ -195,8 +196,10 @@ def _unwrapped(meaning: str, numbers: np.ndarray, period: Any) -> np.ndarray:
 
 def _note_counter(found: Found, meaning: str, name: str, numbers: np.ndarray) -> None:
     """Say where a counter stands at its ends, or starts anew."""
+    if (numbers[:SOME] % 1 > 0).any():
+        return
     known = numbers[np.isfinite(numbers)]
-    if len(known) < 2 or (known[:SOME] % 1).any() or (known % 1).any():
+    if len(known) < 2 or (known % 1).any():
         return
     low, high = known.min(), known.max()
     for bits in BITS:
@@ -266,6 +269,7 @@ def _chosen(found: Found, columns: Mapping[str, str | int]) -> dict[str, str]:
             continue
         same = [name for name in names if name == asked]
         same = same or [n for n in names if found.columns[n].head == asked]
+        same = same or [n for n in names if re.split("[/.]", n)[-1] == asked]
         same = same or [n for n in names if bare(found.columns[n].head) == bare(str(asked))]
         if len(same) != 1:
             reason = f"{len(same)} columns have this name"

@@ -48,7 +48,7 @@ from pyfric.scene import (
 
 MAX_BYTES = 512 * 1024**2
 """Largest text that is read."""
-SAMPLE = 1 << 16
+SAMPLE = 1 << 14
 """Bytes at either end in which the layout is found."""
 RUN = 5
 """Rows that tell a table from a list: longer runs of alike rows count as this."""
@@ -132,8 +132,9 @@ def text(path: Any, asked: Asked) -> Found:
         said = repr(feet[0].text[:30])
         found.notes.append(f"rows below the table are left out, from row {feet[0].n}: {said}")
     columns = _columns(path, table, layout, head)
+    names = {id(column): column.head for column in columns}
     for column in described(columns, told) if told else columns:
-        found.add(column.head, column)
+        found.add(names.get(id(column), column.head), column)
     return found
 
 
@@ -161,7 +162,7 @@ def _decoded(path: Any, content: bytes, found: Found) -> tuple[bytes, str]:
             encoding = "cp1252"
             found.notes.append("read as Windows text (cp1252), as it is not UTF-8")
     unknown = "\ufffd".encode() if encoding == "utf-8" else b"\x81"
-    if b"\0" in content or unknown in content:
+    if b"\0" in content or (not content.isascii() and unknown in content):
         raise Unknown
     if b"\r" in content and b"\n" not in content:
         content = content.replace(b"\r", b"\n")

@@ -186,7 +186,7 @@ def test_a_wrong_model_is_noticed(monkeypatch):
     monkeypatch.setattr(profiles, "ROUNDS", 1)
     speeds = {0.304: SCENE.driver.V, 0.504: 1.5 * SCENE.driver.V}  # as if mu_k grew with V
     scenes = [SCENE.replace(V=V) for V in speeds.values()]
-    two = [events(curve(mu_k=mu_k, V=V)).iloc[:9] for mu_k, V in speeds.items()]
+    two = [events(curve(seed=1, mu_k=mu_k, V=V)).iloc[:9] for mu_k, V in speeds.items()]
     found = pyfric.fit(scenes, two, {"mu_k": (0.25, 0.55)}, **STATIC)
     assert not found.fits
     assert "DOES NOT FIT" in str(found)

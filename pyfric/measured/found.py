@@ -91,7 +91,7 @@ class Found:
             self.notes.append(f"{name!r} has {shape} numbers: its rows are taken for channels")
         for c in range(values.shape[1]):
             numbers = functools.partial(lambda array, c: array[:, c].astype(float), values, c)
-            column = Column(numbers, label.format(head, c + 1), unit, clock)
+            column = Column(numbers, f"{head}:{c + 1}", unit, clock)
             self.add(label.format(name, c + 1), column)
 
 

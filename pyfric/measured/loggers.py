@@ -21,6 +21,8 @@ from pyfric.scene import LARGEST, SMALLEST, read_at_most
 SCALES = ("Linear", "Polynomial", "RTD", "Strain", "Table", "Thermistor", "Thermocouple")
 SCALES += ("Add", "Subtract")
 """Scales of TDMS channels that npTDMS applies."""
+TIME = 17
+"""Type of an abscissa that is time, in universal files."""
 _CHANNEL = np.dtype(
     [("name", "S13"), ("unit", "S13"), ("_", ">i4"), ("comment", "S50"), ("count", ">i4")]
 )
@@ -149,7 +151,7 @@ def mdf(path: Any, asked: Asked) -> Found:
                     if c == master:
                         continue
                     signal = file.get(group=g, index=c, ignore_invalidation_bits=True)
-                    bad = file.get(group=g, index=c).invalidation_bits
+                    bad = signal.invalidation_bits
                     values = np.asarray(signal.samples)
                     if values.dtype.kind not in "iufb" or values.ndim > 1:
                         continue
@@ -181,32 +183,39 @@ def universal(path: Any, asked: Asked) -> Found:
         sets = [file.read_sets(n) for n, kind in enumerate(kinds) if int(kind) == 58]
     except Exception as error:  # of many kinds
         raise refused(path, "a universal file that can be read", type(error).__name__) from None
-    clocks: dict[Any, tuple[str, np.ndarray]] = {}
+    clocks: dict[Any, tuple[str, str, np.ndarray]] = {}
     for n, each in enumerate(sets, 1):
         values, times = np.asarray(each["data"]), np.asarray(each["x"], dtype=float)
-        texts = [str(each.get(key, "")).strip() for key in ("id1", "rsp_ent_name")]
-        name = next((text for text in texts if text not in ("", "NONE")), f"set {n}")
-        if values.dtype.kind == "c" or each.get("abscissa_spec_data_type") != 17:
+        name = _said(each, "id1") or _said(each, "rsp_ent_name") or f"set {n}"
+        if values.dtype.kind == "c" or each.get("abscissa_spec_data_type") != TIME:
             found.notes.append(f"{name!r} is left out: it is no function of time")
             continue
-        even = each.get("abscissa_spacing") == 1
-        key = (
-            ("even", each["abscissa_min"], each["abscissa_inc"], len(values))
-            if even
-            else times.tobytes()
-        )
-        clocks.setdefault(key, (name, times))
-        unit = str(each.get("ordinate_axis_units_lab", "")).strip()
-        found.add_array(name, name, values, "" if unit == "NONE" else unit, clock=key)
-        if even and clocks[key][0] == name:
-            step = float(each["abscissa_inc"])
-            late = 0.5 * 10 ** (np.floor(np.log10(step)) - 5) * len(values)
-            said = f"{name!r}: its interval, {step:.6g} s, has six digits in the file; times may be"
-            found.notes.append(f"{said} off by {late:.2g} s at the end")
-    for key, (name, times) in clocks.items():
+        clock = times.tobytes()
+        if clock not in clocks:
+            clocks[clock] = name, _said(each, "abscissa_axis_units_lab") or "s", times
+            if each.get("abscissa_spacing") == 1:
+                found.notes += _digits(name, float(each["abscissa_inc"]), len(times))
+        unit = _said(each, "ordinate_axis_units_lab")
+        found.add_array(name, name, values, unit, clock=clock)
+    for clock, (name, unit, times) in clocks.items():
         name = f"time of {name}" if len(clocks) > 1 else "time"
-        found.add(name, Column(functools.partial(np.copy, times), "time", "s", key))
+        found.add(name, Column(functools.partial(np.copy, times), "time", unit, clock))
     return found
+
+
+def _said(dataset: Mapping[str, Any], key: str) -> str:
+    """Return a text of a universal file, "" where it says that there is none."""
+    text = str(dataset.get(key, "")).strip()
+    return "" if text == "NONE" else text
+
+
+def _digits(name: str, step: float, size: int) -> list[str]:
+    """Return what to say of an interval (s) of which a file keeps six digits."""
+    if not step or float(f"{step:.4g}") == step:  # a round number
+        return []
+    late = 0.5 * 10 ** (np.floor(np.log10(step)) - 5) * size
+    said = f"{name!r}: of its interval, {step:.6g} s, the file has six digits; times may be off by"
+    return [f"{said} {late:.2g} s at the end"]
 
 
 def is_look(start: bytes, size: int) -> bool:

@@ -263,6 +263,8 @@ def _chosen(found: Found, columns: Mapping[str, str | int]) -> dict[str, str]:
     """Return meaning -> name of the columns that were asked for."""
     chosen, names = {}, list(found.columns)
     for meaning, asked in columns.items():
+        if not names:
+            raise SceneError(f"columns.{meaning}", asked, "", _names(found), "no columns")
         if isinstance(asked, int) and not isinstance(asked, bool):
             check_whole(f"columns.{meaning}", asked, 1, len(names))
             chosen[meaning] = names[asked - 1]

@@ -210,7 +210,7 @@ def _layout(
             break
         feet.insert(0, row)
     end = feet[0].at if feet else len(content)
-    if feet and any(_looks_like_data(row, layout) for row in feet):
+    if any(_looks_like_data(row, layout) and _begins(row, layout) for row in feet):
         last = feet[0].cells
         cut_off = len(feet) == 1 and len(last) < layout.kept and all(map(layout.holds, last[:-1]))
         if not cut_off:
@@ -396,6 +396,11 @@ def _looks_like_data(row: Row, layout: Layout, *, above: bool = False) -> bool:
     share = sum(map(numeric, row.cells)) / len(row.cells)
     half = 0.5 * sum(layout.numbers) / layout.kept
     return share > half if above else share >= half
+
+
+def _begins(row: Row, layout: Layout) -> bool:
+    """Whether a row begins with a number where rows of numbers do, as no mean or maximum does."""
+    return layout.holds(row.cells[0]) or not layout.numbers[0]
 
 
 def _refuse_broken(path: Any, rows: list[Row], layout: Layout, total: int) -> None:

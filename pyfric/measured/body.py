@@ -86,12 +86,14 @@ class Layout(NamedTuple):
             return False
         return cell in self.words or numeric(cell) or (self.commas and bool(COMMA.fullmatch(cell)))
 
-    def fit(self, cells: list[str], *, some: bool = False) -> bool:
+    def fit(self, cells: list[str], *, numbered: bool = False) -> bool:
         """Whether cells are a row of the table, with some number in it if that is wanted."""
         if not self.kept <= len(cells) <= self.width or any(cells[self.kept :]):
             return False
         wanted = [cell for cell, number in zip(cells, self.numbers, strict=False) if number]
-        return all(map(self.holds, wanted)) and not (some and all(c in self.words for c in wanted))
+        return all(map(self.holds, wanted)) and not (
+            numbered and all(c in self.words for c in wanted)
+        )
 
     def number(self, cell: str) -> str:
         """Return a cell with a decimal point."""

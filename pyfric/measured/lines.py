@@ -57,8 +57,8 @@ def robust_lines(x: np.ndarray, y: np.ndarray, starts: np.ndarray, stops: np.nda
     classes = np.ceil(np.log2(np.maximum(sizes, 1))).astype(int)
     for size in np.unique(classes):  # of at most twice the length
         alike = np.flatnonzero(classes == size)
-        few = min((len(alike) << int(size)) // AT_ONCE + 1, len(alike))
-        for rows in np.array_split(alike, few):
+        count = min((len(alike) << int(size)) // AT_ONCE + 1, len(alike))
+        for rows in np.array_split(alike, count):
             at = starts[rows, None] + np.arange(int(sizes[rows].max()))
             inside = at < stops[rows, None]
             at = np.minimum(at, len(x) - 1)

@@ -46,7 +46,8 @@ def sections(content: bytes) -> tuple[list[Told], bytes]:
 
 
 def _told(block: bytes) -> Told:
-    lines = (line.split("\t") for line in block.decode("latin-1").splitlines())
+    text = block.decode("latin-1")
+    lines = (line.split("\t" if "\t" in text else ",") for line in text.splitlines())
     cells = {line[0].strip(): [cell.strip() for cell in line[1:]] for line in lines}
     return {name: [cell for cell in values if cell] for name, values in cells.items()}
 
@@ -61,7 +62,7 @@ def described(columns: list[Column], told: list[Told]) -> list[Column]:
     """Return the columns of a LabVIEW text with their units and clocks, and its times."""
     above = told[1] if len(told) > 1 else told[0]
     times = [column for column in columns if column.head == X]
-    channels = [column for column in columns if column.head != X]
+    channels = [column for column in columns if column.head not in (X, "")]
     filled = [time for time in times if np.isfinite(time.numbers()).any()]
     found: list[Column] = []
     for n, column in enumerate(channels):

@@ -404,11 +404,11 @@ def _table(
         begins = np.maximum(begins, np.append(-1, gaps)[part] + 1)
         ends = np.minimum(ends, np.append(gaps, len(t) - 1)[np.searchsorted(gaps, stops)])
         far = (NEAR * windows.smooth - 0.5) * windows.step
-        few = windows.smooth
+        least = windows.smooth
         froms = np.searchsorted(t, t[starts] - far, side="right")
         tos = np.searchsorted(t, t[stops] + far, side="left")
-        froms = np.maximum(begins, np.minimum(froms, starts + 1 - few))
-        tos = np.minimum(ends + 1, np.maximum(tos, stops + few))
+        froms = np.maximum(begins, np.minimum(froms, starts + 1 - least))
+        tos = np.minimum(ends + 1, np.maximum(tos, stops + least))
         sudden = stops == starts + 1  # between the two: a line has to reach the fall
         middle = 0.5 * (t[starts] + t[stops])
         within = np.where(sudden, t[stops] - t[starts], 0.0)

@@ -13,7 +13,7 @@ from pyfric.measured.curve import SIGNALS, Curve
 from pyfric.measured.formats import KINDS, contents
 from pyfric.measured.found import Asked, Column, Found, refused
 from pyfric.measured.meanings import AMBIGUOUS, MEANINGS, bare, factor, meaning_of, unit_of_name
-from pyfric.scene import SceneError, check_number, check_whole, parse_quantity
+from pyfric.scene import LARGEST, SceneError, check_number, check_whole, parse_quantity
 
 Restarts = Literal["join"] | int
 NAMED = 6
@@ -123,6 +123,10 @@ def read(
         else:
             _note_counter(found, meaning, name, numbers)
         scale, zero = scales[meaning]
+        beyond = np.abs(numbers) > LARGEST
+        if beyond.any():
+            numbers[beyond] = np.nan
+            found.notes.append(f"{name!r}: {beyond.sum()} numbers beyond {LARGEST:g} are gaps")
         if zero:
             numbers -= zero
         if scale != 1.0:

@@ -57,6 +57,8 @@ _WHOLE = re.compile(rb"(?m)(?:^|[;\t, ])[+-]?[1-9]\d{0,2}\s*(?:[;\t, ]|$)")
 _POINTED = re.compile(rb"\d\.|\.\d")
 """A comma that is decimal: digits behind it are not three, or there is a zero before it; a whole
 number below 1000; a number with a point."""
+NOT_LENGTHS = ("", "-", ".", "1", "%", "V", "mV", "Volt", "Volts", "bits", "bit", "RN", "TS")
+"""Units that a row of units may have, beside those of columns; time stamps in TS, records in RN."""
 _RULER = re.compile(r"[-=_+|*]{2,}")
 _COMMENT = "Comment"
 """Last head of a LabVIEW text, above no column."""
@@ -97,7 +99,7 @@ def text(path: Any, asked: Asked) -> Found:
         raise refused(path, "quotes that are closed", str(error)) from None
     head = _heads(tops, layout, tops[-1].n + 1 if tops else first)
     _check_commas(path, content, begin, end, layout, head, asked)
-    if any(_looks_like_data(row, layout, above=True) for row in tops):
+    if any(_looks_like_data(row, layout, above=True) and _begins(row, layout) for row in tops):
         _refuse_broken(path, tops, layout, content.count(b"\n"))
     starts: list[int] = []
 
@@ -200,13 +202,15 @@ def _layout(
     for row in rows_of(content, encoding, first, start):
         if not is_comment(row.text):
             row = row._replace(cells=split(row.text, apart))
-            if layout.fit(row.cells, some=True):
+            if layout.fit(row.cells, numbered=True):
                 at = row.at
                 break
         tops.append(row)
+    else:
+        at = -1
     feet = []
     for row in reversed(rows):
-        if layout.fit(row.cells, some=True):
+        if layout.fit(row.cells, numbered=True):
             break
         feet.insert(0, row)
     end = feet[0].at if feet else len(content)
@@ -215,6 +219,8 @@ def _layout(
         cut_off = len(feet) == 1 and len(last) < layout.kept and all(map(layout.holds, last[:-1]))
         if not cut_off:
             _refuse_broken(path, feet, layout, 0)
+    if at < 0:
+        _refuse_last(path, tail[-1], apart)
     tops = [row._replace(cells=_cells_of_head(row, layout)) for row in tops]
     return layout, at, tops, end, feet
 
@@ -260,7 +266,7 @@ def _pattern(rows: list[Row], words: frozenset[str], commas: bool) -> tuple[list
 
 def _plain(rows: list[Row], layout: Layout) -> tuple[bool, ...]:
     """Return which columns of numbers have no units behind them."""
-    fit = [row.cells for row in rows if layout.fit(row.cells, some=True)]
+    fit = [row.cells for row in rows if layout.fit(row.cells, numbered=True)]
 
     def bare(c: int) -> bool:
         return not any(
@@ -293,15 +299,21 @@ def _heads(rows: list[Row], layout: Layout, first: int) -> Head:
     words = [row for row in rows if not is_comment(row.text)]
     while words and is_comment(rows[-1].text) and not _all_units(rows[-1].cells):
         rows.pop()
-    if not words and not (rows and _all_units(rows[-1].cells)):
-        rows = rows[-1:]
     if not rows:
         return Head([], [])
-    name, units = rows[-1], list[str]()
-    if len(rows) > 1 and _all_units(name.cells):
-        units = [_unbracketed(cell) for cell in name.cells]
-        name = rows[-2]
-    return Head(name.cells, units, name.n, is_comment(name.text))
+    of_units = [len(rows) > 1 and _all_units(row.cells) for row in rows]
+    named = [k for k, row in enumerate(rows) if not of_units[k] and _tell_apart(row, layout)]
+    at = named[-1] if named else len(rows) - (2 if of_units[-1] else 1)
+    units = list[str]()
+    if at + 1 < len(rows) and of_units[at + 1]:
+        units = [_unbracketed(cell) for cell in rows[at + 1].cells]
+    return Head(rows[at].cells, units, rows[at].n, is_comment(rows[at].text))
+
+
+def _tell_apart(row: Row, layout: Layout) -> bool:
+    """Whether cells tell the columns of numbers apart, as what is said of all does not."""
+    cells = [cell for cell, number in zip(row.cells, layout.numbers, strict=True) if number]
+    return len(set(cells) - {""}) == len(cells)
 
 
 def _unbracketed(cell: str) -> str:
@@ -313,7 +325,7 @@ def _all_units(cells: list[str]) -> bool:
 
 
 def _like_unit(text: str) -> bool:
-    known = text in ("", "-", ".", "1", "%", "V", "mV", "bits", "bit") or text.lower() in SPELLED
+    known = text in NOT_LENGTHS or text.lower() in SPELLED
     return known or any(fits(text, meaning.unit) for meaning in MEANINGS.values())
 
 
@@ -400,7 +412,7 @@ def _looks_like_data(row: Row, layout: Layout, *, above: bool = False) -> bool:
 
 def _begins(row: Row, layout: Layout) -> bool:
     """Whether a row begins with a number where rows of numbers do, as no mean or maximum does."""
-    return layout.holds(row.cells[0]) or not layout.numbers[0]
+    return layout.holds(row.cells[0]) or numeric(row.cells[0]) or not layout.numbers[0]
 
 
 def _refuse_broken(path: Any, rows: list[Row], layout: Layout, total: int) -> None:

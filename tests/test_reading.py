@@ -298,6 +298,20 @@ def test_words_of_gaps_are_asked_for(tmp_path):
     assert curve.table["mu"].isna().sum() == 1
 
 
+@pytest.mark.parametrize("apart", [";", "\t"])
+def test_a_word_in_the_last_row_before_further_heads_is_no_head(tmp_path, apart):
+    """Nor in the last row of all."""
+    heads = apart.join(("time (s)", "mu", "slip (m)", "load point (m)")) + "\n"
+    rows = "".join(apart.join((f"{k},5", "0,1", "0,2", "0,3")) + "\n" for k in range(4))
+    for lost in (1, 3):
+        cells = [*["OVLD"] * lost, "0,2", "0,2"][:3]
+        word = apart.join(("4,5", *cells)) + "\n"
+        for more, part in ((heads + rows, 1), ("", None)):
+            path = text(tmp_path, heads + rows + word + more)
+            refuse(lambda path=path: read(path), "row 6, column 2: 'OVLD' is no number")
+            assert read(path, gaps="OVLD", restarts=part).t[-1] == 4.5
+
+
 @pytest.mark.parametrize(
     ("feet", "told"),
     [

@@ -405,14 +405,17 @@ def _looks_like_data(row: Row, layout: Layout, *, above: bool = False) -> bool:
     """Whether a row that does not fit is one of numbers; above the table, lists may have some."""
     if is_comment(row.text) or (above and len(row.cells) < 2):
         return False
-    share = sum(map(numeric, row.cells)) / len(row.cells)
+    numbers = [numeric(layout.number(cell)) for cell in row.cells]
+    if not above and len(numbers) == layout.kept and numbers[0] and layout.numbers[0]:
+        return True
+    share = sum(numbers) / len(numbers)
     half = 0.5 * sum(layout.numbers) / layout.kept
     return share > half if above else share >= half
 
 
 def _begins(row: Row, layout: Layout) -> bool:
     """Whether a row begins with a number where rows of numbers do, as no mean or maximum does."""
-    return layout.holds(row.cells[0]) or numeric(row.cells[0]) or not layout.numbers[0]
+    return numeric(layout.number(row.cells[0])) or not layout.numbers[0]
 
 
 def _refuse_broken(path: Any, rows: list[Row], layout: Layout, total: int) -> None:

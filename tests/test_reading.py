@@ -298,6 +298,13 @@ def test_words_of_gaps_are_asked_for(tmp_path):
     assert curve.table["mu"].isna().sum() == 1
 
 
+def test_empty_rows_and_zeros_at_the_end_are_no_rows(tmp_path):
+    content = "time (s);mu\n0;0.1\n1;0.2\n;;\n;;;\n2;0.3\n3;0.2\n" + "\0" * 100
+    curve = read(text(tmp_path, content))
+    same(curve, t=range(4), mu=(0.1, 0.2, 0.3, 0.2))
+    assert "zeros at the end are left out" in str(curve)
+
+
 @pytest.mark.parametrize("apart", [";", "\t"])
 def test_a_word_in_the_last_row_before_further_heads_is_no_head(tmp_path, apart):
     """Nor in the last row of all."""

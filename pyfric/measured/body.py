@@ -288,7 +288,7 @@ def _one_by_one(
                 between(odd)
                 odd = []
             fit.append(row)
-        else:
+        elif any(row.cells):
             odd.append(row)
     table.add(None, fit, n)
     return odd

@@ -156,6 +156,9 @@ def _decoded(path: Any, content: bytes, found: Found) -> tuple[bytes, str]:
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         content = content.decode("utf-16", errors="replace").encode()
     content = content.removeprefix(b"\xef\xbb\xbf")
+    if content.endswith(b"\0") and content.rstrip(b"\0"):
+        content = content.rstrip(b"\0")
+        found.notes.append("zeros at the end are left out, as after a loss of power")
     encoding = "utf-8"
     if not content.isascii():
         try:

@@ -1,5 +1,6 @@
 """Files of laboratories: each kind is read; what is not understood is refused with what to add."""
 
+import gc
 import io
 import re
 import struct
@@ -518,6 +519,7 @@ def test_labview_states_times_that_it_does_not_write(tmp_path):
 def test_channels_of_labview_with_clocks_of_their_own_are_not_joined(tmp_path):
     heads = "X_Value\tshear force\tX_Value\tslip\tComment"
     above = "Time\t10:00:00\t\t10:00:{0}\nY_Unit_Label\tN\t\tum\nX0\t0\t\t0\n"
+    above += "Delta_X\t1\t\t1\n"
     rows = "0\t1\t0\t5\n1\t2\t1\t6\n2\t3\t2\t7\n"
 
     def made(late, rows=rows):
@@ -526,6 +528,7 @@ def test_channels_of_labview_with_clocks_of_their_own_are_not_joined(tmp_path):
 
     asked = {"t": "X_Value", "F_T": "shear force", "slip": "slip"}
     same(read(made("00"), asked), t=(0, 1, 2), F_T=(1, 2, 3), slip=(5e-6, 6e-6, 7e-6))
+    same(read(made("00.2"), asked), t=(0, 1, 2))  # of Delta_X = 1 s, by two tasks
     refuse(lambda: read(made("03"), asked), "'shear force'|'X_Value'", "not sampled together")
     later = rows.replace("\t0\t5", "\t3\t5").replace("\t1\t6", "\t4\t6").replace("\t2\t7", "\t5\t7")
     refuse(lambda: read(made("00", later), asked), "not sampled together")
@@ -628,6 +631,8 @@ def test_tdms_channels_have_the_times_of_their_clocks(tmp_path):
     same(read(path, asked), t=3 + np.array(T), slip=1e-6 * np.array(F))
     both = asked | {"F_T": "shear force"}
     refuse(lambda: read(path, both), "not sampled together", "one clock")
+    write([force, channel("slip", "um", np.timedelta64(1, "ms"))])  # by two tasks
+    same(read(path), t=T, F_T=F, slip=1e-6 * np.array(F))
     write([force], [channel("shear force", "N", np.timedelta64(60, "s"))])
     curve = read(path)
     same(curve, t=(*T, *(60 + np.array(T))), F_T=2 * F)
@@ -732,6 +737,7 @@ def test_numpy(tmp_path):
     refuse(lambda: read(tmp_path / "a.npy"), "arrays of numbers")
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # of broken ones
 def test_mdf(tmp_path):
     asammdf = pytest.importorskip("asammdf")
     for version, name in (("4.10", "a.mf4"), ("3.30", "a.mdf")):
@@ -745,6 +751,11 @@ def test_mdf(tmp_path):
         same(read(tmp_path / name, asked), t=T, F_T=F, slip=1e-6 * np.array(F))
         asked["t"] = "time of group 2"
         refuse(lambda name=name, asked=asked: read(tmp_path / name, asked), "not sampled together")
+        with asammdf.MDF(version=version) as file:  # groups with the same times
+            file.append([force])
+            file.append([asammdf.Signal(np.array(F), t, unit="um", name="slip")])
+            file.save(tmp_path / name, overwrite=True)
+        same(read(tmp_path / name), t=T, F_T=F, slip=1e-6 * np.array(F))
     with asammdf.MDF(version="4.10") as file:
         bad = np.array([False, False, True, False])
         file.append([asammdf.Signal(np.array(F), t, unit="N", name="F_T", invalidation_bits=bad)])
@@ -752,6 +763,7 @@ def test_mdf(tmp_path):
     same(read(tmp_path / "b.mf4"), t=T, F_T=np.where(bad, np.nan, F))
     (tmp_path / "c.mf4").write_bytes(b"MDF     4.10    " + bytes(80))
     refuse(lambda: read(tmp_path / "c.mf4"), "an MDF file that can be read")
+    gc.collect()
 
 
 def universal(pyuff, path, *, step=0.5, binary=0, **channels):

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from pyfric.measured.found import refused
 from pyfric.scene import COMMA, POINT, cells_of, is_number
 
 PART = 1 << 22
@@ -100,14 +101,6 @@ class Layout(NamedTuple):
         return cell.replace(",", ".") if self.commas and COMMA.fullmatch(cell) else cell
 
 
-class Broken(Exception):
-    """A cell or row that is not understood: what is allowed, and why it is not."""
-
-    def __init__(self, allowed: str, reason: str) -> None:
-        super().__init__(reason)
-        self.allowed, self.reason = allowed, reason
-
-
 class Table:
     """Numbers of the columns of a table; other columns as texts.
 
@@ -117,8 +110,8 @@ class Table:
         gaps: whether there were any yet.
     """
 
-    def __init__(self, layout: Layout, rows: int) -> None:
-        self._layout = layout
+    def __init__(self, path: Any, layout: Layout, rows: int) -> None:
+        self._path, self._layout = path, layout
         self._of = {c: k for k, c in enumerate(np.flatnonzero(layout.plain).tolist())}
         self.parsed = np.empty((len(self._of), rows))
         self._others = {c: list[str]() for c in range(layout.kept) if c not in self._of}
@@ -153,7 +146,8 @@ class Table:
             return np.nan
         unit = SUFFIXED.fullmatch(cell)
         told = f"'', {unit['unit']!r}" if unit else repr(cell[:30])
-        raise Broken("one unit in a column", f"column {c + 1} has {told} behind numbers")
+        reason = f"column {c + 1} has {told} behind numbers"
+        raise refused(self._path, "one unit in a column", reason)
 
     def suffix(self, c: int) -> str:
         """Return the unit behind each number of a column, "" if there is none."""
@@ -165,7 +159,7 @@ class Table:
         """Return the numbers of a column; what is not finite is a gap.
 
         Raises:
-            Broken: a cell is no number, or units behind numbers differ.
+            SceneError: a cell is no number, or units behind numbers differ.
         """
         k = self._of.get(c)
         values = self._of_texts(c) if k is None else self.parsed[k, : self.filled]
@@ -188,10 +182,11 @@ class Table:
                 allowed = "numbers in the columns that are read, without marks of thousands; for "
                 allowed += 'clock times, columns={...} without t, and step="..."'
                 where = f"row {self._lines[k]}, column {c + 1}"
-                raise Broken(allowed, f"{where}: {cell[:30]!r} is no number")
+                raise refused(self._path, allowed, f"{where}: {cell[:30]!r} is no number")
         if len(behind) > 1:
             several = ", ".join(repr(unit) for unit in sorted(behind))
-            raise Broken("one unit in a column", f"column {c + 1} has {several} behind numbers")
+            reason = f"column {c + 1} has {several} behind numbers"
+            raise refused(self._path, "one unit in a column", reason)
         return values
 
 
@@ -232,6 +227,7 @@ def rows_of(content: bytes, encoding: str, first: int, start: int = 0) -> Iterat
 
 
 def body(
+    path: Any,
     content: bytes,
     encoding: str,
     begin: int,
@@ -242,16 +238,17 @@ def body(
     """Return the numbers of a table.
 
     Args:
+        path: of the text.
         content, encoding: the text.
         begin, end: offsets of the first row, and behind the last one.
         layout: of rows.
         between: is told consecutive rows that do not fit, and raises if they may not be there.
 
     Raises:
-        Broken: units behind numbers differ.
+        SceneError: units behind numbers differ.
     """
     lines = content.count(b"\n", begin, end) + 1
-    table = Table(layout, lines)
+    table = Table(path, layout, lines)
     n, at = content.count(b"\n", 0, begin) + 1, begin
     odd: list[Row] = []
     while at < end:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from pyfric.measured import arrays, loggers
 from pyfric.measured.found import Asked, Found, refused
-from pyfric.measured.text import Unknown, text
+from pyfric.measured.text import text
 from pyfric.scene import read_at_most
 
 START = 4096
@@ -51,6 +51,10 @@ def _is_universal(start: bytes, size: int) -> bool:
     return len(lines) == 2 and lines[0].strip() == b"-1" and lines[1][:6].strip().isdigit()
 
 
+def _is_text(start: bytes, size: int) -> bool:
+    return start[:2] in (b"\xff\xfe", b"\xfe\xff") or b"\0" not in start.rstrip(b"\0")
+
+
 FORMATS = (
     Format("HDF5", _is_hdf5, arrays.hdf5),
     Format("MATLAB", _signed(b"MATLAB"), arrays.matlab),
@@ -74,7 +78,7 @@ FORMATS = (
         None,
         instead="CSV: export the table from the spreadsheet",
     ),
-    Format("text", lambda start, size: True, text),
+    Format("text", _is_text, text),
 )
 """All kinds, the first that fits is taken."""
 KINDS = ", ".join(dict.fromkeys(each.name for each in FORMATS if each.read))
@@ -94,13 +98,13 @@ def contents(path: str | os.PathLike[str], asked: Asked) -> Found:
     except (OSError, ValueError, TypeError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise refused(path, "a file of measurements", reason) from None
-    kind = next(each for each in FORMATS if each.begins(start, size))
+    kind = next((each for each in FORMATS if each.begins(start, size)), None)
+    if kind is None:
+        raise refused(path, KINDS, "not a kind of file that is known")
     if kind.read is None:
         raise refused(path, kind.instead, f"{kind.name}, which is not read")
     try:
         return kind.read(path, asked)
-    except Unknown:
-        raise refused(path, KINDS, "not a kind of file that is known") from None
     except ModuleNotFoundError:
         allowed = f"the extra {kind.extra!r}: pip install pyfric[{kind.extra}]"
         raise refused(path, allowed, f"a file of the kind {kind.name}") from None

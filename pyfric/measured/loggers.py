@@ -61,6 +61,7 @@ def tdms(path: Any, asked: Asked) -> Found:
                 if sum(count for _, count in own) != len(channel):
                     own = ((None, len(channel)),)
                 clock = (group.name, told.get("wf_start_offset", 0.0), step, own)
+                clock = next((other for other in waves if _together(other, clock)), clock)
                 waves.setdefault(clock, channel.name)
             found.add_array(name, channel.name, np.asarray(channel[:]), str(unit), clock=clock)
         starts = [start for *_, own in waves for start, _ in own if start is not None]
@@ -71,6 +72,19 @@ def tdms(path: Any, asked: Asked) -> Found:
             if len(clock[-1]) > 1:
                 found.notes.append(f"{channel!r} was recorded in {len(clock[-1])} parts")
     return found
+
+
+def _together(clock: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
+    """Whether two channels were sampled together: their parts began within half a step."""
+    half = np.timedelta64(round(0.5e9 * clock[2]), "ns")
+    pairs = list(zip(clock[3], other[3], strict=False))
+    known = [(a, b) for (a, _), (b, _) in pairs if a is not None and b is not None]
+    return (
+        clock[:3] == other[:3]
+        and [count for _, count in clock[3]] == [count for _, count in other[3]]
+        and [a is None for a, _ in clock[3]] == [b is None for b, _ in other[3]]
+        and all(abs(a - b) <= half for a, b in known)
+    )
 
 
 def _times(clock: tuple[Any, ...], first: Any) -> np.ndarray:
@@ -144,9 +158,11 @@ def mdf(path: Any, asked: Asked) -> Found:
     found = Found("MDF")
     try:
         with MDF(path) as file:
+            clocks: dict[bytes, str] = {}
             for g, group in enumerate(file.groups):
                 master = file.masters_db.get(g)
                 times = np.asarray(file.get_master(g))
+                clock = times.tobytes()
                 for c, channel in enumerate(group.channels):
                     if c == master:
                         continue
@@ -159,10 +175,13 @@ def mdf(path: Any, asked: Asked) -> Found:
                         values = np.where(bad, np.nan, values.astype(float))
                         said = f"{channel.name!r}: {np.sum(bad)} invalid samples are gaps"
                         found.notes.append(said)
-                    found.add_array(channel.name, channel.name, values, signal.unit or "", clock=g)
-                if master is not None and len(times) > 1:
-                    name = "time" if len(file.groups) == 1 else f"time of group {g + 1}"
-                    found.add(name, Column(functools.partial(np.copy, times), "time", "s", g))
+                    found.add_array(
+                        channel.name, channel.name, values, signal.unit or "", clock=clock
+                    )
+                if master is not None and len(times) > 1 and clock not in clocks:
+                    clocks[clock] = "time" if len(file.groups) == 1 else f"time of group {g + 1}"
+                    numbers = functools.partial(np.copy, times)
+                    found.add(clocks[clock], Column(numbers, "time", "s", clock))
     except Exception as error:  # of many kinds
         raise refused(path, "an MDF file that can be read", type(error).__name__) from None
     return found

@@ -10,6 +10,8 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -58,38 +60,65 @@ def decimal(told: list[Told]) -> str | None:
     return mark[0] if mark and mark[0] in (".", ",") else None
 
 
-def described(columns: list[Column], told: list[Told]) -> list[Column]:
-    """Return the columns of a LabVIEW text with their units and clocks, and its times."""
+def described(columns: list[Column], told: list[Told]) -> list[tuple[str, Column]]:
+    """Return the columns of a text by name; of one of LabVIEW with units, clocks and times."""
+    if not told:
+        return [(column.head, column) for column in columns]
     above = told[1] if len(told) > 1 else told[0]
-    times = [column for column in columns if column.head == X]
     channels = [column for column in columns if column.head not in (X, "")]
-    filled = [time for time in times if np.isfinite(time.numbers()).any()]
-    found: list[Column] = []
-    for n, column in enumerate(channels):
-        if len(filled) > 1:
-            before = [each for each in columns[: columns.index(column)] if each in filled]
-            own = before[-1] if before else filled[0]
-        else:
-            own = filled[0] if filled else None
-        values = {name: each[n] for name, each in above.items() if len(each) == len(channels)}
-        clock = tuple(values.get(name, "") for name in _CLOCK)
-        seconds = "s" if values.get("X_Dimension", "Time") == "Time" else ""
-        if own is not None:
-            clock = (*clock, hash(own.numbers().tobytes()))
-            if own.clock is None:
-                own.head, own.unit, own.clock = "time", seconds, clock
-        column.clock = clock
-        column.unit = column.unit or values.get("Y_Unit_Label", "")
-        found.append(column)
-    if not filled and len(told) < 3 and channels:
-        values = {name: each[0] for name, each in above.items() if each}
-        try:
-            begin, step = float(values.get("X0", "0")), float(values["Delta_X"])
-        except (KeyError, ValueError):
-            return found
-        size = len(channels[0].numbers())
+    own: Column | None = None
+    found: list[tuple[str, Column]] = []
+    clocks: list[tuple[Any, ...]] = []
+    for column in columns:
+        if column.head == X and np.isfinite(column.numbers()).any():
+            own = replace(column, head="time", unit="s")
+            found.append((X, own))
+        elif column in channels:
+            n = channels.index(column)
+            values = {name: each[n] for name, each in above.items() if len(each) == len(channels)}
+            clock = _clock(values, own, clocks)
+            if own is not None and own.clock is None:
+                own.unit = "s" if values.get("X_Dimension", "Time") == "Time" else ""
+                own.clock = clock
+            unit = column.unit or values.get("Y_Unit_Label", "")
+            found.append((column.head, replace(column, unit=unit, clock=clock)))
+    step = _number(above.get("Delta_X", [""])[0])
+    if own is None and len(told) < 3 and channels and step:
+        begin, size = _number(above.get("X0", [""])[0]) or 0.0, len(channels[0].numbers())
         times = functools.partial(lambda b, s, n: b + s * np.arange(n), begin, step, size)
-        found.append(Column(times, "time", "s", channels[0].clock))
-    return [column for column in columns if column in filled or column in channels] + found[
-        len(channels) :
-    ]
+        found.append(("time", Column(times, "time", "s", clocks[0])))
+    return found
+
+
+def _clock(
+    values: Mapping[str, str], times: Column | None, clocks: list[tuple[Any, ...]]
+) -> tuple[Any, ...]:
+    """Return the clock of a channel: start, date, X0, step, times; add it to those known.
+
+    Channels that began within half a step of each other have the same.
+    """
+    date, begin, late, step = (values.get(name, "") for name in _CLOCK)
+    written = b"" if times is None else times.numbers().tobytes()
+    clock = (begin, date, late, step, written)
+    half = 0.5 * (_number(step) or 0.0)
+    for other in clocks:
+        apart = abs(_seconds(other[0]) - _seconds(begin))
+        if other[1:] == clock[1:] and (other[0] == begin or apart <= half):
+            return other
+    clocks.append(clock)
+    return clock
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text.replace(",", "."))
+    except ValueError:
+        return None
+
+
+def _seconds(text: str) -> float:
+    """Return the seconds of a time such as 12:01:02.5, NaN for others."""
+    parts = [_number(part) for part in text.split(":")]
+    if len(parts) != 3 or None in parts:
+        return np.nan
+    return float(np.dot(parts, (3600.0, 60.0, 1.0)))

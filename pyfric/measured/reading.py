@@ -118,15 +118,15 @@ def read(
     scales = _scales(found, chosen, units or {}, calibration or {})
     for meaning, name in chosen.items():
         numbers = table[meaning]
+        beyond = np.abs(numbers) > LARGEST
+        if beyond.any():
+            numbers[beyond] = np.nan
+            found.notes.append(f"{name!r}: {beyond.sum()} numbers beyond {LARGEST:g} are gaps")
         if wraps and meaning in wraps:
             numbers = _unwrapped(meaning, numbers, wraps[meaning])
         else:
             _note_counter(found, meaning, name, numbers)
         scale, zero = scales[meaning]
-        beyond = np.abs(numbers) > LARGEST
-        if beyond.any():
-            numbers[beyond] = np.nan
-            found.notes.append(f"{name!r}: {beyond.sum()} numbers beyond {LARGEST:g} are gaps")
         if zero:
             numbers -= zero
         if scale != 1.0:
@@ -316,19 +316,12 @@ def _scales(
     missing: list[SceneError] = []
     found_scales = {}
     for meaning, name in chosen.items():
-        try:
-            column = found.columns[name]
-            found_scales[meaning] = _scale(found, meaning, name, column, units, calibration)
-        except _NoUnitError as error:
-            missing.append(error)
+        column = found.columns[name]
+        found_scales[meaning] = _scale(found, meaning, name, column, units, calibration, missing)
     if missing:
         first, *others = missing
         raise SceneError(*first.args[:-1], others)
     return found_scales
-
-
-class _NoUnitError(SceneError):
-    """A column has no unit."""
 
 
 def _scale(
@@ -338,8 +331,12 @@ def _scale(
     column: Column,
     units: Mapping[str, str],
     calibration: Mapping[str, Any],
+    missing: list[SceneError],
 ) -> tuple[float, float]:
-    """Return SI units in 1 of a column, and the number that stands for zero."""
+    """Return SI units in 1 of a column, and the number that stands for zero.
+
+    A unit that nothing states is added to those that are missing.
+    """
     si = MEANINGS[meaning].unit
     if meaning in calibration:
         given = calibration[meaning]
@@ -377,7 +374,8 @@ def _scale(
     elif si:
         allowed = f'units={{"{meaning}": "{si}"}} or another unit'
         reason = unclear or f"{name!r} has no unit in the file"
-        raise (SceneError if unclear else _NoUnitError)(where, None, si, allowed, reason)
+        missing.append(SceneError(where, None, si, allowed, reason))
+        return 1.0, 0.0
     elif unclear:
         raise SceneError(where, None, si, f'units={{"{meaning}": "1"}} or "%"', unclear)
     else:

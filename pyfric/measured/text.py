@@ -8,19 +8,16 @@ of the same columns, each below heads of its own; they are parts of one.
 from __future__ import annotations
 
 import csv
+import functools
 import re
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from pyfric.measured.body import (
     BLANK,
     GAPS,
     SUFFIXED,
-    Broken,
     Layout,
     Row,
     Table,
@@ -64,10 +61,6 @@ _COMMENT = "Comment"
 """Last head of a LabVIEW text, above no column."""
 
 
-class Unknown(Exception):
-    """What was taken for text is none."""
-
-
 class Head(NamedTuple):
     """Names of columns, the row of their units, [] where there is none, row, if a comment."""
 
@@ -82,7 +75,6 @@ def text(path: Any, asked: Asked) -> Found:
 
     Raises:
         SceneError: it cannot be read, or something in it is not understood.
-        Unknown: it is no text.
     """
     found = Found("text")
     content = read_at_most(path, MAX_BYTES + 1)
@@ -120,10 +112,7 @@ def text(path: Any, asked: Asked) -> Found:
             raise refused(path, allowed, reason)
         starts.append(rows[-1].n + 1)
 
-    try:
-        table = body(content, encoding, begin, end, layout, between)
-    except Broken as error:
-        raise refused(path, error.allowed, error.reason) from None
+    table = body(path, content, encoding, begin, end, layout, between)
     if layout.commas:
         found.notes.append("decimal commas")
     if starts:
@@ -134,9 +123,8 @@ def text(path: Any, asked: Asked) -> Found:
         said = repr(feet[0].text[:30])
         found.notes.append(f"rows below the table are left out, from row {feet[0].n}: {said}")
     columns = _columns(path, table, layout, head)
-    names = {id(column): column.head for column in columns}
-    for column in described(columns, told) if told else columns:
-        found.add(names.get(id(column), column.head), column)
+    for name, column in described(columns, told):
+        found.add(name, column)
     return found
 
 
@@ -168,7 +156,8 @@ def _decoded(path: Any, content: bytes, found: Found) -> tuple[bytes, str]:
             found.notes.append("read as Windows text (cp1252), as it is not UTF-8")
     unknown = "\ufffd".encode() if encoding == "utf-8" else b"\x81"
     if b"\0" in content or (not content.isascii() and unknown in content):
-        raise Unknown
+        allowed = "text in UTF-8, UTF-16 or Windows-1252"
+        raise refused(path, allowed, "not a kind of file that is known")
     if b"\r" in content and b"\n" not in content:
         content = content.replace(b"\r", b"\n")
     return content, encoding
@@ -462,15 +451,5 @@ def _columns(path: Any, table: Table, layout: Layout, head: Head) -> list[Column
             reason = f"column {c + 1}: {stated!r} at the top, {suffix!r} behind numbers"
             raise refused(path, "one unit in a column", reason)
         unit = head.units[c] if head.units else suffix
-        found.append(Column(_numbers(path, table, c), name, unit))
+        found.append(Column(functools.partial(table.numbers, c), name, unit))
     return found
-
-
-def _numbers(path: Any, table: Table, c: int) -> Callable[[], np.ndarray]:
-    def numbers() -> np.ndarray:
-        try:
-            return table.numbers(c)
-        except Broken as error:
-            raise refused(path, error.allowed, error.reason) from None
-
-    return numbers

@@ -420,6 +420,14 @@ def test_one_odd_row_among_many_is_read_as_alone(tmp_path, monkeypatch, part, k)
         )
 
 
+def test_truths_are_no_numbers(tmp_path, monkeypatch):
+    """Parts with nothing else in a column are numbers to pandas."""
+    monkeypatch.setattr(parsing, "PART", 110)  # eleven rows
+    cells = ["0.25"] * 110 + ["True"] * 110 + ["0.25"] * 110
+    rows = "".join(f"{0.001 * k:.3f},{cell}\n" for k, cell in enumerate(cells))
+    refuse(lambda: read(text(tmp_path, "time (s),mu\n" + rows)), "row 112, column 2: 'True'")
+
+
 # --- sums, counters, ends of sensors -------------------------------------------------------------
 
 

@@ -416,8 +416,9 @@ def _refuse_broken(path: Any, rows: list[Row], layout: Layout, total: int) -> No
     Raises:
         SceneError: always. Where few rows are above, leaving them out is a way.
     """
-    row = next(row for row in reversed(rows) if _looks_like_data(row, layout))
-    above = f"; head={row.n} leaves out the rows above" if 2 * row.n <= total + 1 else ""
+    rows = [row for row in rows if _looks_like_data(row, layout)]
+    row, last = rows[0], rows[-1].n
+    above = f"; head={last} leaves out the rows above" if 2 * last <= total + 1 else ""
     if len(row.cells) != layout.kept:
         reason = f"row {row.n}: {len(row.cells)} columns, other rows: {layout.kept}"
         raise refused(path, f"rows of equal columns: mend or cut this one{above}", reason)

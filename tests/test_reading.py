@@ -352,6 +352,14 @@ def test_heads_of_several_rows_have_names_units_and_more(tmp_path):
         same(read(path, {"F_T": "Friction_force"}, step="1 s"), F_T=np.arange(4) / 8)
 
 
+@pytest.mark.parametrize("k", [0, 2, 3])
+def test_an_empty_cell_more_at_the_end_of_a_row_is_nothing(tmp_path, k):
+    rows = [f"{n}\t0.{n + 1}" for n in range(4)]
+    rows[k] += "\t"
+    path = text(tmp_path, "time\tmu\ns\t-\n" + "\n".join(rows))
+    same(read(path), t=range(4), mu=(0.1, 0.2, 0.3, 0.4))
+
+
 def test_a_second_table_below_is_refused(tmp_path):
     content = "time (s),mu\n0,0.1\n1,0.2\n2,0.3\n3,0.3\n4,0.2\na,b,c\n1,2,3\n4,5,6\n"
     refuse(lambda: read(text(tmp_path, content)), "columns, other rows")

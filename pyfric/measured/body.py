@@ -89,7 +89,7 @@ class Layout(NamedTuple):
 
     def fit(self, cells: list[str], *, numbered: bool = False) -> bool:
         """Whether cells are a row of the table, with some number in it if that is wanted."""
-        if not self.kept <= len(cells) <= self.width or any(cells[self.kept :]):
+        if len(cells) < self.kept or any(cells[self.kept :]):
             return False
         wanted = [cell for cell, number in zip(cells, self.numbers, strict=False) if number]
         return all(map(self.holds, wanted)) and not (

@@ -186,7 +186,7 @@ def test_a_wrong_model_is_noticed(monkeypatch):
     monkeypatch.setattr(profiles, "ROUNDS", 1)
     speeds = {0.304: SCENE.driver.V, 0.504: 1.5 * SCENE.driver.V}  # as if mu_k grew with V
     scenes = [SCENE.replace(V=V) for V in speeds.values()]
-    two = [events(curve(mu_k=mu_k, V=V)).iloc[:9] for mu_k, V in speeds.items()]
+    two = [events(curve(seed=1, mu_k=mu_k, V=V)).iloc[:9] for mu_k, V in speeds.items()]
     found = pyfric.fit(scenes, two, {"mu_k": (0.25, 0.55)}, **STATIC)
     assert not found.fits
     assert "DOES NOT FIT" in str(found)
@@ -314,6 +314,8 @@ def test_commands_say_what_is_wrong_and_draw(tmp_path):
         (["--vary", "mu_k=0.4:0.5", "--unit", "load_point=m"], "F_N: missing"),
         (["--vary", "mu_k=0.4:0.5", "--calibration", "F_T=1 N@a"], "write MEANING=QUANTITY"),
         (["--vary", "mu_k=0.4:0.5", "--calibration", "F_T=1 m"], "calibration.F_T"),
+        (["--vary", "mu_k=0.4:0.5", "--valid", "F_T=5"], "write MEANING=LOW:HIGH"),
+        (["--vary", "mu_k=0.4:0.5", "--wrap", "F_T=x"], "write MEANING=PERIOD"),
         (["--vary", "mu_k=0.4:0.5", "--restarts", "all", "--unit", "load_point=m"], "not start"),
     ):
         done = CliRunner().invoke(main, [*line, *more])
@@ -346,6 +348,11 @@ def test_the_command_reads_files_as_python_does(tmp_path, monkeypatch):
     np.testing.assert_allclose(seen[0].over_F_N, (0.6, 0.8, 1.0), rtol=1e-9)
     np.testing.assert_allclose(seen[1].t, 1e-3 * np.arange(6))
     np.testing.assert_allclose(seen[1].over_F_N, 0.2 * np.arange(6), rtol=1e-9, atol=1e-12)
+    data.write_text("time (s),mu,slip (um)\n0,0.1,8\n1,OVLD,2\n2,9,6\n3,0.4,0\n")
+    more = ["--gap=OVLD", "--wrap=slip=10", "--valid=mu=0:1"]
+    assert CliRunner().invoke(main, [*line[:4], *more, f"--out={tmp_path}/a"]).exit_code == 2
+    np.testing.assert_allclose(seen[-1].table["mu"], (0.1, np.nan, np.nan, 0.4))
+    np.testing.assert_allclose(seen[-1].table["slip"], (8e-6, 12e-6, 16e-6, 20e-6))
 
 
 STORED = Path(__file__).parents[1] / "reference_data" / "fits" / "fits.csv"

@@ -4,10 +4,11 @@ import functools
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 import pyfric
 from pyfric.fitting import misfit
-from pyfric.measured import COLUMNS, Curve, events, noise_of, robust_line, sampled
+from pyfric.measured import COLUMNS, Curve, events, lines, noise_of, robust_line, sampled
 from pyfric.measured.picking import _gaps
 from pyfric.scene import SceneError
 
@@ -32,8 +33,8 @@ def test_a_run_sampled_fully_has_the_events_of_its_catalogue():
     own = events(record)
     for name in COLUMNS:
         np.testing.assert_allclose(found[name], own[name], rtol=1e-9, atol=1e-9)
-    threshold = pytest.approx(5e-10, rel=0.1)
-    assert found.attrs == {"noise": 0.0, "smooth": 1, "threshold": threshold, "resolution": 0.0}
+    attrs = {"noise": 0.0, "smooth": 1, "threshold": pytest.approx(5e-10, rel=0.1)}
+    assert found.attrs == attrs | {"resolution": 0.0, "notes": ()}
 
 
 def test_stiffness_and_rate_are_those_of_the_apparatus():
@@ -114,9 +115,8 @@ def test_noise_is_estimated_and_asked_for_where_it_cannot_be():
     assert curve.noise == 2e-3
     plain = Curve.of(t=curve.t, F_T=curve.force(), F_N=curve.F_N)
     assert events(plain).attrs["noise"] == noise_of(plain)
-    for t in (curve.t**2, np.append(np.zeros(len(curve.t) - 1), 1.0)):
-        with pytest.raises(SceneError, match=r"not equally spaced.*noise=1e-3"):
-            events(Curve.of(t=t, F_T=curve.force(), F_N=curve.F_N))
+    with pytest.raises(SceneError, match=r"not equally spaced.*noise=1e-3"):
+        events(Curve.of(t=curve.t**2, F_T=curve.force(), F_N=curve.F_N))
 
 
 @pytest.mark.parametrize("n", [2, 4, 8])
@@ -169,8 +169,233 @@ def test_a_long_gap_has_no_events(end, seen):
     assert np.flatnonzero(parted["recurrence"].isna()).tolist() == [0, first]
     assert parted["rate"].to_numpy() == pytest.approx(1.0, abs=0.05)
     slower = np.concatenate([t[:1000], t[1000::40]])
-    assert not _gaps(slower, 8)
-    assert not _gaps(np.repeat(t, 2), 8)
+    assert not len(_gaps(slower, 8))
+    assert not len(_gaps(np.repeat(t, 2), 8))
+
+
+# --- what samples are worth ----------------------------------------------------------------------
+
+PERIOD, DROP = 0.1, 0.05
+
+
+def saw(t):
+    """Falls of 0.05 each 0.1 s."""
+    return 0.45 + DROP * (t % PERIOD) / PERIOD
+
+
+def noisy(t, seed=1, noise=NOISE):
+    return saw(t) + noise * np.random.default_rng(seed).standard_normal(len(t))
+
+
+MS = np.arange(2000) * 1e-3
+
+
+def found_all(found, n=19):
+    """Whether all falls are found, with their drops."""
+    off = found["drop"] - DROP * (1 - 1e-3 / PERIOD * 0.5)
+    return len(found) == n and (np.abs(off) < 5 * found["drop_error"] + 1e-3).all()
+
+
+def test_means_are_over_times_and_not_over_samples():
+    """At 100 Hz eight samples are most of a period, and single ones tell the falls."""
+    t = np.concatenate([np.arange(0, 1, 0.01), np.arange(1, 2, 0.001)])
+    found = events(Curve.of(t=t, mu=noisy(t)))
+    assert len(found) == 19
+    np.testing.assert_allclose(found["drop"], DROP, atol=3e-3)
+    np.testing.assert_allclose(found["t_stop"] - found["t_start"], [0.01] * 9 + [1e-3] * 10)
+    slow = found["t_start"] < 0.95
+    assert found["drop_error"][slow].min() > 1.9 * found["drop_error"].iloc[-9:].max()
+    assert found.attrs["threshold"] == pytest.approx(5 * np.sqrt(2) * found.attrs["noise"])
+    assert found.attrs["resolution"] == pytest.approx(0.01)
+    backward = events(Curve.of(t=2 - t[::-1], mu=noisy(2 - t[::-1])))
+    assert len(backward) == 19
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_drop_is_below_the_threshold(seed):
+    """Neither the one that is told, nor the one that was asked for."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(6000) * STEP
+    sizes = np.cumsum(rng.exponential(2.5e-3, 150))[np.minimum((t / 0.02).astype(int), 149)]
+    curve = Curve.of(t=t, mu=0.125 * t - sizes + 1 + NOISE * rng.standard_normal(len(t)))
+    for how in ({}, {"threshold": 4e-3}, {"smooth": 2}, {"noise": 2e-3}):
+        found = events(curve, **how)
+        assert len(found) > 10
+        assert found["drop"].min() >= found.attrs["threshold"] >= how.get("threshold", 0.0)
+
+
+@pytest.mark.parametrize("value", [0.0, 0.7, 9999.0])
+@pytest.mark.parametrize("length", [1, 3])
+def test_readings_that_stand_alone_are_left_out_and_said(value, length):
+    f = noisy(MS)
+    assert found_all(events(Curve.of(t=MS, mu=f)))
+    f[555 : 555 + length] = value + 1e-3 * np.arange(length)
+    found = events(Curve.of(t=MS, mu=f))
+    assert found_all(found)
+    assert (
+        f"{length} samples that stand alone are left out, first at 0.555 s" in found.attrs["notes"]
+    )
+    many = noisy(MS)
+    many[np.random.default_rng(0).choice(2000, 24, replace=False)] = value
+    assert found_all(events(Curve.of(t=MS, mu=many)))
+
+
+@pytest.mark.parametrize(
+    "clipped",
+    [
+        lambda f: np.minimum(f, 0.48),
+        lambda f: np.minimum(f, 0.4995),
+        lambda f: np.maximum(f, 0.452),
+        lambda f: np.where((MS > 0.7) & (MS < 0.724), 9999.0, f),
+    ],
+)
+def test_a_sensor_at_its_end_is_refused(clipped):
+    with pytest.raises(SceneError, match=r"reading stands in \d+ samples.*valid={\"mu\""):
+        events(Curve.of(t=MS, mu=clipped(noisy(MS))))
+
+
+def test_rest_at_both_ends_and_coarse_digits_are_no_clipping():
+    f = noisy(MS)
+    f[:300], f[1900:] = 0.0, 0.0
+    assert len(events(Curve.of(t=MS, mu=f), noise=NOISE)) == 16
+    for digits in (5e-4, 1e-3, 2e-3):
+        coarse = np.round(noisy(MS) / digits) * digits
+        assert len(events(Curve.of(t=MS, mu=coarse), noise=NOISE)) == 19
+
+
+def falls(f):
+    """Maxima and the minima that follow, one by one: an oracle."""
+    drops, k = [], 0
+    while k + 1 < len(f):
+        top = k
+        while k + 1 < len(f) and f[k + 1] < f[k]:
+            k += 1
+        if k > top:
+            drops.append(f[top] - f[k])
+        else:
+            k += 1
+    return drops
+
+
+@pytest.mark.parametrize("curve", ["steps", "spline", "slow"])
+def test_without_noise_events_are_falls_between_turning_points(curve):
+    """A curve of another code, an event each few samples, or a line through points."""
+    rng = np.random.default_rng(0)
+    t = np.arange(1200) * 8e-4
+    if curve == "spline":
+        t = np.arange(0, 1.9, 1e-3)
+        f = CubicSpline(MS[::10], saw(MS[::10]))(t)
+    else:
+        knots = np.concatenate([[0], np.cumsum(rng.integers(3, 9, 300))])
+        f = CubicSpline(knots, np.cumsum(rng.choice([-0.01, 0.012], 301)))(np.arange(1200))
+        f = f if curve == "slow" else np.round(f, 9)
+    for how in ({}, {"noise": 0.0}):
+        found = events(Curve.of(t=t, mu=f), **how)
+        np.testing.assert_allclose(found["drop"], falls(f), rtol=0, atol=1e-12)
+    assert "turning points" in events(Curve.of(t=t, mu=f)).attrs["notes"][0]
+    claimed = events(Curve.of(t=t, mu=f), noise=1e-7, smooth=1)
+    assert len(claimed) <= len(falls(f))
+
+
+def test_a_straight_line_has_no_events():
+    for f in (0.4 + 0.01 * MS, np.interp(MS, [0, 0.3, 2], [0, 0.2, 0.5])):
+        found = events(Curve.of(t=MS, mu=f))
+        assert found.empty
+        assert "no noise" in found.attrs["notes"][0]
+
+
+def test_noise_that_is_not_white_is_said():
+    kernel = np.ones(4) / 4
+    white = np.random.default_rng(3).standard_normal(2003)
+    f = saw(MS) + NOISE * np.convolve(white, kernel, "valid")
+    assert "not white" in events(Curve.of(t=MS, mu=f)).attrs["notes"][0]
+    assert events(Curve.of(t=MS, mu=noisy(MS))).attrs["notes"] == ()
+    digits = np.round(noisy(MS), 3)
+    assert events(Curve.of(t=MS, mu=digits)).attrs["notes"] == ()
+
+
+def test_falls_that_means_do_not_tell_apart_are_said():
+    t = np.arange(0, 2, 0.016)  # six samples each
+    f = noisy(t)
+    found = events(Curve.of(t=t, mu=f), noise=NOISE)
+    assert len(found) < 19
+    (said,) = found.attrs["notes"]
+    assert "single samples show 19 falls" in said
+    assert len(events(Curve.of(t=t, mu=f), noise=NOISE, smooth=1)) == 19
+
+
+def test_what_is_no_curve_or_no_number_of_samples_is_refused():
+    curve = Curve.of(t=MS, mu=noisy(MS))
+    for call, said in (
+        (lambda: events("x.csv"), "of = 'str': no curve.*pyfric.measured.read"),
+        (lambda: events(curve, smooth=10**9), "smooth = 1000000000.*from 1 to 999"),
+        (lambda: pyfric.fit("fig1", "x.csv", {"mu_k": (0.4, 0.5)}), "measured = 'str'"),
+        (lambda: events(Curve.of(t=MS, mu=-noisy(MS))), "negative throughout"),
+    ):
+        with pytest.raises(SceneError, match=said):
+            call()
+
+
+def test_a_fit_says_what_events_leave_out():
+    curve = sampled(run(mu_k=0.46), STEP, noise=NOISE)
+    f = curve.force().copy()
+    f[1234] = 0.0
+    said = []
+    found = pyfric.fit(
+        pyfric.preset("fig1", l="5 mm"),
+        Curve.of(t=curve.t, F_T=f, F_N=curve.F_N),
+        {"mu_k": (0.455, 0.465)},
+        part="all",
+        fidelity="quasistatic",
+        progress=said.append,
+    )
+    (note,) = found.notes
+    assert "1 samples that stand alone" in note
+    assert note in said
+    assert str(found).endswith(note)
+
+
+# --- lines ---------------------------------------------------------------------------------------
+
+
+def plain_line(x, y):
+    """The same for one line, in plain loops: an oracle."""
+    weights, centre, value, slope = np.ones(len(x)), x.mean(), y.mean(), 0.0
+    for _ in range(5):
+        at, mean = (weights * x).sum() / weights.sum(), (weights * y).sum() / weights.sum()
+        spread = (weights * (x - at) ** 2).sum()
+        slope = (weights * (x - at) * (y - mean)).sum() / spread if spread > 0 else 0.0
+        value = mean + slope * (centre - at)
+        off = np.abs(y - value - slope * (x - centre))
+        scale = 1.4826 * np.median(off)
+        if scale <= 1e-9 * np.abs(y).max() or len(x) < 5:
+            break
+        weights = (1 - np.clip(off / (6 * scale), 0, 1) ** 2) ** 2
+    return value, slope
+
+
+@pytest.mark.parametrize("at_once", [1, 50, 1 << 20])
+def test_lines_through_parts_are_those_through_each(monkeypatch, at_once):
+    monkeypatch.setattr(lines, "AT_ONCE", at_once)
+    rng = np.random.default_rng(0)
+    x, y = np.sort(rng.random(600)), rng.standard_normal(600)
+    y[rng.integers(0, 600, 30)] += 50
+    x[100:110] = x[100]
+    starts = np.array([0, 3, 5, 100, 200, 0, 599, 100])
+    stops = np.array([3, 5, 6, 164, 600, 600, 600, 105])
+    found = lines.robust_lines(x, y, starts, stops)
+    for k, (start, stop) in enumerate(zip(starts, stops, strict=True)):
+        value, slope = plain_line(x[start:stop], y[start:stop])
+        assert found.value[k] == pytest.approx(value, rel=1e-9)
+        assert found.slope[k] == pytest.approx(slope, rel=1e-7, abs=1e-12)
+        assert found.centre[k] == pytest.approx(x[start:stop].mean())
+        assert found.count[k] == stop - start
+    x[5] = np.nan
+    some = lines.robust_lines(x, y, np.array([0, 5]), np.array([8, 6]))
+    kept = np.delete(np.arange(8), 5)
+    assert some.value[0] == pytest.approx(plain_line(x[kept], y[kept])[0])
+    assert (some.count == (7, 0)).all()
+    assert np.isnan(some.value[1])
 
 
 def test_lines_do_not_follow_outliers():

@@ -89,7 +89,8 @@ def fit(
         SceneError: an argument is refused, a curve has fewer than two events or another normal
             force than its scene, or no parameters in the bounds have a run.
     """
-    curves = list(measured) if isinstance(measured, Sequence) else [measured]
+    several = isinstance(measured, Sequence) and not isinstance(measured, str)
+    curves = list(measured) if several else [measured]
     scenes = list(scene) if isinstance(scene, list | tuple) else [scene] * len(curves)
     if len(scenes) != len(curves):
         allowed = f"one, or {len(curves)}, as there are curves"
@@ -119,6 +120,8 @@ def fit(
     spread = scipy.stats.qmc.Sobol(dim, rng=np.random.default_rng(seed)).random(STARTS)
     starts = [np.full(dim, 0.5), *spread]
     problem.check(starts)
+    for note in (note for each in data for note in each.table.attrs.get("notes", ())):
+        say(note)
     if options["fidelity"] != SEARCH and problem.can(SEARCH):
         still = [dataclasses.replace(each, arrivals=None) for each in data]
         search = Problem(
@@ -162,6 +165,7 @@ def fit(
         bounds=bounds,
         fronts=_of_fronts(problem, u, compared),
         model_error=assumed,
+        notes=tuple(note for each in data for note in each.table.attrs.get("notes", ())),
         problem=problem,
     )
 
@@ -222,7 +226,9 @@ def _table_of(measured: Curve | pd.DataFrame) -> pd.DataFrame:
     table = events(measured) if whole else measured
     columns = getattr(table, "columns", ())
     if absent := [name for name in COLUMNS if name not in columns]:
-        allowed = "a Curve with forces, or the events of one (pyfric.measured.events)"
+        allowed = (
+            "a Curve with forces, as pyfric.measured.read makes of a file, or the events of one"
+        )
         reason = f"it has no {', '.join(absent)}"
         raise SceneError("measured", type(measured).__name__, "", allowed, reason)
     if isinstance(measured, Curve):

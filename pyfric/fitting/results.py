@@ -43,6 +43,7 @@ class Fit:
             curve, kind ("lengths" or "arrivals"), at (force, or x in m), off (standard deviations).
         model_error: standard deviation of forces of the model, over F_N, that intervals assume: the
             one that was given, or by how much a model that does not fit is off, if that is more.
+        notes: what was left out of the curves, and what their events may miss.
         problem: what makes its runs, for `pyfric.fitting.posterior`.
     """
 
@@ -61,6 +62,7 @@ class Fit:
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     fronts: pd.DataFrame = field(default_factory=pd.DataFrame)
     model_error: float = 0.0
+    notes: tuple[str, ...] = ()
     problem: Any = field(default=None, repr=False, compare=False)
 
     @property
@@ -101,6 +103,7 @@ class Fit:
                 "another parameter"
             )
         lines.append(f"{self.runs} runs, {self.engine} at the end")
+        lines += self.notes
         return "\n".join(lines)
 
     __repr__ = __str__

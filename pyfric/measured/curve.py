@@ -12,12 +12,18 @@ from numpy.typing import ArrayLike
 
 from pyfric.measured.meanings import MEANINGS
 from pyfric.measured.sensors import displacement
-from pyfric.record import Record
+from pyfric.record import T_GAP, Record
 from pyfric.scene import SceneError, check_number, check_whole
 
 FORCES = frozenset({"F_T", "tau", "mu"})
 SIGNALS = FORCES | {"slip"}
 """Columns of which a curve has one or more: what events are found in."""
+KNOWN = tuple(name for name, meaning in MEANINGS.items() if not meaning.sums)
+"""Columns that a curve may have."""
+STILL = 0.5
+"""Share of samples at the time of the one before beyond which times stand still."""
+OTHER_SIGN = 0.1
+"""Largest force over the size of the smallest one, up to which forces have the other sign."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +38,7 @@ class Curve:
         area: of the interface, m^2; None: not known.
         noise: standard deviation of the noise of F_T/F_N, or of slip (m) in a curve without forces;
             None: not known.
+        t_gap: without noise, falls within this pause are one event, s.
         source: where it is from.
         notes: what was understood, in words.
     """
@@ -40,6 +47,7 @@ class Curve:
     F_N: float | None = None
     area: float | None = None
     noise: float | None = None
+    t_gap: float = 0.0
     source: str = ""
     notes: tuple[str, ...] = field(default=())
 
@@ -51,6 +59,7 @@ class Curve:
         area: float | str | None = None,
         source: str = "",
         notes: Sequence[str] = (),
+        copy: bool = True,
         **columns: ArrayLike,
     ) -> Curve:
         """Return the curve of arrays in SI units, by the names of its columns.
@@ -59,17 +68,18 @@ class Curve:
             F_N: normal force, N, > 0; a number, a quantity such as "400 N", or one for each sample.
             area: of the interface, m^2, > 0, or a quantity.
             source, notes: see `Curve`.
+            copy: whether the table is one of its own, which later changes of the arrays leave.
             columns: t and others, equal lengths, at least 3 samples.
 
         Raises:
-            SceneError: a name is not known, lengths differ, times decrease, are all the same or not
+            SceneError: a name is not known, lengths differ, times decrease, stand still or are not
                 finite, neither a force nor slip is among them, normal forces or stresses are not
-                above 0 in their median, or F_N or area is refused.
+                above 0 in their median, forces are negative throughout, or F_N or area is refused.
         """
         if np.ndim(F_N) > 0:
             columns, F_N = columns | {"F_N": F_N}, None
-        if unknown := sorted(set(columns) - set(MEANINGS)):
-            raise SceneError("columns", unknown[0], "", ", ".join(MEANINGS), "unknown column")
+        if unknown := sorted(set(columns) - set(KNOWN)):
+            raise SceneError("columns", unknown[0], "", ", ".join(KNOWN), "unknown column")
         found: dict[str, np.ndarray] = {}
         for name, values in columns.items():
             try:
@@ -85,23 +95,33 @@ class Curve:
             raise SceneError("F_T", None, "N", "one of F_T, tau, mu and slip", "no force")
         t = found["t"]
         later = np.isfinite(t) & np.append(True, np.diff(t) >= 0)
-        if len(t) < 3 or not later.all():
+        allowed = "three or more finite times that do not decrease"
+        if len(t) < 3:
+            raise SceneError("t", len(t), "", allowed, "samples")
+        if not later.all():
             row = int(np.argmin(later))
-            allowed = "three or more finite times that do not decrease"
-            raise SceneError(f"t[{row}]", float(t[row]) if len(t) else None, "s", allowed)
-        if t[0] == t[-1]:
-            raise SceneError("t", float(t[0]), "s", "times that increase", "all are the same")
+            raise SceneError(f"t[{row}]", float(t[row]), "s", allowed)
+        if (still := float(np.mean(np.diff(t) == 0))) > STILL:
+            allowed = 'times that increase; intervals between samples are columns={"step": ...} of '
+            allowed += "pyfric.measured.read, and a clock coarser than the samples is replaced by "
+            allowed += 'step="..."'
+            reason = f"{still:.0%} of the samples have the time of the one before"
+            raise SceneError("t", None, "s", allowed, "all are the same" if still == 1 else reason)
         for name in {"F_N", "sigma_n"} & set(found):
-            median, unit = float(np.nanmedian(found[name])), MEANINGS[name].unit
+            median = float(np.nanmedian(found[name]))
             if not median > 0:
-                allowed = f'> 0 in compression; with the other sign, calibration={{"{name}": "-1 '
-                allowed += f'{unit}"}} of pyfric.measured.read'
-                raise SceneError(name, median, unit, allowed, "the median")
-        ends = {"F_N": F_N, "area": area}
+                _refuse_sign(name, median, "> 0 in compression", "the median")
+        for name in FORCES & set(found):
+            ends = np.nanmin(found[name], initial=0.0), np.nanmax(found[name], initial=-np.inf)
+            if ends[1] < -OTHER_SIGN * ends[0] and np.nanmedian(found[name]) < 0:
+                wanted = "> 0 where the driver pushes"
+                _refuse_sign(name, float(ends[0]), wanted, "negative throughout")
+        given: dict[str, Any] = {"F_N": F_N, "area": area}
         for name, unit in (("F_N", "N"), ("area", "m^2")):
-            if ends[name] is not None:
-                ends[name] = check_number(name, ends[name], unit, gt=0.0)
-        return cls(table=pd.DataFrame(found), source=source, notes=tuple(notes), **ends)
+            if given[name] is not None:
+                given[name] = check_number(name, given[name], unit, gt=0.0)
+        table = pd.DataFrame(found, copy=copy)
+        return cls(table=table, source=source, notes=tuple(notes), **given)
 
     @property
     def t(self) -> np.ndarray:
@@ -174,6 +194,18 @@ class Curve:
         return "\n".join(lines)
 
 
+def _refuse_sign(name: str, value: float, wanted: str, reason: str) -> None:
+    """Refuse values of the other sign.
+
+    Raises:
+        SceneError: always.
+    """
+    unit = MEANINGS[name].unit
+    each = f'"-1 {unit}"' if unit else "-1"
+    allowed = f'{wanted}; with the other sign, calibration={{"{name}": {each}}} of '
+    raise SceneError(name, value, unit, f"{allowed}pyfric.measured.read", reason)
+
+
 def _above_zero(values: pd.Series) -> np.ndarray:
     """Return values, NaN where they are not above 0."""
     return values.where(values > 0).to_numpy()
@@ -212,7 +244,7 @@ def sampled(
             t, slip = _at_steps(t, slip, check_number("step", step, "s", gt=0.0))
         slip = slip + noise * np.random.default_rng(seed).standard_normal(len(t))
         table = pd.DataFrame({"t": t, "slip": slip})
-        return Curve(table=table, noise=noise, source=f"a run, slip sampled at {x}")
+        return Curve(table=table, noise=noise, t_gap=T_GAP, source=f"a run, slip sampled at {x}")
     t, F_T = (record.curve[name].to_numpy() for name in ("t", "F_T"))
     if step is not None:
         t, F_T = _at_steps(t, F_T, check_number("step", step, "s", gt=0.0))
@@ -224,7 +256,7 @@ def sampled(
     columns = {"t": t, "F_T": F_T, "load_point": load_point}
     table = pd.DataFrame(columns | ({"F_N": F_N} if loads else {}))
     normal = None if loads else scene.F_N
-    return Curve(table=table, F_N=normal, noise=noise, source="a run, sampled")
+    return Curve(table=table, F_N=normal, noise=noise, t_gap=T_GAP, source="a run, sampled")
 
 
 def _at_steps(t: np.ndarray, F_T: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:

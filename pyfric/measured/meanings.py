@@ -9,19 +9,32 @@ from pyfric.scene import SceneError, fits, parse_quantity, unit_in
 
 
 class Meaning(NamedTuple):
-    """SI unit of a column, its meaning, and names for it, in small letters and digits."""
+    """SI unit of a column, its meaning, and names for it, in small letters and digits.
+
+    The sum over samples of a column with `sums` is a column of this meaning.
+    """
 
     unit: str
     text: str
     names: frozenset[str]
+    sums: str = ""
 
 
-def _meaning(unit: str, text: str, names: str) -> Meaning:
-    return Meaning(unit, text, frozenset(names.split()))
+def _meaning(unit: str, text: str, names: str, sums: str = "") -> Meaning:
+    return Meaning(unit, text, frozenset(names.split()), sums)
 
 
 MEANINGS = {
-    "t": _meaning("s", "time", "t time times elapsedtime timeelapsed testtime"),
+    "t": _meaning(
+        "s", "time", "t time times elapsedtime timeelapsed testtime timestamp runtime runningtime"
+    ),
+    "step": _meaning(
+        "s",
+        "time since the sample before",
+        "dt deltat step timestep sampperiod sampleperiod samplingperiod sampleinterval "
+        "samplinginterval",
+        sums="t",
+    ),
     "F_T": _meaning(
         "N",
         "tangential force of the driver",
@@ -68,6 +81,8 @@ SPELLED = {
 SYMBOLS = frozenset(re.sub("[^a-z]", "", name.lower()) for name in MEANINGS)
 """Names whose ends are no unit, such as F_N and sigma_n."""
 GREEK = {"µ": "mu", "μ": "mu", "σ": "sigma", "τ": "tau", "δ": "delta"}
+_SINCE = re.compile(r"\s+since\s.*$")
+"""The zero of times of netCDF, which is left open."""
 _BRACKET = re.compile(r"\s*[(\[<{](?P<unit>[^()\[\]<>{}]*)[)\]>}]\s*$")
 
 
@@ -104,7 +119,7 @@ def factor(field: str, unit: str, si: str) -> tuple[float, str]:
     Raises:
         SceneError: no factor is known.
     """
-    unit = unit.strip()
+    unit = _SINCE.sub("", unit.strip())
     if unit in ("", "-", "1", ".") and not si:
         return 1.0, ""
     if not si:

@@ -3,26 +3,34 @@
 An event is a fall of F_T/F_N. In noise, falls are found with the difference D of the means of
 ``smooth`` samples after and before each sample, less what loading adds, which has the standard
 deviation noise sqrt(2/smooth). A fall counts where D is below `CLEAR` of these: with 8 samples,
-2.5 times the noise, so that a fall of 5 times the noise is lost once in three million. Within
-``smooth`` samples of an end of the curve nothing is found. Forces at both ends of a fall come from
-robust straight lines through the samples on either side, so that their errors are known, too. The
-time of a sudden fall is not known within a step; what loading adds in this time moves both forces,
-and not the drop. What falls while nothing is measured for longer than these lines is no event, and
-the next one has no recurrence.
+2.5 times the noise, so that a fall of 5 times the noise is lost once in three million. Means are
+over the time of ``smooth`` usual steps; where samples are further apart, they have fewer, at least
+one, and D a larger deviation. Within such a time of an end of the curve nothing is found. Forces at
+both ends of a fall come from robust straight lines through the samples on either side, so that
+their errors are known, too. What falls by less than the threshold between these lines is no event,
+and is part of the loading of the others. The time of a sudden fall is not known within a step; what
+loading adds in this time moves both forces, and not the drop. What falls while nothing is measured
+for longer than these lines is no event, and the next one has no recurrence.
+
+Before falls are looked for, `noise` asks what the samples are worth.
 
 A step of slip is a fall of -slip, with creep in place of loading. Both are found in the same way.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 import pandas as pd
 
 from pyfric.measured.curve import Curve
+from pyfric.measured.lines import ROUNDED, robust_lines
+from pyfric.measured.noise import check_ends, estimated, outliers
 from pyfric.measured.sensors import slips
-from pyfric.record import T_GAP, Record
+from pyfric.record import Record
 from pyfric.scene import SceneError, check_number, check_whole
 
 COLUMNS = {
@@ -63,43 +71,23 @@ NEAR = 4
 """Lines at the ends of an event go through so many times ``smooth`` samples. A policy."""
 BLOCK = 64
 """The rate of loading is the median over blocks of so many times ``smooth`` samples."""
-NORMAL = 1.4826
-"""Standard deviation over the median absolute deviation, of a normal distribution."""
-TUKEY = 6.0
-"""Standard deviations beyond which a sample has no weight: efficiency 98 % in normal noise."""
-PASSES = 5
-"""Iterations of weights."""
-ROUNDED = 1e-9
-"""Falls below this share of the largest force are rounding."""
-EQUAL = 0.01
-"""Spread of time steps, over their median, up to which samples are equally spaced."""
+TOLD = 0.95
+"""Share of samples at which the threshold that is told holds, where steps differ. A policy."""
 
 
 def noise_of(curve: Curve) -> float:
     """Return the standard deviation of white noise of F_T/F_N, from its second differences.
 
-    In a curve without forces it is that of slip, m. Events do not move the median of differences.
-    Where a filter has averaged n samples, noise is not white, and the estimate is too small: means
-    of many samples have sqrt(n) times the noise that is left, which `events` has to be told.
+    In a curve without forces it is that of slip, m. It is 0 in a curve that has none. Events do not
+    move the median of differences. Where a filter has averaged n samples, noise is not white, and
+    the estimate is too small: means of many samples have sqrt(n) times the noise that is left,
+    which `events` has to be told.
 
     Raises:
         SceneError: it is not known: samples are not equally spaced, or most of them are equal.
     """
-    return _noise_of(*_samples(curve, curve.has_forces))
-
-
-def _noise_of(t: np.ndarray, f: np.ndarray) -> float:
-    """Return the same of samples."""
-    steps = np.diff(t)
-    if np.quantile(np.abs(steps / np.median(steps) - 1), 0.9) > EQUAL if steps.all() else True:
-        allowed = 'the standard deviation, such as noise=1e-3 (over F_N) or "1 um" (of slip), or 0'
-        raise SceneError("noise", None, "", allowed, "samples are not equally spaced")
-    second = np.diff(f, 2)
-    noise = float(NORMAL * np.median(np.abs(second - np.median(second))) / np.sqrt(6))
-    if not noise:
-        allowed = "the standard deviation, such as that of the last digit, or 0"
-        raise SceneError("noise", None, "", allowed, "digits are coarser than the noise")
-    return noise
+    t, f, _ = _samples(curve, curve.has_forces)
+    return estimated(t, f)[0]
 
 
 def events(
@@ -121,23 +109,29 @@ def events(
         x: of a run: place of a slip sensor from the trailing edge, m; None: the force.
         noise: standard deviation of the noise of F_T/F_N, or of slip (m), >= 0; None: estimated
             (`noise_of`).
-        smooth: number of samples of a mean; None: 8, or 1 without noise. Falls within so many
-            samples are one event.
+        smooth: number of samples of a mean, less than half of the curve has; None: 8, or 1 without
+            noise. Falls within the time of so many usual steps are one event.
         threshold: smallest drop of an event, over F_N, or its smallest slip, m; None: what is clear
             of the noise.
         t_gap: without noise, and in runs: falls within this pause are one event, s, at the time of
             the largest, whose drop is the sum of theirs; None: that of `pyfric.build_catalogue`,
-            from the start of the first fall to the end of the last.
-            Without noise, all slip is a step, creep too.
+            from the start of the first fall to the end of the last, in runs and in what `sampled`
+            makes of them; 0 in other curves, whose events are then all falls from a turning point
+            to the next. Without noise, all slip is a step, creep too.
 
     Returns:
         A data frame with a row for each event, counted from 1, and columns as in `COLUMNS`, or
-        as in `OF_SLIP`; its attrs have noise, smooth, threshold and resolution: within so many
-        seconds, events are one.
+        as in `OF_SLIP`; its attrs have noise, smooth, threshold, which no drop is below, resolution
+        (within so many seconds, events are one), and notes: what was left out, and what may be
+        missed.
 
     Raises:
-        SceneError: an argument is refused; F_N or the noise is not known; slip decreases.
+        SceneError: an argument is refused; F_N or the noise is not known; slip decreases; the
+            sensor was clipped.
     """
+    if not isinstance(of, Curve | Record):
+        allowed = "a Curve, such as pyfric.measured.read makes of a file, or a record"
+        raise SceneError("of", type(of).__name__, "", allowed, "no curve")
     in_force = _in_force(of, column, x)
     unit = "" if in_force else "m"
     if t_gap is not None:
@@ -148,29 +142,45 @@ def events(
         if x is None:
             return _of_record(of, threshold or 0.0, t_gap)
         return _slips_of_record(of, x, threshold or 0.0, t_gap or 0.0)
-    t_gap = T_GAP if t_gap is None else t_gap
-    t, f = _samples(of, in_force)
+    t_gap = of.t_gap if t_gap is None else t_gap
+    t, f, point = _samples(of, in_force)
+    notes: list[str] = []
     if noise is None:
         noise = of.noise if in_force or not of.has_forces else None
-        noise = _noise_of(t, f) if noise is None else noise
+        if noise is None:
+            noise, said = estimated(t, f)
+            notes += [said] if said else []
     noise = check_number("noise", noise, unit, ge=0.0)
-    smooth = check_whole("smooth", smooth or (SMOOTH if noise else 1), 1)
-    point = np.full(len(t), np.nan)
-    if in_force and "load_point" in of.table:
-        point = of.table["load_point"].to_numpy()[np.isfinite(of.over_F_N)]
-    clear = (
-        float(CLEAR * noise * np.sqrt(2 / smooth)) if noise else float(ROUNDED * np.abs(f).max())
-    )
-    threshold = clear if threshold is None else threshold
-    falls = _falls(t, f, smooth, max(clear, threshold)) if noise else _steps(t, f, clear, t_gap)
-    if not in_force and np.median(f[-smooth:]) > np.median(f[:smooth]) + clear:
+    smooth = check_whole("smooth", smooth or (SMOOTH if noise else 1), 1, max((len(t) - 1) // 2, 1))
+    rounding = float(ROUNDED * np.abs(f).max())
+    if noise > rounding:
+        out = outliers(f, noise, smooth)
+        if out.any():
+            said = f"{out.sum()} samples that stand alone are left out"
+            notes.append(f"{said}, first at {t[out][0]:.6g} s")
+            t, f, point = t[~out], f[~out], point[~out]
+        names = ("mu", "F_T", "tau") if in_force else ("slip",)
+        check_ends(f, next(name for name in names if name in of.table))
+        windows = Windows.of(t, smooth)
+        clear = CLEAR * noise * windows.spread
+        least = max(float(np.quantile(clear, TOLD)) if len(clear) else 0.0, threshold or 0.0)
+        falls = _falls(t, f, noise, windows, np.maximum(clear, least))
+        table = _table(t, f, point, falls, noise, windows)
+        while (small := table["drop"].to_numpy() < least).any():
+            falls = [fall for fall, out in zip(falls, small, strict=True) if not out]
+            table = _table(t, f, point, falls, noise, windows)
+        notes += _unresolved(t, f, noise, least, windows, len(table))
+        resolution = windows.time
+    else:
+        least = max(rounding, threshold or 0.0)
+        table = _table(t, f, point, _steps(t, f, rounding, t_gap), 0.0, None)
+        table = table[table["drop"] >= least]
+        resolution, noise = 0.0, 0.0
+    if not in_force and np.median(f[-smooth:]) > np.median(f[:smooth]) + least:
         allowed = 'slip that grows; with the other sign, calibration={"slip": "-1 m"} of '
         raise SceneError("slip", None, "m", f"{allowed}pyfric.measured.read", "it decreases")
-    table = _table(t, f, point, falls, noise, smooth)
-    table = table[table["drop"] >= threshold] if not noise else table[table["drop"] > 0]
-    resolution = float(smooth * np.median(np.diff(t))) if noise else 0.0
     table = table if in_force else _of_slip(table)
-    return _finished(table, noise, smooth, threshold, resolution)
+    return _finished(table, noise, smooth, least, resolution, notes)
 
 
 def _in_force(of: Curve | Record, column: str | None, x: float | str | None) -> bool:
@@ -188,17 +198,25 @@ def _in_force(of: Curve | Record, column: str | None, x: float | str | None) -> 
     return (column or known[0]) == "force"
 
 
-def _samples(curve: Curve, in_force: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return times, and F_T/F_N or -slip (m), of a curve, without gaps."""
+def _samples(curve: Curve, in_force: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return times, F_T/F_N or -slip (m), and load point of a curve, without gaps."""
     f = curve.over_F_N if in_force else -curve.table["slip"].to_numpy()
     kept = np.isfinite(f)
     if kept.sum() < 3:
         raise SceneError("curve", int(kept.sum()), "", "three or more samples", "gaps")
-    return curve.t[kept], f[kept]
+    point = np.full(len(f), np.nan)
+    if in_force and "load_point" in curve.table:
+        point = curve.table["load_point"].to_numpy()
+    return curve.t[kept], f[kept], point[kept]
 
 
 def _finished(
-    table: pd.DataFrame, noise: float, smooth: int, threshold: float, resolution: float
+    table: pd.DataFrame,
+    noise: float,
+    smooth: int,
+    threshold: float,
+    resolution: float,
+    notes: Sequence[str] = (),
 ) -> pd.DataFrame:
     table = table.reset_index(drop=True)
     table.index = pd.RangeIndex(1, len(table) + 1, name="event")
@@ -206,7 +224,7 @@ def _finished(
     table["recurrence"] = table["t_start"].groupby(np.asarray(parts)).diff()
     table = table[list(OF_SLIP if "slip" in table else COLUMNS)]
     table.attrs = {"noise": noise, "smooth": smooth, "threshold": threshold}
-    table.attrs["resolution"] = resolution
+    table.attrs |= {"resolution": resolution, "notes": tuple(notes)}
     return table
 
 
@@ -246,39 +264,123 @@ def _steps(t: np.ndarray, f: np.ndarray, clear: float, t_gap: float) -> list[tup
     return falls
 
 
-def _falls(t: np.ndarray, f: np.ndarray, smooth: int, clear: float) -> list[tuple[int, int]]:
-    """Return the last sample before and the first after each fall in noise."""
+@dataclass(frozen=True)
+class Windows:
+    """Samples of the means before and after each place between two samples.
+
+    Attributes:
+        smooth: number of usual steps of a mean.
+        step: the usual step, s.
+        first: sample before the first place.
+        starts, stops: first sample of the mean before each place, and behind the last of that after
+            it, shape (m,).
+        spread: standard deviation of their difference over that of a sample, shape (m,).
+        time: within so many seconds, falls are one.
+        gaps: last sample before each step that is longer than the lines at both ends of a fall.
+    """
+
+    smooth: int
+    step: float
+    first: int
+    starts: np.ndarray
+    stops: np.ndarray
+    spread: np.ndarray
+    time: float
+    gaps: np.ndarray
+
+    @classmethod
+    def of(cls, t: np.ndarray, smooth: int) -> Windows:
+        """Return the windows of samples at times."""
+        steps = np.diff(t)
+        step = float(np.median(steps)) or float(steps.mean())
+        far, edge = (smooth - 0.5) * step, (smooth - 1.25) * step
+        places = np.flatnonzero((t[:-1] - t[0] >= edge) & (t[-1] - t[1:] >= edge))
+        starts = np.searchsorted(t, t[places] - far, side="right")
+        stops = np.searchsorted(t, t[places + 1] + far, side="left")
+        spread = np.sqrt(1 / (places + 1 - starts) + 1 / (stops - places - 1))
+        time = max(smooth * step, float(np.quantile(steps, TOLD)))
+        first = int(places[0]) if len(places) else 0
+        return cls(smooth, step, first, starts, stops, spread, time, _gaps(t, smooth))
+
+    def means(self, f: np.ndarray) -> np.ndarray:
+        """Return the mean after each place less that before it, shape (m,)."""
+        middle = float(np.median(f))
+        sums = np.concatenate([[0.0], np.cumsum(f - middle)])
+        at = self.first + 1 + np.arange(len(self.starts))
+        before = (sums[at] - sums[self.starts]) / (at - self.starts)
+        return (sums[self.stops] - sums[at]) / (self.stops - at) - before
+
+
+def _falls(
+    t: np.ndarray, f: np.ndarray, noise: float, windows: Windows, clear: np.ndarray
+) -> list[tuple[int, int]]:
+    """Return the last sample before and the first after each fall in noise.
+
+    What rises clearly is none, however fast loading is, nor what falls in a gap.
+    """
     from scipy.signal import find_peaks, peak_widths  # slow to import
 
-    if len(f) < 2 * smooth + 1:
+    size, first = len(windows.starts), windows.first
+    if size < 3:
         return []
-    means = np.convolve(f, np.ones(smooth) / smooth, "valid")
-    times = np.convolve(t, np.ones(smooth) / smooth, "valid")
-    rise, apart = means[smooth:] - means[:-smooth], times[smooth:] - times[:-smooth]
-    block = min(BLOCK * smooth, len(rise))
-    parts = np.array_split(np.arange(len(rise)), max(len(rise) // block, 1))
-    rates = [np.median(rise[p] / apart[p]) for p in parts]
-    centres = [p.mean() for p in parts]
-    D = rise - np.interp(np.arange(len(rise)), centres, rates) * apart
-    peaks, told = find_peaks(-D, height=clear, prominence=clear)
+    rise, apart = windows.means(f), windows.means(t)
+    block = min(BLOCK * windows.smooth, size)
+    parts = np.array_split(np.arange(size), max(size // block, 1))
+    rates = _medians(rise / apart, len(parts))
+    centres = [0.5 * (p[0] + p[-1]) for p in parts]
+
+    D = rise - np.interp(np.arange(size), centres, rates) * apart
+    peaks, told = find_peaks(-D, height=(clear, None), prominence=(clear, None))
     widths, _, left, right = peak_widths(-D, peaks, 0.5, _heights(told))
-    first = smooth - 1  # the last sample of the mean before in D[0]
     falls: list[tuple[int, int]] = []
-    for peak, width, begin, end in zip(peaks, widths, left, right, strict=True):
+    samples = 0.5 * (windows.stops - windows.starts)[peaks]
+    for peak, width, begin, end, n in zip(peaks, widths, left, right, samples, strict=True):
         at = int(peak) + first
-        slow = width > smooth + 2
-        start = int(np.ceil(begin + smooth / 2)) + first if slow else at
-        stop = int(end - smooth / 2) + first + 1 if slow else at + 1
+        slow = width > n + 2
+        start = int(np.ceil(begin + n / 2)) + first if slow else at
+        stop = int(end - n / 2) + first + 1 if slow else at + 1
         start, stop = max(start, 0), min(max(stop, start + 1), len(f) - 1)
-        if falls and start < falls[-1][1]:  # a shoulder of the one before
+        last = falls[-1][1] if falls else -2
+        near = last >= 0 and f[start] <= f[last]
+        near = near and (
+            start - last <= windows.smooth or not (np.diff(f[last : start + 1]) > 0).any()
+        )
+        if start < last or near:  # a shoulder of the one before
             start, stop = falls[-1][0], max(falls.pop()[1], stop)
         falls.append((start, stop))
-    return falls
+    gaps = windows.gaps
+    ends = np.array(falls, dtype=int).reshape(-1, 2)
+    over = np.searchsorted(gaps, ends[:, 1]) > np.searchsorted(gaps, ends[:, 0])
+    rises = f[ends[:, 1]] - f[ends[:, 0]] > CLEAR * noise * np.sqrt(2)
+    return [fall for fall, none in zip(falls, over | rises, strict=True) if not none]
+
+
+def _medians(values: np.ndarray, count: int) -> np.ndarray:
+    """Return the medians of parts of values, as `np.array_split` makes them."""
+    size, more = divmod(len(values), count)
+    longer, others = np.split(values, [more * (size + 1)])
+    parts = longer.reshape(more, size + 1), others.reshape(count - more, size)
+    return np.concatenate([np.median(part, axis=1) for part in parts])
 
 
 def _heights(told: dict[str, np.ndarray]) -> tuple[np.ndarray, ...]:
     """Return heights and bases of peaks, as `peak_widths` wants them, so that 0.5 is half of D."""
     return told["peak_heights"], told["left_bases"], told["right_bases"]
+
+
+def _unresolved(
+    t: np.ndarray, f: np.ndarray, noise: float, least: float, windows: Windows, found: int
+) -> list[str]:
+    """Return what to say where single samples show more falls than means of them."""
+    if windows.smooth == 1:
+        return []
+    single = Windows.of(t, 1)
+    clear = np.maximum(CLEAR * noise * single.spread, least)
+    seen = len(_falls(t, f, noise, single, clear))
+    if seen <= found:
+        return []
+    said = f"single samples show {seen} falls of more than {clear.max(initial=0.0):.2g}"
+    return [f"{said}; those within {windows.time:.3g} s are one here: smooth=1 tells them apart"]
 
 
 def _table(
@@ -287,87 +389,78 @@ def _table(
     x: np.ndarray,
     falls: list[tuple[int, int]],
     noise: float,
-    smooth: int,
+    windows: Windows | None,
 ) -> pd.DataFrame:
-    rows, part = [], 0
-    gaps = _gaps(t, smooth) if noise else set()
-    falls = [fall for fall in falls if not any(fall[0] <= gap[0] < fall[1] for gap in gaps)]
-    falls = sorted([*falls, *gaps])
-    for k, (start, stop) in enumerate(falls):
-        if (start, stop) in gaps:
-            part += 1
-            continue
-        begin = falls[k - 1][1] if k else 0
-        end = falls[k + 1][0] if k + 1 < len(falls) else len(t) - 1
-        peak, valley, of_peak, of_valley, within = f[start], f[stop], 0.0, 0.0, 0.0
-        before = slice(begin, start + 1)
-        rate = _slope(t[before], f[before])
-        if noise:
-            near = slice(max(begin, start + 1 - NEAR * smooth), start + 1)
-            next_to = slice(stop, min(end + 1, stop + NEAR * smooth))
-            ends = t[start], t[stop]
-            if stop == start + 1:  # the fall is between the two: a line has to reach it
-                ends, within = (0.5 * (t[start] + t[stop]),) * 2, t[stop] - t[start]
-            peak, of_peak = _at(t[near], f[near], ends[0], noise)
-            valley, of_valley = _at(t[next_to], f[next_to], ends[1], noise)
-        shared = within / np.sqrt(12) * np.nan_to_num(rate)  # of the time of the fall
-        rows.append(
-            {
-                **{"part": part, "t_start": t[start], "t_stop": t[stop]},
-                **{"peak": peak, "valley": valley},
-                "drop": peak - valley,
-                "peak_error": float(np.hypot(of_peak, shared)),
-                "valley_error": float(np.hypot(of_valley, shared)),
-                "drop_error": float(np.hypot(of_peak, of_valley)),
-                "rate": rate,
-                "stiffness": _slope(x[before], f[before]),
-            }
-        )
-    columns = ["part", *(name for name in COLUMNS if name != "recurrence")]
-    return pd.DataFrame(rows, columns=columns, dtype=float)
+    """Return the table of falls, with the forces of lines if there is noise."""
+    starts, stops = np.array(falls, dtype=int).reshape(-1, 2).T
+    begins = np.concatenate([[0], stops[:-1]])[: len(starts)]
+    ends = np.concatenate([starts[1:], [len(t) - 1]])[: len(starts)]
+    part = np.zeros(len(starts), dtype=int)
+    zero = np.zeros(len(starts))
+    peak, valley, of_peak, of_valley, within = f[starts], f[stops], zero, zero, zero
+    if windows is not None:
+        gaps = windows.gaps
+        part = np.searchsorted(gaps, starts)
+        begins = np.maximum(begins, np.append(-1, gaps)[part] + 1)
+        ends = np.minimum(ends, np.append(gaps, len(t) - 1)[np.searchsorted(gaps, stops)])
+        far = (NEAR * windows.smooth - 0.5) * windows.step
+        least = windows.smooth
+        froms = np.searchsorted(t, t[starts] - far, side="right")
+        tos = np.searchsorted(t, t[stops] + far, side="left")
+        froms = np.maximum(begins, np.minimum(froms, starts + 1 - least))
+        tos = np.minimum(ends + 1, np.maximum(tos, stops + least))
+        sudden = stops == starts + 1  # between the two: a line has to reach the fall
+        middle = 0.5 * (t[starts] + t[stops])
+        within = np.where(sudden, t[stops] - t[starts], 0.0)
+        peak, of_peak = _at(t, f, froms, starts + 1, np.where(sudden, middle, t[starts]), noise)
+        valley, of_valley = _at(t, f, stops, tos, np.where(sudden, middle, t[stops]), noise)
+    rate = _slopes(t, f, begins, starts + 1)
+    shared = within / np.sqrt(12) * np.nan_to_num(rate)  # of the time of the fall
+    columns = {
+        **{"part": part, "t_start": t[starts], "t_stop": t[stops]},
+        **{"peak": peak, "valley": valley, "drop": peak - valley},
+        "peak_error": np.hypot(of_peak, shared),
+        "valley_error": np.hypot(of_valley, shared),
+        "drop_error": np.hypot(of_peak, of_valley),
+        "rate": rate,
+        "stiffness": _slopes(x, f, begins, starts + 1),
+    }
+    return pd.DataFrame(columns, dtype=float)
 
 
-def _gaps(t: np.ndarray, smooth: int) -> set[tuple[int, int]]:
-    """Return last sample before and first after each step longer than `NEAR` smooth others."""
+def _gaps(t: np.ndarray, smooth: int) -> np.ndarray:
+    """Return the last sample before each step longer than `NEAR` smooth others."""
     from scipy.ndimage import median_filter  # slow to import
 
     steps = np.diff(t)
     usual = np.maximum(median_filter(steps, 2 * smooth + 1, mode="nearest"), steps.mean())
-    return {(int(i), int(i) + 1) for i in np.flatnonzero(steps > NEAR * smooth * usual)}
+    return np.flatnonzero(steps > NEAR * smooth * usual)
 
 
-def robust_line(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Return value at the mean of x, and slope, of a straight line: Tukey's biweights."""
-    weights, centre, value, slope = np.ones(len(x)), x.mean(), y.mean(), 0.0
-    for _ in range(PASSES):
-        total = weights.sum()
-        at, mean = (weights * x).sum() / total, (weights * y).sum() / total
-        spread = (weights * (x - at) ** 2).sum()
-        slope = (weights * (x - at) * (y - mean)).sum() / spread if spread > 0 else 0.0
-        value = mean + slope * (centre - at)
-        off = y - value - slope * (x - centre)
-        scale = NORMAL * np.median(np.abs(off))
-        if scale <= ROUNDED * np.abs(y).max(initial=0.0) or len(x) < 5:
-            break
-        share = np.clip(np.abs(off) / (TUKEY * scale), 0.0, 1.0)
-        weights = (1 - share**2) ** 2
-    return float(value), float(slope)
+def _at(
+    t: np.ndarray,
+    f: np.ndarray,
+    starts: np.ndarray,
+    stops: np.ndarray,
+    times: np.ndarray,
+    noise: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return values and standard errors, at times, of the lines through parts of samples."""
+    lines = robust_lines(t, f, starts, stops)
+    off = np.where(lines.count < 3, 0.0, times - lines.centre)
+    slope = np.where(lines.count < 3, 0.0, lines.slope)
+    mean = np.add.reduceat(np.append(f, 0.0), np.stack([starts, stops], axis=1).ravel())[::2]
+    value = np.where(lines.count < 3, mean / lines.count, lines.value)
+    spread = np.where(lines.spread > 0, lines.spread, np.inf)
+    return value + slope * off, noise * np.sqrt(1 / lines.count + off**2 / spread)
 
 
-def _at(t: np.ndarray, f: np.ndarray, time: float, noise: float) -> tuple[float, float]:
-    """Return value and standard error, at a time, of the line through samples."""
-    if len(t) < 3:
-        return float(f.mean()), noise / np.sqrt(len(t))
-    value, slope = robust_line(t, f)
-    off, spread = time - t.mean(), ((t - t.mean()) ** 2).sum()
-    return value + slope * off, float(noise * np.sqrt(1 / len(t) + off**2 / spread))
-
-
-def _slope(x: np.ndarray, f: np.ndarray) -> float:
-    kept = np.isfinite(x)
-    if kept.sum() < 2 or not np.ptp(x[kept]) > 0:
-        return np.nan
-    return robust_line(x[kept], f[kept])[1]
+def _slopes(x: np.ndarray, f: np.ndarray, starts: np.ndarray, stops: np.ndarray) -> np.ndarray:
+    """Return the slopes of lines through parts of samples, NaN where x does not vary."""
+    if not np.isfinite(x).any():
+        return np.full(len(starts), np.nan)
+    lines = robust_lines(x, f, starts, stops)
+    return np.where(lines.spread > 0, lines.slope, np.nan)
 
 
 def _of_record(record: Record, threshold: float, t_gap: float | None) -> pd.DataFrame:

@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
 
-from pyfric.measured.containers import Column, Found, contents, refused
 from pyfric.measured.curve import SIGNALS, Curve
+from pyfric.measured.formats import KINDS, contents
+from pyfric.measured.found import Asked, Column, Found, refused
 from pyfric.measured.meanings import AMBIGUOUS, MEANINGS, bare, factor, meaning_of, unit_of_name
-from pyfric.scene import SceneError, check_number, check_whole, parse_quantity
+from pyfric.scene import LARGEST, SceneError, check_number, check_whole, parse_quantity
 
 Restarts = Literal["join"] | int
 NAMED = 6
 """Most columns without use that a note names."""
+BITS = (12, 14, 16, 24)
+"""Of converters and counters."""
+SOME = 1000
+"""Samples that tell that numbers are not whole."""
+NEAR_END = 0.02
+"""Share of the range of a counter within which numbers reach its ends."""
 
 
 def read(
@@ -30,21 +38,24 @@ def read(
     group: str = "",
     head: int = 0,
     decimal: Literal[".", ","] | None = None,
+    gaps: str | Sequence[str] = (),
+    wraps: Mapping[str, float] | None = None,
+    valid: Mapping[str, tuple[float | str, float | str]] | None = None,
     restarts: Restarts | None = None,
 ) -> Curve:
     """Read a measured loading curve, or the curve of a slip sensor.
 
-    Files may be text (columns separated by commas, semicolons, tabs or blanks), MATLAB 5 to 7.3,
-    HDF5, TDMS (with the extra ``tdms``) or Look; the content tells which. Units and meanings come
-    from the file or from the arguments. What neither says is refused, and the message says what to
-    add.
+    The beginning of a file tells its kind: {KINDS}. Some kinds need an extra. Units and meanings
+    come from the file or from the arguments. What neither says is refused, and the message says
+    what to add.
 
     Args:
         path: the file.
-        columns: meaning -> name of its column, or its number, from 1. Meanings are t, F_T, F_N,
-            tau, sigma_n, mu, load_point, slip and normal_displacement. None: all columns whose
-            name says what they are. In containers, a name may be without its group. An array with
-            several columns is called "name:1", "name:2" and so on.
+        columns: meaning -> name of its column, or its number, from 1. Meanings are {MEANINGS}; step
+            is the time since the sample before, and is summed to t. None: all columns whose name
+            says what they are. In containers, a name may be without its group. An array with
+            several columns is called "name:1", "name:2" and so on, one with its channels in rows
+            "name(1,:)", "name(2,:)".
         units: meaning -> unit, where the file does not state it.
         calibration: meaning -> what 1 in the file stands for, such as "0.12 N", or a pair of this
             and the number in the file that stands for zero. It replaces units.
@@ -53,6 +64,11 @@ def read(
         group: beginning of the names in a container, such as a group of HDF5 or TDMS.
         head: lines at the top of a text that are left out.
         decimal: decimal mark of a text, if that is not clear.
+        gaps: words in a text that stand for gaps, such as "OVLD".
+        wraps: meaning -> period, in numbers of the file, of a counter that starts anew at its end,
+            such as 65536. Steps of more than half of it are taken for such starts.
+        valid: meaning -> smallest and largest value that the sensor tells, in SI or with units.
+            Samples at these ends or beyond are gaps.
         restarts: what to do where times start anew: "join" continues them, one median step after
             the last; a number takes this part alone, from 1.
 
@@ -63,10 +79,15 @@ def read(
     Raises:
         SceneError: the file cannot be read, or something in it is not understood.
     """
+    if not isinstance(path, str | os.PathLike):
+        allowed = 'the path of a file, such as "curve.csv"'
+        raise SceneError("path", type(path).__name__, "", allowed, "no path")
     check_whole("head", head, 0)
     if decimal not in (None, ".", ","):
         raise SceneError("decimal", decimal, "", '".", ",", or None')
-    given = {"columns": columns, "units": units, "calibration": calibration}
+    words = (gaps,) if isinstance(gaps, str) else tuple(gaps)
+    given: dict[str, Any] = {"columns": columns, "units": units, "calibration": calibration}
+    given |= {"wraps": wraps, "valid": valid}
     for name, pairs in given.items():
         if not isinstance(pairs, Mapping | None):
             raise SceneError(name, repr(pairs), "", "a dict with meanings as keys", "no dict")
@@ -75,7 +96,7 @@ def read(
     for name, unit in (units or {}).items():
         if not isinstance(unit, str):
             raise SceneError(f"units.{name}", repr(unit), "", 'a unit in quotes, such as "kN"')
-    found = contents(path, head=head, decimal=decimal)
+    found = contents(path, Asked(head, decimal, frozenset(words)))
     if group:
         of = {n: c for n, c in found.columns.items() if n.startswith(str(group))}
         names = {n[len(str(group)) :].lstrip("/.") or n: c for n, c in of.items()}
@@ -83,25 +104,48 @@ def read(
             raise SceneError("group", group, "", _names(found), "nothing has a name like this")
         found.columns = names
     chosen = _by_name(path, found) if columns is None else _chosen(found, columns)
-    if step is not None and "t" in chosen:
+    times = [name for name in chosen if name == "t" or MEANINGS[name].sums == "t"]
+    if step is not None and times:
         raise SceneError("step", step, "s", "None", "the file has times")
-    table = {}
+    if len(times) > 1:
+        raise SceneError("columns.step", None, "", "t or step", "both tell times")
+    _check_clocks(path, found, chosen)
+    for name in ("wraps", "valid"):
+        if lost := sorted(set(given[name] or ()) - set(chosen)):
+            allowed = f"one of {', '.join(chosen)}"
+            raise SceneError(f"{name}.{lost[0]}", None, "", allowed, "no such column")
+    table = {meaning: found.columns[name].numbers() for meaning, name in chosen.items()}
+    scales = _scales(found, chosen, units or {}, calibration or {})
     for meaning, name in chosen.items():
-        column = found.columns[name]
-        numbers = column.numbers()
-        scale, zero = _scale(found, meaning, name, column, units or {}, calibration or {})
-        table[meaning] = scale * (numbers - zero)
+        numbers = table[meaning]
+        beyond = np.abs(numbers) > LARGEST
+        if beyond.any():
+            numbers[beyond] = np.nan
+            found.notes.append(f"{name!r}: {beyond.sum()} numbers beyond {LARGEST:g} are gaps")
+        if wraps and meaning in wraps:
+            numbers = _unwrapped(meaning, numbers, wraps[meaning])
+        else:
+            _note_counter(found, meaning, name, numbers)
+        scale, zero = scales[meaning]
+        if zero:
+            numbers -= zero
+        if scale != 1.0:
+            numbers *= scale
+        if valid and meaning in valid:
+            _leave_out(found, meaning, numbers, valid[meaning])
+        table[meaning] = numbers
     if len({len(values) for values in table.values()}) > 1:
         told = ", ".join(f"{name}: {len(values)}" for name, values in table.items())
         raise refused(path, "columns of one length: choose a group or columns", told)
     if step is not None:
         size = len(next(iter(table.values()), []))
         table = {"t": check_number("step", step, "s", gt=0.0) * np.arange(size)} | table
+    table = _summed(table)
     _check_chosen(path, found, table)
     kept = np.isfinite(table["t"])
     if not kept.all():
         found.notes.append(f"{np.sum(~kept)} samples without a time were left out")
-    table = {name: values[kept] for name, values in table.items()}
+        table = {name: values[kept] for name, values in table.items()}
     table = _one_start(path, table, restarts, found)
     notes = [f"{found.kind}", *found.notes]
     unused = [repr(name) for name in found.columns if name and name not in chosen.values()]
@@ -111,18 +155,105 @@ def read(
     if F_N is not None and "F_N" in table:
         raise SceneError("F_N", F_N, "N", "None", "the file has normal forces")
     normal = table.pop("F_N", F_N)
-    return Curve.of(F_N=normal, area=area, source=os.fspath(path), notes=notes, **table)
+    source = os.fspath(path)
+    return Curve.of(F_N=normal, area=area, source=source, notes=notes, copy=False, **table)
+
+
+for _name, _text in (("{KINDS}", KINDS), ("{MEANINGS}", ", ".join(MEANINGS))):
+    read.__doc__ = str(read.__doc__).replace(_name, _text)
+
+
+def _check_clocks(path: Any, found: Found, chosen: Mapping[str, str]) -> None:
+    """Check that the columns that were chosen have the same clock.
+
+    Raises:
+        SceneError: they have not, so that samples of one number are not of one time.
+    """
+    own = {name: found.columns[name].clock for name in chosen.values()}
+    own = {name: clock for name, clock in own.items() if clock is not None}
+    first = next(iter(own.values()), None)
+    if other := next((name for name, clock in own.items() if clock != first), ""):
+        allowed = "columns of one clock: columns={...} chooses them, for a curve of each clock"
+        raise refused(path, allowed, f"{next(iter(own))!r} and {other!r} were not sampled together")
+
+
+def _summed(table: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the columns, with sums from the first sample on in place of those that are summed."""
+    found = {}
+    for name, values in table.items():
+        if of := MEANINGS[name].sums:
+            name, values = of, np.cumsum(values) - values[:1]
+            if not np.isfinite(values).all():
+                gap = int(np.argmin(np.isfinite(values))) + 1
+                reason = f"sample {gap} has none"
+                raise SceneError("step", None, "s", "intervals without gaps", reason)
+        found[name] = values
+    return found
+
+
+def _unwrapped(meaning: str, numbers: np.ndarray, period: Any) -> np.ndarray:
+    period = check_number(f"wraps.{meaning}", period, "", gt=0.0)
+    kept = np.isfinite(numbers)
+    numbers[kept] = np.unwrap(numbers[kept], period=period)
+    return numbers
+
+
+def _note_counter(found: Found, meaning: str, name: str, numbers: np.ndarray) -> None:
+    """Say where a counter stands at its ends, or starts anew."""
+    if (numbers[:SOME] % 1 > 0).any():
+        return
+    known = numbers[np.isfinite(numbers)]
+    if len(known) < 2 or (known % 1).any():
+        return
+    low, high = known.min(), known.max()
+    for bits in BITS:
+        for begin in (0, -(2 ** (bits - 1))):
+            size = 2**bits
+            end, near = begin + size - 1, NEAR_END * size
+            if not (begin <= low <= begin + near and end - near <= high <= end):
+                continue
+            if at := int(np.sum((known == begin) | (known == end))):
+                said = f"{name!r} stands at an end of {bits} bits in {at} samples"
+                found.notes.append(f"{said}, as what is beyond does")
+            steps = np.diff(known)
+            k = int(np.argmax(np.abs(steps)))
+            if abs(steps[k]) > size / 2:
+                found.notes.append(
+                    f"{name!r} jumps by {steps[k]:.0f} behind sample {k + 1}: a counter of {bits} "
+                    f'bits that was set back, or wraps (wraps={{"{meaning}": {size}}} undoes it)'
+                )
+            return
+
+
+def _leave_out(found: Found, meaning: str, values: np.ndarray, ends: Any) -> None:
+    """Make values at the ends of what a sensor tells, or beyond, gaps."""
+    field, unit = f"valid.{meaning}", MEANINGS[meaning].unit
+    try:
+        low, high = (check_number(field, end, unit) for end in ends)
+    except (TypeError, ValueError) as error:
+        if isinstance(error, SceneError):
+            raise
+        raise SceneError(field, repr(ends), unit, "two ends, the smaller one first", "") from None
+    if not low < high:
+        raise SceneError(field, repr(ends), unit, "two ends, the smaller one first", "")
+    out = (values <= low) | (values >= high)
+    values[out] = np.nan
+    found.notes.append(f"{meaning}: {out.sum()} samples that are not valid are gaps")
 
 
 def _names(found: Found) -> str:
-    return "one of " + ", ".join(map(repr, found.columns)) if found.columns else "nothing"
+    names = "one of " + ", ".join(map(repr, found.columns)) if found.columns else "nothing"
+    return "; ".join([names, *(note for note in found.notes if "left out" in note)])
 
 
 def _by_name(path: Any, found: Found) -> dict[str, str]:
     """Return meaning -> name of the columns whose names say what they are."""
     chosen: dict[str, str] = {}
+    meanings = {meaning_of(column.head) for column in found.columns.values()} - {""}
     for name, column in found.columns.items():
         if not (meaning := meaning_of(column.head)):
+            continue
+        if MEANINGS[meaning].sums in meanings:
             continue
         if meaning in chosen:
             allowed = f'columns={{"{meaning}": {chosen[meaning]!r}, ...}} or another choice'
@@ -136,17 +267,24 @@ def _chosen(found: Found, columns: Mapping[str, str | int]) -> dict[str, str]:
     """Return meaning -> name of the columns that were asked for."""
     chosen, names = {}, list(found.columns)
     for meaning, asked in columns.items():
+        if not names:
+            raise SceneError(f"columns.{meaning}", asked, "", _names(found), "no columns")
         if isinstance(asked, int) and not isinstance(asked, bool):
             check_whole(f"columns.{meaning}", asked, 1, len(names))
             chosen[meaning] = names[asked - 1]
             continue
         same = [name for name in names if name == asked]
         same = same or [n for n in names if found.columns[n].head == asked]
+        same = same or [n for n in names if re.split("[/.]", n)[-1] == asked]
         same = same or [n for n in names if bare(found.columns[n].head) == bare(str(asked))]
         if len(same) != 1:
             reason = f"{len(same)} columns have this name"
             raise SceneError(f"columns.{meaning}", asked, "", _names(found), reason)
         chosen[meaning] = same[0]
+    for meaning, name in chosen.items():
+        if other := next((m for m, n in chosen.items() if n == name and m != meaning), ""):
+            allowed = "a column for each meaning"
+            raise SceneError(f"columns.{other}", name, "", allowed, f"it is {meaning}, too")
     return chosen
 
 
@@ -158,6 +296,7 @@ def _check_chosen(path: Any, found: Found, table: Mapping[str, Any]) -> None:
         if bare(column.head) in AMBIGUOUS
     ]
     said = f"; columns: {', '.join(map(repr, found.columns)) or 'none'}"
+    said = "; ".join([said, *(note for note in found.notes if "left out" in note)])
     may = f"; {', '.join(may)}" if may else ""
     if "t" not in table:
         allowed = 'columns={"t": name or number, ...}, or step= for equal steps'
@@ -167,6 +306,24 @@ def _check_chosen(path: Any, found: Found, table: Mapping[str, Any]) -> None:
         raise refused(path, allowed + said, "no column is known to be F_T, tau, mu or slip" + may)
 
 
+def _scales(
+    found: Found,
+    chosen: Mapping[str, str],
+    units: Mapping[str, str],
+    calibration: Mapping[str, Any],
+) -> dict[str, tuple[float, float]]:
+    """Return SI units in 1 of each column that was chosen, and the number that stands for zero."""
+    missing: list[SceneError] = []
+    found_scales = {}
+    for meaning, name in chosen.items():
+        column = found.columns[name]
+        found_scales[meaning] = _scale(found, meaning, name, column, units, calibration, missing)
+    if missing:
+        first, *others = missing
+        raise SceneError(*first.args[:-1], others)
+    return found_scales
+
+
 def _scale(
     found: Found,
     meaning: str,
@@ -174,8 +331,12 @@ def _scale(
     column: Column,
     units: Mapping[str, str],
     calibration: Mapping[str, Any],
+    missing: list[SceneError],
 ) -> tuple[float, float]:
-    """Return SI units in 1 of a column, and the number that stands for zero."""
+    """Return SI units in 1 of a column, and the number that stands for zero.
+
+    A unit that nothing states is added to those that are missing.
+    """
     si = MEANINGS[meaning].unit
     if meaning in calibration:
         given = calibration[meaning]
@@ -213,7 +374,8 @@ def _scale(
     elif si:
         allowed = f'units={{"{meaning}": "{si}"}} or another unit'
         reason = unclear or f"{name!r} has no unit in the file"
-        raise SceneError(where, None, si, allowed, reason)
+        missing.append(SceneError(where, None, si, allowed, reason))
+        return 1.0, 0.0
     elif unclear:
         raise SceneError(where, None, si, f'units={{"{meaning}": "1"}} or "%"', unclear)
     else:

@@ -59,7 +59,16 @@ from pyfric.scene.protocol import Leg, Push, legs
 from pyfric.scene.restless import RateStateLaw
 from pyfric.scene.scene import Scene
 from pyfric.scene.spread import Spread
-from pyfric.scene.tables import Line, fits, is_number, lines_of, unit_in
+from pyfric.scene.tables import (
+    COMMA,
+    POINT,
+    THOUSANDS,
+    cells_of,
+    fits,
+    is_number,
+    separator_of,
+    unit_in,
+)
 from pyfric.scene.text import law_notes
 from pyfric.scene.toml import parsed
 from pyfric.scene.units import (

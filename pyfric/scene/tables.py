@@ -31,11 +31,11 @@ has not."""
 _SHARES = re.compile(r"per\W?cent|per\W?mill?e?|ppm", re.IGNORECASE)
 WORDS = ("min", "dyn", "mus", "mud")
 """Units that are words of a friction coefficient: the minimum, dynamic friction, mu_s, mu_d."""
-_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 """A number with a decimal comma."""
-_POINT = re.compile(r"[+-]?\d*\.\d+(?:[eE][+-]?\d+)?|[+-]?\d+\.")
-_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
-"""What may be a number with a decimal comma, or one of thousands."""
+POINT = re.compile(r"[+-]?\d*\.\d+(?:[eE][+-]?\d+)?|[+-]?\d+\.")
+THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}[,.]\d{3}")
+"""What may be a number with a decimal mark, or one of thousands."""
 _BLANKS = re.compile(r"\s+(?![(\[<])")
 """Blanks between columns; those before a bracket are part of a head."""
 
@@ -63,7 +63,7 @@ class Lines(NamedTuple):
     commas: bool
 
 
-def lines_of(text: str, *, decimal: str | None = None) -> Lines:
+def lines_of(text: str) -> Lines:
     """Return the lines of a table of numbers.
 
     The last line decides what separates columns. Numbers may have decimal commas, in quotes where
@@ -71,7 +71,6 @@ def lines_of(text: str, *, decimal: str | None = None) -> Lines:
 
     Args:
         text: content of the file.
-        decimal: decimal mark, "." or ","; None: found.
 
     Raises:
         ValueError: it is not clear whether commas are decimal; with what to do.
@@ -80,45 +79,45 @@ def lines_of(text: str, *, decimal: str | None = None) -> Lines:
     written = text.splitlines()
     lines = [(n, t) for n, t in enumerate(map(str.strip, written), 1) if t]
     plain = [(n, t) for n, t in lines if t[0] != "#"]
-    apart = _separator(plain[-1][1]) if plain else ","
+    apart = separator_of(plain[-1][1]) if plain else ","
     comments = _cells([(n, t.lstrip("# ")) for n, t in lines if t[0] == "#"], apart)
     rows = _cells(plain, apart)
     rows = _with_ends(rows, written) if apart == "\t" else rows
-    commas = decimal != "." and _decimal_commas(rows, decimal)
+    commas = _decimal_commas(rows)
     if commas:
         rows = [
-            Line(n, [c.replace(",", ".") if _COMMA.fullmatch(c) else c for c in cells])
+            Line(n, [c.replace(",", ".") if COMMA.fullmatch(c) else c for c in cells])
             for n, cells in rows
         ]
     return Lines(comments, rows, apart, commas)
 
 
-def _separator(line: str) -> str:
+def separator_of(line: str) -> str:
     """Return what separates the numbers of a line."""
     for apart in SEPARATORS:
-        cells = _split(line, apart)
-        if len(cells) > 1 and all(is_number(c) or _COMMA.fullmatch(c) or not c for c in cells):
+        cells = cells_of(line, apart)
+        if len(cells) > 1 and all(is_number(c) or COMMA.fullmatch(c) or not c for c in cells):
             return apart
     return next((sign for sign in "\t;" if sign in line), ",")
 
 
-def _decimal_commas(rows: list[Line], decimal: str | None) -> bool:
+def _decimal_commas(rows: list[Line]) -> bool:
     """Whether numbers have decimal commas.
 
     Raises:
         ValueError: that is not clear.
     """
-    commas = [(n, c) for n, cells in rows for c in cells if _COMMA.fullmatch(c)]
-    if not commas or decimal == ",":
-        return bool(commas)
-    if point := next((n for n, cells in rows if any(map(_POINT.fullmatch, cells))), 0):
+    commas = [(n, c) for n, cells in rows for c in cells if COMMA.fullmatch(c)]
+    if not commas:
+        return False
+    if point := next((n for n, cells in rows if any(map(POINT.fullmatch, cells))), 0):
         raise ValueError(f"row {commas[0][0]} has a decimal comma, row {point} a decimal point")
-    if all(_THOUSANDS.fullmatch(c) for _, c in commas):
+    if all(THOUSANDS.fullmatch(c) for _, c in commas):
         raise ValueError(f"the comma in row {commas[0][0]} may be decimal, or part thousands")
     return True
 
 
-def _split(line: str, apart: str) -> list[str]:
+def cells_of(line: str, apart: str) -> list[str]:
     """Return the cells of a line.
 
     Raises:
@@ -132,14 +131,14 @@ def _split(line: str, apart: str) -> list[str]:
 
 def _cells(lines: Iterable[tuple[int, str]], apart: str) -> list[Line]:
     """Return the cells of each line, which `apart` separates."""
-    return [Line(n, _split(line, apart)) for n, line in lines]
+    return [Line(n, cells_of(line, apart)) for n, line in lines]
 
 
 def _with_ends(rows: list[Line], written: list[str]) -> list[Line]:
     """Return rows with the empty cells at their ends that other rows of numbers fill, for tabs."""
 
     def is_filled(cells: list[str]) -> bool:
-        numbers = sum(is_number(cell) or bool(_COMMA.fullmatch(cell)) for cell in cells)
+        numbers = sum(is_number(cell) or bool(COMMA.fullmatch(cell)) for cell in cells)
         return 2 * numbers > len(cells)
 
     width = max((len(row.cells) for row in rows if is_filled(row.cells)), default=0)

@@ -68,6 +68,36 @@ def _calibration(texts: tuple[str, ...]) -> dict[str, str | tuple[str, float]]:
     return found
 
 
+def _wraps(texts: tuple[str, ...]) -> dict[str, float]:
+    form = "MEANING=PERIOD, such as load_point=65536"
+    found = {}
+    for name, text in _pairs("--wrap", texts, form).items():
+        try:
+            found[name] = float(text)
+        except ValueError:
+            raise click.UsageError(f"--wrap {name}={text}: write {form}.") from None
+    return found
+
+
+def _valid(texts: tuple[str, ...]) -> dict[str, tuple[float | str, float | str]]:
+    form = "MEANING=LOW:HIGH, such as F_T='-5 kN:5 kN' or mu=0:1"
+    found: dict[str, tuple[float | str, float | str]] = {}
+    for name, text in _pairs("--valid", texts, form).items():
+        low, sign, high = (part.strip() for part in text.partition(":"))
+        if not sign:
+            raise click.UsageError(f"--valid {name}={text}: write {form}.")
+        found[name] = _plain(low), _plain(high)
+    return found
+
+
+def _plain(text: str) -> float | str:
+    """Return a number, or a quantity as it is."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
 @main.command(section="Measure")
 @click.argument("scene", type=SceneName())
 @click.argument("curve", metavar="FILE", type=click.Path())
@@ -82,7 +112,7 @@ def _calibration(texts: tuple[str, ...]) -> dict[str, str | tuple[str, float]]:
     "--column",
     multiple=True,
     metavar="MEANING=NAME",
-    help="Name or number of the column of t, F_T, F_N, tau, sigma_n, mu or load_point.",
+    help="Name or number of the column of t, step, F_T, F_N, tau, sigma_n, mu or load_point.",
 )
 @click.option("--unit", multiple=True, metavar="MEANING=UNIT", help="Unit of a column.")
 @click.option(
@@ -95,6 +125,16 @@ def _calibration(texts: tuple[str, ...]) -> dict[str, str | tuple[str, float]]:
 @click.option("--group", default="", help="Beginning of the names in a container.")
 @click.option("--head", type=click.IntRange(0), default=0, help="Lines at the top to leave out.")
 @click.option("--decimal", type=click.Choice([".", ","]), help="Decimal mark, if it is not clear.")
+@click.option("--gap", multiple=True, metavar="WORD", help="A word that stands for a gap.")
+@click.option(
+    "--wrap", multiple=True, metavar="MEANING=PERIOD", help="Period of a counter that starts anew."
+)
+@click.option(
+    "--valid",
+    multiple=True,
+    metavar="MEANING=LOW:HIGH",
+    help="Ends of what a sensor tells, such as F_T='-5 kN:5 kN'.",
+)
 @click.option(
     "--restarts", metavar="join|N", help="Where times start anew: join them, or take part N."
 )
@@ -133,6 +173,9 @@ def fit(
     group: str,
     head: int,
     decimal: Any,
+    gap: tuple[str, ...],
+    wrap: tuple[str, ...],
+    valid: tuple[str, ...],
     restarts: str | None,
     F_N: str | None,
     area: str | None,
@@ -147,8 +190,8 @@ def fit(
 ) -> None:
     """Fit parameters of SCENE to the events of the measured curve in FILE.
 
-    FILE may be text, MATLAB, HDF5, TDMS or Look. The figure shows data over model, residuals, and a
-    profile for each parameter.
+    FILE may be of any kind that pyfric.measured.read takes. The figure shows data over model,
+    residuals, and a profile for each parameter.
     """
     import dataclasses
 
@@ -172,6 +215,9 @@ def fit(
         group=group,
         head=head,
         decimal=decimal,
+        gaps=gap,
+        wraps=_wraps(wrap),
+        valid=_valid(valid),
         restarts=part_of,
     )
     read = dataclasses.replace(read, noise=noise)

@@ -11,20 +11,18 @@ import warnings
 import numpy as np
 import pytest
 from helpers import GEOMETRIES
-from scipy.sparse.linalg import ArpackNoConvergence
 from tolerances import CURVE, FORCE, FORCE_FINITE, FORCE_STRAINED, REPRODUCED, SPLIT
 
 import pyfric
 from pyfric import core
 from pyfric.core import OPEN
-from pyfric.engines import ACCURACY, hybrid, space
+from pyfric.engines import ACCURACY, hybrid
 from pyfric.record import Record
 from pyfric.scene import SceneError, chain, preset, setup1, setup2
 from pyfric.statics import (
     EquilibriumError,
     loaded_state,
     solve_static,
-    stability_limit,
 )
 
 
@@ -84,7 +82,8 @@ def check_counts(record):
     counts = record.counts
     assert counts["steps"] + counts["steps_spared"] == record.final_state.step
     blocks = record.scene.N_x * record.scene.N_z
-    assert counts["block_evaluations"] == 4 * blocks * counts["steps"]
+    stages = core.STEPPERS[record.method.stepper].evaluations
+    assert counts["block_evaluations"] == stages * blocks * counts["steps"]
 
 
 # --- against full dynamics -----------------------------------------------------------------------
@@ -130,24 +129,6 @@ def test_linear_geometry_is_full_dynamics(name, request):
     check_counts(b)
     assert b.counts["steps"] < 0.5 * a.counts["steps"]
     assert b.counts["jumps"] > 0
-
-
-def test_opposite_steppers_have_opposite_errors():
-    """In start and arrest forces of all events, with jumps that follow the ring-down of each."""
-    scene, t_end = SCENES["free, right"]
-    how = {"geometry": "linear", "switching": "located"}
-    dt = 0.4 * stability_limit(scene)[0]
-    exact = step(scene, t_end, dt=dt / 4, **how)
-    errors = []
-    for stepper in ("rk4", "rk4_opposite"):
-        full, jumps = both(scene, t_end, stepper=stepper, dt=dt, **how)
-        assert jumps.method.stepper == stepper
-        assert jumps.counts["jumps"] > 0
-        check_same_events(full, jumps, FORCE)
-        names = ["F_T_start", "F_T_arrest"]
-        errors.append((full.events[names] - exact.events[names]).to_numpy()[1:10] / scene.F_N)
-    assert np.abs(errors[0]).min() > 1e-7
-    np.testing.assert_allclose(errors[1], -errors[0], rtol=0.15)
 
 
 @pytest.mark.parametrize(
@@ -392,7 +373,7 @@ def test_a_state_after_a_jump_starts_runs():
 def test_the_end_may_lie_anywhere():
     """In a jump, on a sample, at once; no point comes twice."""
     scene = rod()
-    dt = pyfric.step_size(scene)
+    dt = pyfric.step_size(scene, switching="step_end")
     for steps, every in ((10_000, 1000), (10_001, 1000), (64, 1), (1, 1), (0, 1)):
         record = jump(scene, steps * dt, geometry="linear", sample=every * dt)
         t = record.curve["t"].to_numpy()
@@ -422,11 +403,13 @@ def test_a_mirrored_scene_gives_the_mirror_image(make, geometry):
     assert len(left.events) > 0
     for name in ("first_block", "last_block", "nucleation_block", "n_episodes", "n_blocks"):
         np.testing.assert_array_equal(right.events[name], left.events[name])
-    limit = 1e-9 * left.scene.F_N
+    F_N = left.scene.F_N
+    limit = 1e-9 * F_N
     for name in ("F_T_start", "F_T_arrest"):
         np.testing.assert_allclose(right.events[name], left.events[name], rtol=0, atol=limit)
     np.testing.assert_array_equal(right.region, left.region[:, ::-1])
-    np.testing.assert_allclose(right.curve["F_T"], left.curve["F_T"], rtol=0, atol=limit)
+    # Slow shapes are those of a block of vectors without symmetry; the curve lacks the others.
+    np.testing.assert_allclose(right.curve["F_T"], left.curve["F_T"], rtol=0, atol=CURVE * F_N)
     np.testing.assert_allclose(right.tau_after, left.tau_after[:, ::-1], rtol=0, atol=limit)
 
 
@@ -453,18 +436,6 @@ def test_without_viscosity_the_run_is_stepped(make, t_end, eta):
     scene = make(eta=eta)
     a, b = both(scene, t_end, "linear")
     check_same_events(a, b, 10 * FORCE)  # what is dropped does not die away
-
-
-def test_where_no_modes_are_found_the_remainder_holds_all(monkeypatch):
-    def fail(*_, **__):
-        raise ArpackNoConvergence("nothing converged", np.zeros(0), np.zeros((0, 0)))
-
-    scene = free()
-    a = step(scene, 0.02, geometry="linear")
-    monkeypatch.setattr(space, "eigsh", fail)
-    b = jump(scene, 0.02, geometry="linear")
-    assert len(a.events) > 0
-    check_same_events(a, b, 10 * FORCE)
 
 
 ODD = {
@@ -533,8 +504,7 @@ def test_a_slider_that_never_rests_is_noted():
 def test_fig1_takes_few_steps():
     """The paper's first scene: less than half a percent of the steps."""
     record = jump(preset("fig1"), 0.9, geometry="linear")
-    assert record.counts["steps"] < 5000
-    assert record.counts["steps_spared"] > 1_100_000
+    assert record.counts["steps_spared"] > 200 * record.counts["steps"]
     assert record.events["is_main"].sum() == 13
     check_counts(record)
 

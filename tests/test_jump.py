@@ -36,7 +36,7 @@ def begun(modes, start, v, least=1, **more):
     outside, n_x = Outside(modes.space.solver, 0.0), SCENE.N_x
     path = path_from(modes, outside, *start)
     motion = modes.split(path.lag[0] * 0.0, v)
-    how = {"dt": DT, "accuracy": 1e-6 * SCENE.F_N, "least": least} | more
+    how = {"dt": DT, "accuracy": 1e-6 * SCENE.F_N, "least": least, "wait": 1} | more
     return Jump(modes, outside, path, motion, np.zeros(n_x), **how)
 
 
@@ -85,7 +85,7 @@ def test_the_truncated_part_ends_no_jump_once_it_has_faded():
     _, start, v = linearised("linear")
     path = path_from(modes, outside := Outside(solver, 0.0), *start)
     v -= modes.space.B @ (modes.space.B.T @ (modes.space.M * v))
-    how = {"dt": DT, "accuracy": 1e-6 * SCENE.F_N, "least": 1}
+    how = {"dt": DT, "accuracy": 1e-6 * SCENE.F_N, "least": 1, "wait": 1}
     quiet, faint, loud = (
         Jump(modes, outside, path, modes.split(0.0 * v, size * v), np.zeros(SCENE.N_x), **how)
         for size in (0.0, 1e-3, 1e-2)
@@ -118,7 +118,8 @@ def test_landings_are_predicted_again_in_finite_geometry_only(monkeypatch):
     monkeypatch.setattr(Jump, "land", lambda one, *n: (jumps.append(one), land(one, *n))[1])
     for geometry in GEOMETRIES:
         jumps.clear()
-        made = pyfric.simulate(scene, 0.01, fidelity="hybrid", geometry=geometry, progress=False)
+        how = {"geometry": geometry, "accuracy": 1e-6, "progress": False}
+        made = pyfric.simulate(scene, 0.01, fidelity="hybrid", **how)
         counts = made.counts
         assert counts["landings"] >= len(jumps) >= counts["attempts"] > 0
         assert (counts["landings"] == len(jumps)) == (geometry == "linear")
@@ -151,7 +152,7 @@ LATE_ERRORS = {
         1.4386e-3,
         "linear",
     ),
-    "a fast mode that excites a slow one": (setup2(k_f=4.6875e5, **HEAVY), 0.026, "finite"),
+    "a fast mode that excites a slow one": (setup2(k_f=4.6875e5, **HEAVY), 0.023, "finite"),
 }
 """Scenes in which modes leave more than at the end of a jump: scene, t_end, geometry."""
 
@@ -159,7 +160,7 @@ LATE_ERRORS = {
 @pytest.mark.parametrize("name", LATE_ERRORS)
 def test_what_modes_leave_during_a_jump_is_estimated(name):
     scene, t_end, geometry = LATE_ERRORS[name]
-    how = {"geometry": geometry, "switching": "located", "energies": False, "progress": False}
+    how = {"geometry": geometry, "accuracy": 1e-6, "energies": False, "progress": False}
     a, b = (pyfric.simulate(scene, t_end, fidelity=one, **how) for one in ("hybrid", "dynamic"))
     assert a.counts["jumps"] > 0
     assert len(a.events) == len(b.events) > 1

@@ -40,7 +40,7 @@ SLIPS = {
     "driver speeds up": ({"driver.protocol": FASTER}, {"geometry": "finite"}),
     "gaps": ({"gap": np.where(np.arange(9) % 3 == 1, 2e-7, 0.0)}, {"geometry": "finite"}),
     "a block without contact": ({"contact": np.arange(9) != 2}, {"geometry": "linear"}),
-    "driver turns back": ({"driver.protocol": BACK}, {"geometry": "linear"}),
+    "driver turns back": ({"driver.protocol": BACK}, {"accuracy": 1e-6}),
 }
 
 
@@ -72,7 +72,7 @@ def test_stable_slip_is_full_dynamics(name):
 def test_stable_slip_takes_hardly_any_steps():
     """At a speed ten times slower: a fiftieth of all, if attempts cost no more than six steps."""
     b = run(rod(V=2e-4), 0.36, "hybrid")
-    assert b.final_state.step - b.switches["step"][0] > 20_000
+    assert b.final_state.step - b.switches["step"][0] > 10_000
     assert b.counts["steps"] < 0.02 * b.final_state.step
 
 
@@ -83,7 +83,7 @@ def test_attempts_take_a_part_of_the_work_of_full_dynamics(speed, slip):
     counts = b.counts
     assert counts["attempts"] >= 2
     attempts = {name: counts[name] for name in ("landings", "slides", "modal_bases")}
-    full = b.final_state.step * work_of_step(b.scene, "linear", "rk4")
+    full = b.final_state.step * work_of_step(b.scene, "linear", b.method.stepper)
     last = max(work(b.scene, "linear", {name: 1}) for name in attempts)
     assert work(b.scene, "linear", attempts) <= SPENT * full + 2 * last
     assert counts["steps"] + counts["steps_spared"] == b.final_state.step
@@ -135,10 +135,10 @@ def test_a_refused_attempt_waits_until_what_was_too_large_has_decayed():
     rough = np.zeros((scene.N_z, 2, scene.N_x))
     rough[1:-1, 0] = (-1.0) ** np.arange(1, scene.N_z - 1)[:, None]
     v, waits = known.coordinates(rough, np.zeros(3)), []
-    for speed in (1e-3, 1e-2):
+    for speed in (1e-2, 1e-1):
         motion = modes.split(np.zeros_like(v), speed * v)
         motion = motion._replace(a=np.zeros_like(motion.a))  # none of it in slow shapes
-        how = {"dt": state.dt / 1000, "accuracy": 1e-6, "least": 1}
+        how = {"dt": state.dt / 1000, "accuracy": 1e-6, "least": 1, "wait": 1}
         found = Jump(modes, outside, path, motion, state.t - state.t_0, **how).land(10**6)
         assert isinstance(found, Wait)
         waits.append(found.steps)
@@ -163,9 +163,8 @@ def test_slow_modes_of_a_slider_that_slips_are_those_of_dense_matrices():
     K, C, M = K[np.ix_(free, free)], C[np.ix_(free, free)], mass(scene)[free][:, None]
     none = np.zeros_like(K)
     exact = np.linalg.eigvals(np.block([[none, np.eye(len(free))], [-K / M, -C / M]]))
-    for k in range(6):
-        rate = modes.corrected(k).rate
-        assert np.abs(exact - rate).min() < 1e-5 * abs(rate)
+    for mode in modes.corrected(np.arange(6)):
+        assert np.abs(exact - mode.rate).min() < 1e-5 * abs(mode.rate)
     rng = np.random.default_rng(1)
     force = rng.normal(size=n)
     np.testing.assert_allclose(K @ space.answer(force)[free], force[free], rtol=0, atol=1e-7)

@@ -54,18 +54,18 @@ SLOWEST = 7.0
 lattice raise it to 6.6."""
 
 
-def largest(
+def ends_of_spectrum(
     apply: Callable[[np.ndarray], np.ndarray], start: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the largest eigenvalues of a symmetric operator, shape (m,), and vectors, (n, m).
+    """Return eigenvalues of a symmetric operator, shape (m,), ascending, and vectors, (n, m).
 
     They are those of block Lanczos: of the operator in the space of a block of vectors to which it
-    was applied `APPLIED` times.
+    was applied `APPLIED` times. The first and the last ones are those of the operator.
 
     Args:
         apply: the operator, on vectors of shape (n, k).
         start: a vector that the first block contains, shape (n,).
-        count: number of eigenvalues, at most n/2; m is `count` or less.
+        count: number of the largest ones that are asked for, at most n/2.
     """
     n = len(start)
     first = np.random.default_rng(0).standard_normal((n, min(BLOCK, n)))
@@ -83,7 +83,7 @@ def largest(
         block = np.linalg.qr(block)[0]
     whole = np.hstack(basis)
     squares, vectors = np.linalg.eigh(whole.T @ np.hstack(images))
-    return squares[-count:], whole @ vectors[:, -count:]
+    return squares, whole @ vectors
 
 
 class Tangent(NamedTuple):
@@ -173,16 +173,16 @@ class Space:
             self.B = np.zeros((self.n_q, 0))
             return 0.0
         root, driven = np.sqrt(M), self.drift[free]
-        squares, basis = largest(
+        squares, basis = ends_of_spectrum(
             lambda x: root[:, None] * self._factor.solve(root[:, None] * x), root * driven, count
         )
-        basis /= root[:, None]
-        if squares.min() <= 0:
+        if squares[0] <= 0:
             what = "the static state is unstable: too few blocks hold a slider that is compressed"
             raise EquilibriumError(what, np.nan, 0.0, 0)
+        squares, basis = squares[-count:], basis[:, -count:] / root[:, None]
         viscous = self._viscous(np.column_stack([basis, driven]))
         self._span(basis, np.column_stack([driven, viscous]))
-        return 1 / math.sqrt(squares.min())
+        return 1 / math.sqrt(squares[0])
 
     def _extend(self, near: Space) -> float:
         """Extend the space with more stuck blocks; return its largest frequency, in 1/s.

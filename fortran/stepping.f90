@@ -1,5 +1,6 @@
 !> Many steps, with contact states switched between or inside them, on one or more threads.
 module pyfric_stepping
+  use, intrinsic :: iso_c_binding, only: c_int64_t
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, LB, LANES
   use pyfric_model, only: model_t
@@ -12,7 +13,7 @@ module pyfric_stepping
   use pyfric_energy, only: curve_point, N_POINT
   use pyfric_log, only: log_t, log_point, log_budget, log_speeds, log_burst, has_room
   use pyfric_location, only: step_control_t, new_control, test_substep, complete_substep, max_switches, MAX_QUIET
-  use pyfric_status, only: DONE, LOG_FULL, NO_MEMORY
+  use pyfric_status, only: DONE, LOG_FULL, NO_MEMORY, STRAINED
 !$ use omp_lib, only: omp_get_thread_num, omp_get_num_threads
   implicit none (type, external)
   private
@@ -307,8 +308,44 @@ contains
         call log_point(log, curve_point(s, run%t, new, rod, contact%memory, method%keep_budget, budget, contact%loss))
       end if
     end if
-    run%goes_on = run%step < run%end_step .and. log_has_room(s, method, log)
+    if (s%finite .and. s%nz > 1) then
+      if (may_fold(s, new)) run%status = STRAINED
+    end if
+    run%goes_on = run%status == DONE .and. run%step < run%end_step .and. log_has_room(s, method, log)
   end subroutine complete_step
+
+  !> Whether a cell may be turned inside out. None is while the displacements of neighbours along x and z differ by less
+  !> than l/sqrt(2): the deformation gradient of each triangle of two bonds then differs from 1 by less than 1.
+  pure function may_fold(s, y) result(found)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)  !! state
+    logical :: found
+    integer(c_int64_t) :: n
+    integer :: j
+
+    n = 0
+    do j = 1, s%nz
+      n = n + large(s, y(LB, UX, j), y(LB, UX, j), LANES)
+      if (j < s%nz) n = n + large(s, y(LB, UX, j), y(LB, UX, j + 1), 0)
+    end do
+    found = n > 0
+  end function may_fold
+
+  !> Number of blocks of a row whose displacement differs by l/sqrt(2) or more from that of a neighbour.
+  pure function large(s, row, other, shift) result(n)
+    type(model_t), intent(in) :: s
+    real(dp), intent(in) :: row(LB:s%n + LANES, 2)
+    real(dp), intent(in) :: other(LB:s%n + LANES, 2)  !! the row of the neighbours
+    integer, intent(in) :: shift                      !! elements to the neighbour
+    integer(c_int64_t) :: n
+    integer :: i
+
+    n = 0
+    do i = 1, s%n
+      n = n + merge(0_c_int64_t, 1_c_int64_t, (other(i + shift, UX) - row(i, UX))**2 &
+                    + (other(i + shift, UZ) - row(i, UZ))**2 < 0.5_dp*s%l**2)
+    end do
+  end function large
 
   !> Logs the blocks that passed the threshold of fast slip in a step, and the interface where fast slip begins or ends.
   subroutine watch(s, method, run, y, rod, contact, budget, log)

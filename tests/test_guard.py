@@ -7,7 +7,7 @@ import pytest
 
 import pyfric
 from pyfric import core
-from pyfric.engines import RunError, folded
+from pyfric.engines import RunError, default_stepper, folded
 from pyfric.engines.integration import MARGIN, Guard
 from pyfric.scene import SceneError, chain, setup1, setup2
 from pyfric.statics import StaticSolver, stability_limit
@@ -60,7 +60,7 @@ def test_steps_above_the_limit_are_stopped(name, share, monkeypatch):
     """Growth is seen long before the numbers end. (The limit holds for any contact states; where
     all blocks stick, it can be a little larger.)"""
     scene, _ = SCENES[name]
-    dt = share * stability_limit(scene)[0]
+    dt = share * stability_limit(scene, default_stepper(scene))[0]
     monkeypatch.setattr("pyfric.engines.options.step_size", lambda *_: dt)
     with pytest.raises(RunError, match=r"energy grows from .* at step") as caught:
         pyfric.simulate(
@@ -159,8 +159,37 @@ def test_loads_that_fold_are_refused_or_noted():
 
 
 def test_a_lattice_that_folds_stops_the_run():
+    """In the step in which it does: here it would be whole again after a few more."""
     with pytest.raises(RunError, match=r"folded at step \d+, t = .* block in column 1 ") as caught:
         pyfric.simulate(rod(V=300.0), 1e-3, fidelity="dynamic", progress=False)
     kept = caught.value.record
     assert folded(kept.scene, kept.final_state.y[:, :2]) is None
     assert kept.final_state.step > 0
+
+
+def test_no_fold_passes_the_core():
+    """Random displacements: each lattice that is folded ends a call after one step."""
+    scene, rng, seen = free(), np.random.default_rng(3), []
+    start = StaticSolver(scene).loaded.state(scene, 1e-15)  # a step that moves nothing
+    model, log = core.model(scene, "finite", start.u_drv0), core.Log(scene.N_x)
+    for size in np.repeat([0.05, 0.1, 0.2, 0.4], 25):
+        state = start.copy()
+        state.y[1:, :2] += size * scene.slider.l * rng.normal(size=(scene.N_z - 1, 2, scene.N_x))
+        ends = core.advance(model, state, log, 2) == core.Status.STRAINED
+        seen.append((folded(scene, state.y[:, :2]) is not None, ends))
+        assert state.step == (1 if ends else 2)
+    assert {(True, True), (False, False)} <= set(seen) <= {(True, True), (False, True), (False, False)}
+
+
+def test_a_slider_that_turns_over_is_no_fold():
+    """The core ends each call after one step then; the run goes on."""
+    scene = free(F_N=1.0, **{"top.T": 0.0})
+    state = StaticSolver(scene).loaded.state(scene, 1e-7)
+    j, i = np.mgrid[: scene.N_z, : scene.N_x]
+    l, angle = scene.slider.l, 1.2
+    state.y[:, 0] = l * (np.cos(angle) * i - np.sin(angle) * j - i)
+    state.y[:, 1] = l * (np.sin(angle) * i + np.cos(angle) * j - j) + 1e-3
+    state.mode[:] = core.OPEN
+    record = pyfric.simulate(scene, 3e-5, initial=state, fidelity="dynamic", progress=False)
+    assert record.status == "complete"
+    assert record.final_state.step >= 5

@@ -65,7 +65,7 @@ def test_observers_see_silence():
     ):
         assert look(calm).behaviour == "silence"
     slow = partial(calm, V=2e-4)
-    assert regimes._moved_up(slow, t_end=0.4, damps=False, finer=1).behaviour == "silence"
+    assert regimes._moved_up(slow, t_end=0.4, finer=1).behaviour == "silence"
     assert regimes._same(calm, t_end=1e-5).behaviour == "wrong answer"
     assert regimes._same(calm, t_end=3e-3, opens=True).behaviour == "wrong answer"
 

@@ -27,7 +27,7 @@ import numpy as np
 import pandas as pd
 
 from pyfric.core import OPEN
-from pyfric.engines import RunError, folded, prediction_curve
+from pyfric.engines import RunError, default_stepper, folded, prediction_curve
 from pyfric.planning import simulate
 from pyfric.record import budget_error
 from pyfric.scene import Scene, SceneError, chain, setup1, setup2
@@ -107,7 +107,8 @@ def _refused(scene: Callable[[], Scene], *, field: str, **how) -> Observed:
 
 
 def _above_limit(scene: Callable[[], Scene]) -> Observed:
-    limit = stability_limit(scene())[0]
+    what = scene()
+    limit = stability_limit(what, default_stepper(what))[0]
     return _refused(scene, field="dt", dt=1.001 * limit)
 
 
@@ -131,21 +132,15 @@ def _noted(scene: Callable[[], Scene], *, note: str, t_end: float = 1e-5, **how)
     return Observed("warning", found[0]) if found else Observed("silence", f"notes: {notes}")
 
 
-def _moved_up(scene: Callable[[], Scene], *, t_end: float, damps: bool, finer: int) -> Observed:
-    """The hybrid engine becomes full dynamics and says so; the budget closes at a finer step.
-
-    Where the step itself damps the motion, the notes have to say by how much.
-    """
+def _moved_up(scene: Callable[[], Scene], *, t_end: float, finer: int) -> Observed:
+    """The hybrid engine becomes full dynamics and says so; the budget closes at a finer step."""
     record = _run(scene(), t_end, verify="none")
     said = next((note for note in record.notes if "integrated like in full dynamics" in note), "")
     if record.method.engine != "dynamic" and not said:
         return Observed("silence", f"{record.method.engine}: {record.notes}")
     how = {"fidelity": "dynamic", "geometry": record.method.geometry}
     full = _run(scene(), t_end, **how, dt=record.method.dt / finer)
-    missing = [note for note in _run(scene(), t_end, **how).notes if "budget misses" in note]
-    if damps and not missing:
-        return Observed("silence", "the budget is not noted")
-    error, text = budget_error(full.curve), "; ".join([said or "full dynamics", *missing])
+    error, text = budget_error(full.curve), said or "full dynamics"
     return Observed("switch", text, f"budget error at dt/{finer}", error, BUDGET)
 
 
@@ -278,8 +273,8 @@ REGIMES = tuple(
         ("k_f >> k", rod, {"k_f": 1.35e10}, f"the step falls as 1/sqrt(k_f); {_same_events}",
          _same, {"t_end": 3e-3}),
         ("eta = 0", rod, {"eta": 0.0},
-         "nothing decays: full dynamics; the notes say why, and how much the step damps",
-         _moved_up, {"t_end": 3e-3, "damps": True, "finer": 16}),
+         "nothing decays: full dynamics; the notes say why",
+         _moved_up, {"t_end": 3e-3, "finer": 16}),
         ("eta limits dt", rod, {"eta": 300.0}, f"the step falls as 1/eta; {_same_events}",
          _same, {"t_end": 3e-3}),
         ("mu_s = mu_k", rod, {"mu_s": 0.45, "V": 2e-3},
@@ -304,7 +299,7 @@ REGIMES = tuple(
          _same, {"t_end": 1e-3}),
         ("V too high for jumps", rod, {"V": 1.0},
          "the slider is never at rest: full dynamics, and the notes say so",
-         _moved_up, {"t_end": 4e-3, "damps": False, "finer": 4}),
+         _moved_up, {"t_end": 4e-3, "finer": 4}),
         ("V too high for quasi-static states", rod, {"V": 1.0},
          "a note says that the slider does not come to rest between events",
          _noted, {"note": "does not come to rest", **_ladder}),

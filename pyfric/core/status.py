@@ -13,3 +13,4 @@ class Status(enum.IntEnum):
     ENDLESS = 2  # stopped inside a step: contacts switch too often in it
     TOO_SHORT = 3  # stopped inside a step: its error stays too large
     NO_MEMORY = 4  # nothing was done: its memory could not be allocated
+    STRAINED = 5  # stopped early, after a step: a cell may be turned inside out

@@ -375,11 +375,11 @@ class Run:
             self._follow(just_after(self.state))  # a jump may have passed a breakpoint
             mark, fast = self.history.mark(), (self.log.fast.copy(), self.log.speeds.copy())
             self.good = _Good(self.state.copy(), self.model, self.made.copy(), mark, fast)
-        self._make(n_steps)
-        self._look(self.state.step - self.good.state.step >= STEPS)
+        strained = self._make(n_steps) == core.Status.STRAINED
+        self._look(strained or self.state.step - self.good.state.step >= STEPS)
 
-    def _make(self, n_steps: int) -> None:
-        """Let the core make up to n_steps and take over its log."""
+    def _make(self, n_steps: int) -> core.Status:
+        """Let the core make up to n_steps and take over its log; return why it ended."""
         state, step = self.state, self.state.step
         start = time.perf_counter()
         status = self.make_steps(state, n_steps)
@@ -406,6 +406,7 @@ class Run:
                 spent = self._budget_columns(log.points_of(name))
                 logs[name] |= dict(zip(self.history.names[2:], spent, strict=True))
             self._add_logs(logs)
+        return status
 
     def _look(self, due: bool) -> None:
         """Raise RunError if the state fails a check; energy and lattice are checked if due."""

@@ -15,7 +15,7 @@ others every `STEPS` steps:
   The exact motion satisfies this bound for any sequence of contact states. `MARGIN` times G allows
   for errors of the steps. An instability makes G grow without limit and violates the bound;
 - lattice, in finite geometry: no corner of a cell is turned inside out. The springs alone would
-  allow it.
+  allow it. The core also ends a call after a step in which one may have been.
 """
 
 from __future__ import annotations

@@ -26,8 +26,8 @@ from helpers import (
 import pyfric
 from pyfric import core
 from pyfric.core import OPEN, STUCK, StateError
-from pyfric.engines import RunError, integration, step_size
-from pyfric.engines.step_sizes import AUTO_SHARE
+from pyfric.engines import RunError, default_stepper, integration, step_size
+from pyfric.engines.step_sizes import AUTO_SHARE, LONGEST
 from pyfric.record import Record, analysis
 from pyfric.scene import SceneError, preset, setup1, setup2
 from pyfric.statics import StaticSolver, loaded_state, stability_limit
@@ -424,7 +424,7 @@ def test_a_run_that_leaves_the_numbers_keeps_what_was_good():
 @pytest.mark.parametrize(
     ("arguments", "field", "allowed"),
     [
-        ({"dt": 1.6e-6}, "dt", "1.568e-06 s"),
+        ({"dt": 2.1e-6}, "dt", "2e-06 s"),
         ({"dt": 0.0}, "dt", ""),
         ({"dt": float("nan")}, "dt", ""),
         ({"dt": "fast"}, "dt", "auto"),
@@ -449,8 +449,8 @@ def test_bad_arguments_are_refused(arguments, field, allowed):
 
 
 def test_a_step_above_the_limit_names_it():
-    with pytest.raises(SceneError, match=r"dt = 1\.6e-06 s.*1\.5\d+e-06 s.*stability limit"):
-        step_size(preset("fig1"), 1.6e-6)
+    with pytest.raises(SceneError, match=r"dt = 2\.1e-06 s.*2e-06 s.*stability limit of rk46"):
+        step_size(preset("fig1"), 2.1e-6)
 
 
 def test_states_that_do_not_fit_are_refused():
@@ -476,9 +476,15 @@ def test_states_that_do_not_fit_are_refused():
 
 def test_auto_step_is_a_share_of_the_limit():
     for scene in (preset("fig1"), preset("setup2"), small()):
-        limit, _ = stability_limit(scene)
-        dt = step_size(scene)
-        assert 0.9 * AUTO_SHARE * limit < dt <= AUTO_SHARE * limit
+        limit, _ = stability_limit(scene, default_stepper(scene))
+        for switching, accuracy, share in (
+            ("step_end", 1e-5, AUTO_SHARE),
+            ("located", 1e-6, AUTO_SHARE),
+            ("located", 1e-6 / 64, AUTO_SHARE / 2),
+            ("located", 1e-3, LONGEST),
+        ):
+            dt = step_size(scene, accuracy=accuracy, switching=switching)
+            assert 0.99 * share * limit < dt <= share * limit
 
 
 # --- the paper's scene ---------------------------------------------------------------------------
@@ -559,7 +565,7 @@ def test_contacts_that_open_are_counted_from_those_at_the_start():
 
 
 def test_the_budget_of_a_run_from_a_state_counts_from_its_first_point():
-    how = {"fidelity": "dynamic", "energies": True, "progress": False}
+    how = {"fidelity": "dynamic", "energies": True, "accuracy": 1e-7, "progress": False}
     first = pyfric.simulate(small(), 1.2e-3, **how)
     second = pyfric.simulate(small(), 1.5e-3, initial=first.final_state, **how)
     assert second.curve["work_driver"].iloc[0] == first.curve["work_driver"].iloc[-1] > 0

@@ -137,8 +137,8 @@ class Reference(NamedTuple):
     def hybrid(self, accuracy: float | None = None) -> pyfric.Record:
         """Return its run by the hybrid engine, with the same steps."""
         about = self.about
-        how = {"dt": about["dt"], "sample": about["sample"] * about["dt"], "t_gap": about["t_gap"]}
-        how |= {"accuracy": accuracy}
+        how = {name: about[name] for name in ("stepper", "dt", "t_gap")} | {"accuracy": accuracy}
+        how["sample"] = about["sample"] * about["dt"]
         return run(self.scene, about["t_end"], "hybrid", about["geometry"], **how)
 
     def apart(self, record: pyfric.Record) -> dict[str, float]:
@@ -212,7 +212,7 @@ def _largest(a: pd.Series, b: pd.Series) -> float:
 def make(name: str, case: Case, made_from: str) -> None:
     """Write a set, or raise SystemExit where its events are not determined."""
     start, scene, (geometry,) = time.perf_counter(), case.scene, case.geometries
-    dt = float(f"{case.step * pyfric.step_size(scene):.2g}")
+    dt = float(f"{case.step * pyfric.step_size(scene, stepper='rk4'):.2g}")
     record = run(
         scene,
         case.t_end,

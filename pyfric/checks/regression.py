@@ -158,9 +158,9 @@ def load(name: str, folder: str | os.PathLike[str] = INSTALLED) -> Reference:
 
 
 def _run(known: Reference, t_end: float, **how: Any) -> Record:
-    """Return a run of a set, in its geometry, with its steps, samples and longest pause."""
+    """Return a run of a set, in its geometry, with its stepper, steps, samples and pauses."""
     about = known.about
-    how = {"dt": about["dt"], "t_gap": about["t_gap"], "geometry": about["geometry"], **how}
+    how = {name: about[name] for name in ("stepper", "dt", "t_gap", "geometry")} | how
     sample = about["sample"] * about["dt"]
     return simulate(known.scene, t_end, sample=sample, progress=False, **how)
 

@@ -449,7 +449,7 @@ def record():
 def test_energy_budget_closes():
     """At the order of the stepper, with every term in it."""
     errors = []
-    for share in (0.4, 0.2, 0.1):
+    for share in (0.3, 0.15, 0.075):
         dt = share * stability_limit(small())[0]
         record = simulate(small(), 4e-3, dt=dt, switching="step_end", sample=1e-6, progress=False)
         errors.append(budget_error(record))

@@ -415,7 +415,7 @@ def test_auto_says_what_it_took():
     result = pyf(*slow, "--want", "stress", "--tolerance", "0.1", "--json")
     summary = json.loads(result.stdout)
     assert summary["method"]["engine"] == "hybrid"
-    levels = "for stress within 0.1: quasistatic, linear geometry, then hybrid, linear geometry"
+    levels = "for stress within 0.1: quasistatic, linear geometry, then hybrid, finite geometry"
     assert any(note.startswith(levels) for note in summary["notes"])
     single = pyf(*slow, "--tolerance", "0.1", "--verify", "none", "--json")
     assert json.loads(single.stdout)["counts"]["block_evaluations"] == 0
@@ -433,7 +433,7 @@ def test_the_method_is_always_named(tmp_path):
     for how in ((), ("--fidelity", "hybrid"), DYNAMIC):
         assert located in run(*how, t_end="0.1 ms").stdout
     method = json.loads(run("--json", "--verify", "none", t_end="0.1 ms").stdout)["method"]
-    assert (method["stepper"], method["switching"]) == ("rk4", "located")
+    assert (method["stepper"], method["switching"]) == ("rk46", "located")
     again = ("--resume", "--out", out, "--method", "paper")
     assert ends in run(*again, t_end="0.11 ms").stdout
     simulate(tiny(), 1e-4).save(tmp_path / "b.nc")
@@ -483,7 +483,8 @@ def test_plan():
 def test_plan_of_a_file_and_of_odd_scenes(tmp_path):
     tiny(eta=0.0).to_toml(tmp_path / "own.toml")
     told = json.loads(pyf("plan", tmp_path / "own.toml", "--json").stdout)
-    assert [one["engine"] for one in told["levels"]][:2] == ["quasistatic", "hybrid"]
+    assert [one["geometry"] for one in told["levels"]][:2] == ["linear", "finite"]
+    assert {(one["engine"], one["stepper"]) for one in told["levels"]} == {("hybrid", "rk46_waves")}
     for change in ("V=0", "mu_k=0", "side=right", "K=1"):
         small = SMALL[:-2] if change.startswith("V") else SMALL
         end = () if change.startswith("V") else ("--t-end", "2 ms")

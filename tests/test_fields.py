@@ -226,6 +226,7 @@ AGEING = {"law": laws.Ageing(B=0.05, t_c=1e-5)}
 @pytest.mark.parametrize("changes", [{}, AGEING | {"d_c": 0.0}], ids=["fields", "ageing"])
 def test_jumps_give_the_events_of_full_dynamics(changes):
     scene, how = uneven(**changes), {"geometry": "linear", "switching": "located"}
+    how["dt"] = pyfric.step_size(scene) / 2
     a, b = (
         pyfric.simulate(scene, 2e-3, fidelity=name, progress=False, **how)
         for name in ("dynamic", "hybrid")

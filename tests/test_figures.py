@@ -686,8 +686,9 @@ def test_frames_of_a_mirrored_run_are_the_same(run):
     event = int(analysis.precursor_lengths(run)["event"][3])
     one, other = (event_frames(r, event, frame_times(r, event, [0.5]))[0] for r in (run, mirrored))
     np.testing.assert_array_equal(one.mode, other.mode)
-    np.testing.assert_allclose(one.v[:, 0], other.v[:, 0], atol=1e-9 * np.abs(one.v).max())
-    np.testing.assert_allclose(one.tau, other.tau, atol=1e-9 * one.p.max())
+    accuracy = run.method.accuracy  # shapes of a block of vectors without symmetry leave as much
+    np.testing.assert_allclose(one.v[:, 0], other.v[:, 0], atol=accuracy * np.abs(one.v).max())
+    np.testing.assert_allclose(one.tau, other.tau, atol=accuracy * one.p.max())
 
 
 def test_strip_and_movie(run, tmp_path):

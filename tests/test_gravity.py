@@ -64,7 +64,7 @@ def test_a_lifted_slider_falls_freely():
 def test_the_energy_budget_has_the_work_of_weights(name):
     how = {"fidelity": "dynamic", "geometry": "linear", "progress": False, "energies": True}
     scene = SCENES[name].replace({"driver.V": 0.5})
-    record = pyfric.simulate(scene, 2e-3, **how)
+    record = pyfric.simulate(scene, 2e-3, dt=pyfric.step_size(scene) / 2, **how)
     assert len(record.switches["t"])
     lifted = record.final_state.y[:, 1] - StaticSolver(scene, "linear").loaded.u[:, 1]
     of_weights = abs(np.sum(scene.weights * lifted))

@@ -116,7 +116,7 @@ def test_energy_closes_with_every_kind(name):
     scene = with_law(scene, d_c=1e-6, alpha=3.0, **KINDS[name])
     how = {"fidelity": "dynamic", "geometry": "linear", "sample": 2e-5, "progress": False}
     left = []
-    for dt in (8e-7, 4e-7):
+    for dt in (1.6e-6, 8e-7):
         record = pyfric.simulate(scene, 1.2e-3, dt=dt, energies=True, **how)
         left.append(budget_error(record) / record.curve["work_driver"].iloc[-1])
     assert left[1] < 2e-8

@@ -12,9 +12,9 @@ from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.jump import Ringing
 
 FORCE = 1e-6
-"""Start and arrest forces of every event, over F_N."""
+"""Start and arrest forces of every event, over F_N, and the accuracy that is asked for."""
 LOOSER = 1e-5
-"""Accuracy with which jumps are possible in finite geometry where viscosity is small, over F_N."""
+"""The default accuracy, over F_N."""
 CURVE = 2e-5
 """F_T(t) at every point, over F_N: within microseconds of a stop it holds what rings down fast, and
 what a jump may drop of that."""
@@ -155,7 +155,7 @@ def beyond_estimates(known):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(HybridRun, "_land", compared)
-        record = known.hybrid()
+        record = known.hybrid(FORCE)
     return record, np.array(excess)
 
 
@@ -163,7 +163,7 @@ def beyond_estimates(known):
 def runs(name):
     """How far a hybrid run is from its set, and its jumps from their steps if that is compared."""
     known = early(name)
-    record, excess = beyond_estimates(known) if name in ESTIMATED else (known.hybrid(), None)
+    record, excess = beyond_estimates(known) if name in ESTIMATED else (known.hybrid(FORCE), None)
     return known.apart(record), excess
 
 
@@ -190,7 +190,7 @@ def test_hybrid_is_full_dynamics(name):
 def test_hybrid_is_full_dynamics_up_to_the_end(name):
     """The same of all events: by default, of those that come first."""
     known = reference(name)
-    check(known.apart(known.hybrid()))
+    check(known.apart(known.hybrid(FORCE)))
 
 
 @pytest.mark.parametrize(

@@ -198,7 +198,7 @@ def test_half_a_slider_is_half_of_the_whole_one():
 @pytest.mark.parametrize("walls", WALLS[3:])
 def test_energy_closes(walls):
     scene = small(12, 8, walls, tau=lambda x: 45 - 1e3 * x, mu_s=0.5, mu_k=0.3)
-    record = simulate(scene, 2e-4, dt=2e-7, switching="located")
+    record = simulate(scene, 2e-4, dt=1e-7, switching="located")
     heat = record.curve["friction_heat"].iloc[-1]
     assert heat > 0
     assert budget_error(record) < 1e-6 * heat

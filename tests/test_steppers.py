@@ -197,6 +197,7 @@ def test_order_of_six_stages_on_the_lattice(kind, name, order):
         errors = [max(np.abs(getattr(s, n) - getattr(exact, n)).max() for n in names) for s in ends]
         orders[names[0]] = np.log2(np.array(errors[:-1]) / errors[1:])
     assert np.all(np.abs(orders["y"] - order - 0.1) < 0.5), orders
+    assert core.STEPPERS[name].linear_order == order
     assert np.all(orders["dissipated"] > 3.6), orders
 
 

@@ -15,6 +15,8 @@ blocks that never rest. It ends at its last stage.
 from __future__ import annotations
 
 import functools
+import itertools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -79,6 +81,13 @@ class Stepper:
     def evaluations(self) -> int:
         """Number of force evaluations of each step or sub-step."""
         return len(self.b) - self.implicit
+
+    @functools.cached_property
+    def linear_order(self) -> int:
+        """Order in linear motion: of the last term of R(z) that is one of exp(z)."""
+        terms = [] if self.growth is None else self.growth.coef
+        right = [math.isclose(a * math.factorial(n), 1, rel_tol=1e-9) for n, a in enumerate(terms)]
+        return len(list(itertools.takewhile(bool, right))) - 1 if right else self.order
 
     @property
     def implicit(self) -> bool:

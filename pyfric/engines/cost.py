@@ -46,7 +46,7 @@ constant, and a part for each number of a banded factor, which static solutions 
 the calls of the core around a jump."""
 SLIDE = (1.4e-2, 6e-8)
 """Additional time of one attempt to jump over slip, in s."""
-EVENT_STEPS = 170.0
+EVENT_STEPS = 130.0
 """Work of the hybrid engine for each main event, in steps as long as without viscosity: 34 to 570
 in 20 of 21 runs, whatever their size. With shorter steps an event takes as many more."""
 POINTS = 5000

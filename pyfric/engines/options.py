@@ -179,8 +179,8 @@ class Options:
         semi-implicit Euler, order 1. "adaptive": RK4 with an error estimate and sub-steps inside
         dt. These three need full dynamics. "imex": implicit in rate-and-state friction, which needs
         it, order 3.""",
-        unless='"rk46", "rk46_waves" where waves are damped too little for it, "rk4" with method = '
-        '"paper", and "imex" with rate-and-state friction',
+        unless='"rk46", "rk46_waves" where waves are damped too little for it, "rk4" with contacts '
+        'that switch at step ends, and "imex" with rate-and-state friction',
         kept=lambda method: method.stepper or None,
     )
     switching: Switching | None = option(
@@ -348,7 +348,8 @@ class Options:
         Raises:
             SceneError: it is implicit and the friction is not, or the other way round.
         """
-        stepper = self.stepper or ("rk4" if self.method else default_stepper(scene))
+        switching = self.switching or default_switching(scene, self.method)
+        stepper = self.stepper or default_stepper(scene, switching)
         if STEPPERS[stepper].implicit is not scene.law.flows:
             allowed = "'imex'" if scene.law.flows else "another one"
             law = scene.interface.law.kind

@@ -18,9 +18,9 @@ ACCURACY = 1e-5
 AUTO_SHARE = 0.5
 """dt = "auto" over the stability limit, for other steppers than those of `ERRORS`, and for switches
 at step ends, whose errors are proportional to the step."""
-ERRORS = {"rk46": (1e-6, 6), "rk46_waves": (1e-5, 4)}
+ERRORS = {"rk46": 1e-6, "rk46_waves": 1e-5}
 """Largest error of forces of events over F_N with located switches and steps of half the limit, in
-the scenes of `studies finer --errors`, and the order in which it falls."""
+the scenes of `studies finer --errors`. It falls with the order of linear motion."""
 LONGEST = 0.9
 """Longest step over the stability limit, which is that of the lattice at rest. Forces and switches
 leave a tenth."""
@@ -55,13 +55,17 @@ def is_auto(dt: Any) -> bool:
 
 
 @functools.lru_cache(maxsize=256)
-def default_stepper(scene: Scene) -> str:
-    """Return the default of the option `stepper`.
+def default_stepper(scene: Scene, switching: Switching | None = None) -> str:
+    """Return the default of the option `stepper`, for a way to switch; None means the default.
 
-    Without enough viscosity, waves would grow in steps of "rk46" that are not short.
+    Errors of switches at step ends are proportional to the step, so that six stages, which serve
+    long steps, gain nothing. Without enough viscosity, waves would grow in steps of "rk46" that are
+    not short.
     """
     if scene.law.flows:
         return "imex"
+    if (switching or default_switching(scene)) == "step_end":
+        return "rk4"
     damped, waves = (stability_limit(scene, name)[0] for name in ("rk46", "rk46_waves"))
     return "rk46" if damped >= waves / 2 else "rk46_waves"
 
@@ -78,8 +82,8 @@ def share_of_limit(stepper: str, switching: Switching, accuracy: float) -> float
     """
     if not keeps(stepper, switching):
         return AUTO_SHARE
-    error, order = ERRORS[stepper]
-    return min(AUTO_SHARE * (accuracy / error) ** (1 / order), LONGEST)
+    order = STEPPERS[stepper].linear_order
+    return min(AUTO_SHARE * (accuracy / ERRORS[stepper]) ** (1 / order), LONGEST)
 
 
 def step_size(
@@ -105,10 +109,10 @@ def step_size(
         SceneError: dt is not a number, not positive, or above the limit.
     """
     scene = as_scene(scene)
-    stepper = stepper or default_stepper(scene)
+    switching = switching or default_switching(scene)
+    stepper = stepper or default_stepper(scene, switching)
     limit, _ = stability_limit(scene, stepper)
     if is_auto(dt):
-        switching = switching or default_switching(scene)
         share = share_of_limit(stepper, switching, accuracy)
         return rounded_step(scene, resolving(scene, share * limit))
     dt = check_number("dt", dt, "s", gt=0.0, note=", or 'auto'")

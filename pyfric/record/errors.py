@@ -228,8 +228,8 @@ class _Pairs:
     def _alone(self, e: int) -> dict[str, float]:
         """Return what is known of an event that b has not had yet, or has in another one."""
         a, b, event, F_N = self.a, self.b, self.events[e], self.a.scene.F_N
-        begun = (one for one in self.partners.values() if one["t_start"] < event["t_start"])
-        if any(not one["finished"] for one in begun):
+        begun = (other for other in self.partners.values() if other["t_start"] < event["t_start"])
+        if any(not other["finished"] for other in begun):
             end = event["t_stop"] if event["finished"] else a.curve["t"].iloc[-1]
             known = np.isfinite(event["F_T_start"])
             return {"arrest": _apart(a, b, event["t_start"], end) / F_N if known else np.nan}
@@ -323,7 +323,7 @@ def _curves_apart(a: RecordData, b: RecordData, end: float) -> tuple[float, int]
     """
     coarse, fine = sorted((a.curve, b.curve), key=len)
     t = coarse["t"][(coarse["t"] <= end) & ~coarse["t"].duplicated(keep=False)]
-    t = np.append(t, end)
+    t = np.union1d(t, end)
     off = np.abs(np.subtract(*(np.interp(t, c["t"], c["F_T"]) for c in (coarse, fine))))
     return float(off.max()) / a.scene.F_N, len(t)
 

@@ -6,8 +6,9 @@
 !> Contact states are fixed during a sub-step. Each block has event functions that are positive meanwhile (pyfric_law).
 !> If one is negative at the end, shorter sub-steps are tried until the earliest root is bracketed. The sub-step then ends
 !> just behind the root, contacts switch there, and the next sub-step goes to the end of the step. The stages of a sweep
-!> foresee the root, so that a single trial is left in most cases. If none is negative at the end, a parabola through start, middle and end is tested for each event function. If it falls below zero, the
-!> sub-step is cut there. Signs are compared, never products.
+!> foresee the root, so that a single trial is left in most cases. If none is negative at the end, a parabola through
+!> start, middle and end is tested for each event function. If it falls below zero, the sub-step is cut there. Signs are
+!> compared, never products.
 module pyfric_location
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES

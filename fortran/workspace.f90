@@ -12,8 +12,9 @@ module pyfric_workspace
 
   integer, parameter :: MAX_STAGES = 6  !! of a stepper
   !> Columns of a thread's rows work(LB:n+LANES, COLUMNS). Of each stage after the first a sweep keeps one row more than
-  !> there are stages: row j is last needed by the last stage of row j, and the two bottom rows until switches are located. In finite geometry: forces that go up a row, two for
-  !> each stage, and forces of bonds [N]. Forces on a row [N].
+  !> there are stages: row j is last needed by the last stage of row j, and the two bottom rows until switches are
+  !> located. In finite geometry: forces that go up a row, two for each stage, and forces of bonds [N]. Forces on a row
+  !> [N].
   integer, parameter :: RINGS = 1, CARRY = RINGS + 4*(MAX_STAGES + 1)*(MAX_STAGES - 1), BONDS = CARRY + 2*MAX_STAGES, &
     FX = BONDS + 2*N_BOND, FZ = FX + 1, COLUMNS = FZ
 

@@ -417,3 +417,21 @@ def test_what_ends_inside_an_event_is_measured_or_said(scene, t_end, tolerance, 
         assert max(real["start"] or 0.0, real["arrest"] or 0.0) <= measured
     else:
         assert "NOT MEASURED" in str(record.errors) or "BEYOND" in str(record.errors)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_levels_do_not_agree_on_a_wrong_history(side):
+    """With steps of RK4 of 0.87 and 0.9 of its limit, events 3 to 6 are others, alike in both.
+
+    Known are the forces of full dynamics with steps of a tenth of the limit.
+    """
+    slider = {"L": 0.02, "H": 0.0125, "h": 0.0025, "K": 2747160.0, "eta": 11.2631, "F_N": 94.0443}
+    interface = {"mu_s": 0.571278, "mu_k": 0.435512, "k_f": 9075060.0}
+    scene = pyfric.setup1(**slider, **interface, V=4.05157e-4, side=side)
+    record = pyfric.simulate(scene, 0.06, tolerance=0.02, progress=False)
+    events = record.events
+    starts = events["F_T_start"][events["is_main"]] / scene.F_N
+    known = [0.3682, 0.4101, 0.4407, 0.4655, 0.4872, 0.4292]
+    np.testing.assert_allclose(starts, known, rtol=0, atol=1e-4)
+    assert record.errors.holds
+    assert record.errors.measured() < 1e-5

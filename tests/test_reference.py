@@ -38,7 +38,7 @@ scenes, forces at given length are compared."""
 
 
 STEPS_OF_RK4 = 6e-5
-"""Forces of main events over F_N that the stored steps leave: 1.8e-5 of starts, 4.7e-5 of arrests."""
+"""Forces of main events over F_N: the stored steps leave 1.8e-5 of starts and 4.7e-5 of arrests."""
 
 
 @functools.cache

@@ -61,6 +61,7 @@ KINDS = {
         "analysis": "ROUNDED",
         "catalogue": "ROUNDED",
         "growth": "ROUNDING",
+        "recurrence": "WHOLE",
     },
     "derived": {
         "levels": "PHASE",

@@ -113,9 +113,10 @@ def b_value(
 
 def _ranges(m: np.ndarray, m_c: float, bin: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Return where the magnitudes that each event may have begin, their widths, and their least."""
-    size = 10.0 ** np.minimum(m, 300.0)
-    count = np.rint(size)
-    if bin or not (np.abs(size - count) <= WHOLE * size).all() or count.min() < 1:
+    with np.errstate(over="ignore", invalid="ignore"):
+        count = np.rint(10.0**m)
+        counts = count.min() >= 1 and (np.abs(10.0**m - count) <= WHOLE * count).all()
+    if bin or not counts:
         return m - bin / 2, np.full(m.shape, bin), m_c - bin / 2
     least = np.ceil(10.0**m_c * (1 - WHOLE))
     return np.log10(count), np.log1p(1 / count) / np.log(10), float(np.log10(least))
@@ -125,10 +126,11 @@ def _scores(
     low: np.ndarray, width: np.ndarray, m_c: float, b: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return derivatives of log10 likelihoods by b, and of these, negative; see the module."""
-    x = np.minimum(np.log(10) * b * width, 700.0)
-    wide = np.where(x > 0, x, 1.0)
-    mean = np.where(x > 0, wide / np.expm1(wide), 1.0) / (np.log(10) * b)
-    falls = np.where(x > 0, (wide / np.expm1(wide)) ** 2 * np.exp(wide), 1.0) / (np.log(10) * b**2)
+    half = np.log(10) * b * width / 2
+    some = np.where(half > 0, half, 1.0)
+    with np.errstate(over="ignore"):
+        mean = np.where(half > 0, 2 * some / np.expm1(2 * some), 1.0) / (np.log(10) * b)
+        falls = np.where(half > 0, (some / np.sinh(some)) ** 2, 1.0) / (np.log(10) * b**2)
     return m_c - low + mean, falls
 
 

@@ -36,7 +36,7 @@ UNUSUAL = ("megameter", "gigameter", "megasecond", "gigasecond", "petameter")
 _FACTOR = r"[A-Za-zµμ%]+(?:(?:\^|\*\*)[-−]?[1-9]|[-−][1-9]|[2-9]|⁻?[¹²³])?"
 _QUANTITY = re.compile(
     r"\s*(?P<number>[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|nan|inf(?:inity)?)(?![\d.]))"
-    rf"\s*(?P<unit>(?:{_FACTOR}(?:(?:\s*[*/·⋅]\s*|\s+){_FACTOR})*)?)\s*",
+    rf"\s*(?P<unit>(?:(?:1\s*/\s*)?{_FACTOR}(?:(?:\s*[*/·⋅]\s*|\s+){_FACTOR})*)?)\s*",
     re.IGNORECASE | re.ASCII,
 )
 _LONGEST = 80  # characters in a quantity

@@ -54,6 +54,7 @@ if TYPE_CHECKING:
         setup1,
         setup2,
         slab,
+        thinned,
     )
     from pyfric.statics import (
         Equilibrium,
@@ -154,6 +155,7 @@ __all__ = [
     "stability_limit",
     "step_size",
     "theory",
+    "thinned",
     "weakened",
 ]
 

@@ -44,6 +44,7 @@ from pyfric.scene import (
     check_number,
     check_whole,
     check_writable,
+    density_notes,
     followed_by,
     naming,
 )
@@ -181,6 +182,8 @@ def simulate(
 
 def _logged(record: Record) -> Record:
     """Tell the logger "pyfric" how a run ended, and each of its notes; return the record."""
+    if record.method.dt is not None:  # statics know no density
+        record = _with_notes(record, *density_notes(record.scene))
     LOGGER.info("%s: %s", record.scene.name or "scene", record.status)
     for note in record.notes:
         LOGGER.info("%s", note)

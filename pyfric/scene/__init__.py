@@ -46,6 +46,7 @@ from pyfric.scene.presets import (
     SceneLike,
     as_scene,
     chain,
+    density_notes,
     paper_step,
     preset,
     presets,
@@ -55,7 +56,7 @@ from pyfric.scene.presets import (
     slab,
 )
 from pyfric.scene.profile import Profile
-from pyfric.scene.protocol import Leg, Push, legs
+from pyfric.scene.protocol import Leg, Push, legs, thinned
 from pyfric.scene.restless import RateStateLaw
 from pyfric.scene.scene import Scene
 from pyfric.scene.spread import Spread

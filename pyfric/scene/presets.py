@@ -203,7 +203,8 @@ def setup1(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
 
     If L is changed and M is not given, M is 0.54 kg/m times L: 108 g at L = 200 mm. The caption of
     the paper gives 75.6 g. This mass leads to the paper's wave speeds (1677 and 968 m/s) only at
-    L = 140 mm; therefore the density is kept. M=0.0756 gives the mass of the caption at every L.
+    L = 140 mm; therefore the density is kept. M=0.0756 gives the mass of the caption at every L. If
+    H is changed and M is not given, M stays, and the density changes; records say so.
 
     Changes and errors are those of `preset`.
 
@@ -517,6 +518,29 @@ def preset(name: str, changes: Changes = None, /, **fields: Unpack[Fields]) -> S
 def presets() -> dict[str, str]:
     """Return the names of presets and a description of each."""
     return {name: scene.about for name, scene in PRESETS.items()}
+
+
+UNSAID = 0.05
+"""Change of the density, over it, that needs no note: a policy."""
+
+
+def density_notes(scene: Scene) -> tuple[str, ...]:
+    """Return a note on a scene with the name of a preset and another density than this has.
+
+    Mass per area decides: a height that is changed alone leaves M as it is.
+    """
+    if scene.name not in PRESETS:
+        return ()
+    own, now = PRESETS[scene.name]().slider, scene.slider
+    areas = [s.L * (s.H or 1.0) for s in (own, now)]
+    kept = own.M * areas[1] / areas[0]
+    if bool(own.H) != bool(now.H) or math.isclose(now.M, kept, rel_tol=UNSAID):
+        return ()
+    ratio = now.M / kept
+    return (
+        f"M = {now.M:.6g} kg makes the density {ratio:.3g} times that of {scene.name}, and waves "
+        f"{ratio**-0.5:.3g} times as fast for the same k; M = {kept:.6g} kg keeps it",
+    )
 
 
 def settings(name: str) -> list[str]:

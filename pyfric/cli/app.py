@@ -7,6 +7,7 @@ traceback. SIGTERM and other signals act as Ctrl-C does. Commands are in `pyfric
 from __future__ import annotations
 
 import errno
+import re
 import warnings
 from typing import TYPE_CHECKING, Any
 
@@ -18,12 +19,21 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
 
-class _Listed:
-    """A command in a section of a list, which shows its whole first paragraph."""
+EXTRA = re.compile(r"extra arguments? \(([^\s)]+)")
+"""What click says of arguments that a command does not take."""
 
-    def __init__(self, *given: Any, section: str = "Commands", **more: Any) -> None:
+
+class _Listed:
+    """A command in a section of a list, which shows its whole first paragraph.
+
+    `example` is a line that it understands, for those who leave something out.
+    """
+
+    def __init__(
+        self, *given: Any, section: str = "Commands", example: str = "", **more: Any
+    ) -> None:
         super().__init__(*given, **more)
-        self.section = section
+        self.section, self.example = section, example
 
     def get_short_help_str(self, limit: int = 0) -> str:
         return " ".join((self.help or "").partition("\n\n")[0].split())
@@ -31,6 +41,27 @@ class _Listed:
 
 class Command(_Listed, click.Command):
     """A command of `Commands`."""
+
+    def make_context(self, *given: Any, **more: Any) -> click.Context:
+        try:
+            return super().make_context(*given, **more)
+        except click.UsageError as error:
+            error.message = " ".join(filter(None, [error.format_message(), self._hint(error)]))
+            error.possibilities = None  # they are in the message
+            if isinstance(error, click.MissingParameter | click.NoSuchOption):
+                raise click.UsageError(error.message, error.ctx) from None
+            raise
+
+    def _hint(self, error: click.UsageError) -> str:
+        """Return the line to write instead of one that was not understood."""
+        from pyfric.cli import hints
+
+        if isinstance(error, click.NoSuchOption):
+            return hints.of_option(error.option_name, self)
+        if isinstance(error, click.MissingParameter):
+            return f"Write: {self.example}" if self.example else ""
+        extra = EXTRA.search(error.message)
+        return hints.of_extra(extra[1], self) if extra else ""
 
 
 class Commands(_Listed, click.Group):
@@ -42,6 +73,14 @@ class Commands(_Listed, click.Group):
     def __init__(self, *given: Any, sections: Sequence[str] = ("Commands",), **more: Any) -> None:
         super().__init__(*given, **more)
         self.sections = sections
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        if self.get_command(ctx, args[0]) is None and not args[0].startswith("-"):
+            from pyfric.cli import hints
+
+            if hint := hints.of_command(args[0], self.commands):
+                ctx.fail(f"No such command {args[0]!r}. {hint}")
+        return super().resolve_command(ctx, args)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of the commands: run, which most people look for, and the others."""
@@ -76,7 +115,10 @@ class Commands(_Listed, click.Group):
                 code = _code(error)
                 if code is None:
                     raise
-                stop(code, f"Error: {str(error) or 'out of memory'}")
+                from pyfric.cli.hints import in_shell
+
+                said = in_shell(str(error), self.commands.get(ctx.invoked_subcommand or ""))
+                stop(code, f"Error: {said or 'out of memory'}")
 
 
 def _once() -> Callable[..., None]:
@@ -109,7 +151,10 @@ def _code(error: Exception) -> Exit | None:
 @click.group(
     cls=Commands,
     sections=("Simulate", "Measure", "Look", "The paper", "Methods", "This build"),
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings={
+        "help_option_names": ["-h", "--help"],
+        "token_normalize_func": lambda word: word.replace("_", "-"),
+    },
 )
 @click.version_option(package_name="pyfric")
 def main() -> None:

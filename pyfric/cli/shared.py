@@ -129,6 +129,9 @@ def scene_of(name: str, changes: tuple[str, ...]) -> Scene:
     """
     from pyfric.scene import as_scene
 
+    if name.lower().endswith(".nc"):
+        goes_on = f"pyfric run SCENE --t-end TIME --resume {name} continues it"
+        raise click.UsageError(f"{name} is a record: {goes_on}, and pyfric show {name} draws it.")
     return as_scene(name, changes_of(changes))
 
 

@@ -6,6 +6,9 @@ leaves no global state and needs no display. Colours are from the Okabe-Ito set,
 distinguishable under colour blindness; markers or line widths differ as well.
 """
 
+import sys
+from typing import Any
+
 from pyfric.figures.fitted import fit_page, tornado
 from pyfric.figures.interface import fig3a, fig3b, fig4a, fig4b
 from pyfric.figures.lengths import fig2a, fig2b
@@ -30,6 +33,13 @@ from pyfric.figures.style import panels as panels
 from pyfric.figures.view import drawing as drawing
 from pyfric.figures.view import record_page
 from pyfric.figures.view import template as template
+from pyfric.scene import no_attribute
+
+
+def __getattr__(name: str) -> Any:
+    """Say what draws what no function of this name draws."""
+    raise no_attribute("figures", name, sys.modules[__name__])
+
 
 __all__ = [
     "FIGURES",

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from pyfric.record import Record
+from pyfric.record import Record, check_record
 from pyfric.scene import (
     PREFIXES,
     Scene,
@@ -214,8 +214,7 @@ def listed(records: Iterable[Record]) -> list[Record]:
 
 def single(record: Record) -> None:
     """Raise SceneError unless this is one record, and no list of records."""
-    if not hasattr(record, "curve"):
-        raise SceneError("record", type(record).__name__, "", "one record", "not a record")
+    check_record(record)
 
 
 def caption(records: Record | Sequence[Record], *texts: str) -> str:

@@ -38,6 +38,7 @@ from pyfric.scene import (
     full_name,
     naming,
     scene_fields,
+    usage,
 )
 
 TOLERANCES = (0.01, 0.003, 0.0)
@@ -55,6 +56,7 @@ SEARCH = "quasistatic"
 """Engine that searches for starts."""
 
 
+@usage('fit(scene, curve, {"mu_k": (0.3, 0.6)}), with curve = pyfric.measured.read("curve.csv")')
 def fit(
     scene: SceneLike | Sequence[SceneLike],
     measured: Curve | pd.DataFrame | Sequence[Curve | pd.DataFrame] | None,

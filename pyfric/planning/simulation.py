@@ -47,6 +47,7 @@ from pyfric.scene import (
     density_notes,
     followed_by,
     naming,
+    usage,
 )
 from pyfric.signals import forget, raise_if_asked
 from pyfric.statics import (
@@ -77,6 +78,7 @@ SHORT = 10.0
 LOGGER = logging.getLogger("pyfric")
 
 
+@usage('simulate(scene, t_end="400 ms")')
 @one_thread_if_small
 def simulate(
     scene: SceneLike,

@@ -13,10 +13,19 @@ import numpy as np
 import pandas as pd
 
 from pyfric.core import State
-from pyfric.record.held import EDGES, LOGS, TABLES, RecordError, checked, found_arrays, table
+from pyfric.record.held import (
+    EDGES,
+    LOGS,
+    TABLES,
+    RecordError,
+    checked,
+    found_arrays,
+    held_in,
+    table,
+)
 from pyfric.record.measured import Errors
 from pyfric.record.method import Method
-from pyfric.scene import Scene, SceneError
+from pyfric.scene import Scene, SceneError, no_attribute
 
 if TYPE_CHECKING:
     from pyfric.scene import Number
@@ -31,6 +40,12 @@ class Events(pd.DataFrame):
     @property
     def _constructor(self) -> type[pd.DataFrame]:
         return pd.DataFrame  # a part of the table is any data frame
+
+    def __getitem__(self, key: Any) -> Any:
+        if isinstance(key, int | np.integer) and not isinstance(key, bool):
+            first = "record.events.loc[1] is the first event, record.events.iloc[0] its row"
+            raise KeyError(f"{key}: no column of events; {first}")
+        return super().__getitem__(key)
 
     def __call__(
         self, threshold: Number | None = None, t_gap: Number | None = None
@@ -109,7 +124,14 @@ class RecordData:
         """Return the array over events and blocks of that name."""
         if name in self.__dict__.get("arrays", ()):
             return self.arrays[name]
-        raise AttributeError(f"a record has no {name!r}", name=name, obj=self)
+        raise no_attribute("record", name, self, "" if name.startswith("_") else self._place(name))
+
+    def _place(self, name: str) -> str:
+        """Return what to write for a name that is a column of a table, or of the scene."""
+        for group in TABLES:
+            if name in held_in(group):
+                return f'record.{group}["{name}"]'
+        return f"record.scene.{name}" if hasattr(type(self.scene), name) else ""
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self.arrays]

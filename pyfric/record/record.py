@@ -19,7 +19,7 @@ from pyfric.record.held import RecordError, found_arrays, held_in
 from pyfric.record.netcdf import file_image, read_image
 from pyfric.record.rates import SAMPLED, fast_slip
 from pyfric.record.report import summary, text
-from pyfric.scene import check_number, write, write_all
+from pyfric.scene import check_number, usage, write, write_all
 from pyfric.signals import held_back
 from pyfric.statics import StaticSolver
 
@@ -308,4 +308,7 @@ class Record(RecordData):
         )
 
 
+Record.__init__ = usage('pyfric.load("run.nc"), or pyfric.simulate(scene, "400 ms")')(
+    Record.__init__
+)
 load = Record.load

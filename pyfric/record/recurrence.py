@@ -36,7 +36,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from pyfric.record.data import RecordData
-from pyfric.record.held import held_in
+from pyfric.record.held import held_in, of_record
 from pyfric.scene import SceneError, check_number
 
 if TYPE_CHECKING:
@@ -144,6 +144,7 @@ def _root(of: Callable[[float], float], near: float) -> float:
     return low if low == high else float(scipy.optimize.brentq(of, low, high, xtol=1e-12 * low))
 
 
+@of_record
 def sizes(record: RecordData, size: str = "potency", complete: float | None = None) -> Sizes:
     """Return sizes of the finished events of a record, and how they recur; see the module.
 

@@ -42,6 +42,7 @@ from pyfric.scene.parts import (
 )
 from pyfric.scene.presets import (
     PRESETS,
+    SETTABLE,
     Number,
     SceneLike,
     as_scene,
@@ -83,5 +84,6 @@ from pyfric.scene.units import (
     prefix_power,
     spoken,
 )
+from pyfric.scene.words import LINES, line, meant, no_attribute, usage
 
 __version__ = version("pyfric")

@@ -16,13 +16,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pyfric.scene.errors import SceneError, naming, numbered, unknown
+from pyfric.scene.errors import SceneError, naming, numbered, show, unknown
 from pyfric.scene.units import (
     as_list,
     check_number,
     check_whole,
     in_si,
-    parse_quantity,
     range_text,
 )
 
@@ -91,8 +90,7 @@ class Quantity(Annotation):
         return range_text(self.unit, **self._limits) + self.note
 
     def check(self, value: Any, written: Written | None = None) -> Any:
-        if not written:
-            value = in_si("", value, self.unit, allowed=self.allowed)
+        value = in_si("", value, self.unit, allowed=self.allowed)
         if value is None and self.optional:
             return None
         if isinstance(value, self.drawn):
@@ -107,8 +105,6 @@ class Quantity(Annotation):
             return numbered(self.each, lambda entry: number.check(entry, written), value)
         if self.endless and isinstance(value, float | str) and value in FOR_EVER:
             return math.inf
-        if written and self.unit:
-            value = parse_quantity("", value, self.unit, allowed=self.allowed)
         return check_number("", value, self.unit, **self._limits, note=self.note)
 
     def _drawn(self, values: Mapping[str, Any], written: Written | None) -> Any:
@@ -248,6 +244,8 @@ class OneOf(Annotation):
     def check(self, value: Any, written: Written | None = None) -> Any:
         if isinstance(value, self.classes):
             return value
+        if isinstance(value, str) and self.kinds:
+            return self._named(value)
         if not written:
             reason = f"{type(value).__name__} is something else"
             raise SceneError("", value, "", self.allowed, reason)
@@ -261,6 +259,18 @@ class OneOf(Annotation):
                 cls = self.kinds[Words(tuple(self.kinds)).check(entries.pop("kind", None))]
         make = getattr(cls, "from_file", functools.partial(from_entries, cls))
         return make(entries, written.folder)
+
+    def _named(self, kind: str) -> Any:
+        """Return the part of a kind that needs no parameters."""
+        if kind not in self.kinds:
+            raise unknown("", kind, kind, self.kinds)
+        cls = self.kinds[kind]
+        try:
+            return cls()
+        except SceneError as error:
+            missing = ", ".join(f"{each.field.rpartition('.')[2]}=..." for each in error.flat())
+            allowed = f"{cls.__name__}({missing}), or a table with its kind in a file"
+            raise SceneError("", kind, "", allowed, "it has parameters") from None
 
     def written(self, value: Any) -> Any:
         return table(value)
@@ -321,7 +331,12 @@ def part(cls: type) -> type:
     def __init__(self: Any, /, *args: Any, **given: Any) -> None:
         plain(self, **_checked(cls, args, given))
 
-    cls.__init__ = __init__
+    def __setattr__(self: Any, name: str, value: Any) -> None:
+        field = f"{cls._section}.{name}".lstrip(".")
+        instead = f'scene.replace({{"{field}": {show(value)}}}) returns a scene with this value'
+        raise dataclasses.FrozenInstanceError(f"{name} of a {cls.__name__} stays; {instead}")
+
+    cls.__init__, cls.__setattr__ = __init__, __setattr__
     return cls
 
 

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from pyfric.scene.words import line, meant
+
 NO_UNIT = "missing unit"
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = 100
@@ -101,7 +103,9 @@ def show(value: Any) -> str:
 
 
 def nearest(key: str, known: Iterable[str]) -> str:
-    """Return the entry of `known` most similar to `key`, or ``""`` if none is similar enough."""
+    """Return the entry of `known` that `key` stands for, or the most similar one, or ``""``."""
+    if found := meant(key, known):
+        return found
     key, names = key[:64], {name.casefold(): name for name in known}
     if found := difflib.get_close_matches(key.casefold(), names, n=1):
         return names[found[0]]
@@ -110,8 +114,10 @@ def nearest(key: str, known: Iterable[str]) -> str:
 
 
 def unknown(field: str, value: Any, key: str, known: Iterable[str]) -> SceneError:
-    """Return the error for a `key` that is not in `known`, with the most similar known name."""
+    """Return the error for a `key` that is not in `known`, with the line to write instead."""
     known = list(known)
+    if not meant(key, known) and (instead := line(key)):
+        return SceneError(field, value, "", instead, "unknown here")
     guess = nearest(key, known)
     hint = f", did you mean {guess!r}?" if guess else ""
     return SceneError(field, value, "", f"one of {', '.join(known)}", f"unknown{hint}")

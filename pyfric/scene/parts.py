@@ -35,6 +35,7 @@ from pyfric.scene.materials import Material
 from pyfric.scene.profile import Profile
 from pyfric.scene.protocol import Corners, Protocol, Pushed, Pushes
 from pyfric.scene.spread import BLOCKS, FIELD, Field, Spread
+from pyfric.scene.words import usage
 
 MAX_BLOCKS = 20_000_000
 """Largest number of blocks N_x N_z. It prevents a mistyped l from exhausting the memory."""
@@ -100,11 +101,12 @@ class Slider:
     )
 
     @classmethod
+    @usage('of_material("PMMA", width="6 mm", L="140 mm", H="75 mm", l="2.5 mm")')
     def of_material(
         cls,
-        name: str = "",
+        name: str | Material = "",
         *,
-        width: float | str,
+        width: float | str | None = None,
         E: float | str | None = None,
         density: float | str | None = None,
         viscosity: float | str | None = None,
@@ -118,7 +120,7 @@ class Slider:
         edges="half".
 
         Args:
-            name: a key of `pyfric.MATERIALS`, for values that are not given.
+            name: a key of `pyfric.MATERIALS`, for values that are not given, or a `Material`.
             width, E, density, viscosity, plane: see `Material`. Which waves decay as the viscosity
                 says depends on `dashpots`.
             **fields: L, H, l and other fields of the slider, except k and M.
@@ -127,8 +129,15 @@ class Slider:
         >>> pyfric.Slider.of_material(E="3 GPa", width="6 mm", density=1200.0, **slab).k
         13500000.0
         """
-        values = {"E": E, "density": density, "viscosity": viscosity, "plane": plane}
-        return cls._of(Material(name=name, width=width, **values), fields)
+        values = {"width": width, "E": E, "density": density, "viscosity": viscosity}
+        given = {key: value for key, value in values.items() if value is not None}
+        given |= {} if plane == "stress" else {"plane": plane}
+        material = name
+        if not isinstance(material, Material):
+            material = Material(name=material, **given)
+        elif given:
+            material = dataclasses.replace(material, **given)
+        return cls._of(material, fields)
 
     @classmethod
     def _of(cls, material: Material, fields: Mapping[str, Any]) -> Self:
@@ -488,8 +497,11 @@ def _mean(field: Field) -> float:
     return 0.0 if field == () else float(np.mean(field))
 
 
+A_SLIDER = (
+    'Slider, such as Slider.of_material("PMMA", width="6 mm", L="140 mm", H="75 mm", l="2.5 mm")'
+)
 PARTS = {
-    "slider": OneOf(Slider),
+    "slider": OneOf(Slider, allowed=A_SLIDER),
     "top": OneOf(Rod, DistributedLoad, PrescribedLoad),
     "driver": OneOf(Driver),
     "interface": OneOf(Interface),

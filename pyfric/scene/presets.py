@@ -87,6 +87,8 @@ class Fields(TypedDict, total=False):
     stop_when: str | Sequence[str]
 
 
+SETTABLE = tuple(Fields.__annotations__)
+"""Names of all fields that some scene has."""
 Changes = Mapping[str, Any] | None
 """Names of fields to values; a name that several parts share needs its part: "driver.protocol"."""
 Rule = Callable[[Slider], Any]
@@ -303,7 +305,7 @@ def chain(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
 
     Each block represents a column of setup 1. The defaults are:
 
-    - p = 3500 N / N_x, the normal force of setup 1, spread evenly;
+    - p = 3500 N / N_x, the normal force of setup 1, spread evenly; F_N="2 kN" spreads another one;
     - k = E B H / l = 1.35 MN / l, which is 540 MN/m at l = 2.5 mm. A uniform stretch then takes the
       same force as in setup 1, where E B = 4 k/3 with k = 13.5 MN/m, and H = 75 mm;
     - M = 0.54 kg/m times L, as in `setup1`.

@@ -16,12 +16,14 @@ import tomli_w
 
 from pyfric.display import drawing, html
 from pyfric.scene import toml
-from pyfric.scene.change import changed, joined
+from pyfric.scene.change import changed, full_name, joined
 from pyfric.scene.checked import from_entries, part, table
 from pyfric.scene.composed import Composed
 from pyfric.scene.consistency import check
+from pyfric.scene.errors import SceneError
 from pyfric.scene.files import write
 from pyfric.scene.text import scene_text
+from pyfric.scene.words import no_attribute
 
 
 @part
@@ -57,6 +59,16 @@ class Scene(Composed):
         return scene_text(self)
 
     _repr_html_ = html
+
+    def __getattr__(self, name: str) -> Any:
+        """Say where an attribute is that a scene has not."""
+        if name.startswith("_"):
+            raise AttributeError(f"a scene has no {name!r}", name=name, obj=self)
+        try:
+            instead = f"scene.{full_name(self, name)}"
+        except (SceneError, AttributeError):
+            instead = ""
+        raise no_attribute("scene", name, self, instead)
 
     def plot(self) -> Any:
         """Return a sketch of the scene to scale; see `pyfric.figures.sketch`."""

@@ -50,6 +50,7 @@ from pyfric.scene import (
     naming,
     parsed,
     unknown,
+    usage,
 )
 from pyfric.sweeps.results import Results
 from pyfric.sweeps.runs import DEFAULTS, Job, JobError, run_all
@@ -118,12 +119,13 @@ class Sweep:
     max_hours: float | None
     max_GB: float | None
 
+    @usage('Sweep(scene, "1 s", {"mu_s": [0.6, 0.7], "h": ["5 mm", "10 mm"]})')
     def __init__(
         self,
-        *,
         scene: SceneLike,
         t_end: Number,
         over: Mapping[str, Iterable[Any] | Span] | pd.DataFrame,
+        *,
         points: Kind = "grid",
         n: int | None = None,
         seed: int = 0,
@@ -176,6 +178,7 @@ class Sweep:
             if name in listed:
                 raise SceneError(f"over.{given}", values, "", "each field once")
             if isinstance(values, Span):
+                values = values.in_si(f"over.{name}", marks[name].unit)
                 listed[name] = values if self._drawn else values.values(f"over.{name}")
                 continue
             if self._drawn:
@@ -319,6 +322,9 @@ def _read(path: Path) -> dict[str, Any]:
         SceneError: it cannot be read, or a value is refused.
     """
     document, folder = parsed(path, "sweep")
+    if "slider" in document:
+        allowed = f'a file with scene = "{path.name}", t_end = "1 s" and [over] mu_s = [0.6, 0.7]'
+        raise SceneError("sweep", str(path), "", allowed, "this is a scene")
     _check_keys("", document, ENTRIES)
     for key in ("scene", "t_end", "over"):
         if key not in document:

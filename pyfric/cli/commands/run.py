@@ -85,7 +85,13 @@ def plan(
     tell.result(dataclasses.asdict(found), lambda: str(found))
 
 
-@main.command(section="Simulate", epilog=EXIT_CODES, cls=OptionsCommand, before="out")
+@main.command(
+    section="Simulate",
+    epilog=EXIT_CODES,
+    cls=OptionsCommand,
+    before="out",
+    example="pyfric run fig1 --t-end '400 ms' --out run.nc",
+)
 @click.argument("scene", type=SceneName())
 @click.option(
     "--t-end", type=Seconds(), required=True, help="End time, such as '900 ms'; a number is in s."

@@ -198,7 +198,7 @@ def __getattr__(name: str) -> Any:
         found = importlib.import_module(f"pyfric.{room}")
         if hasattr(found, name):
             return globals().setdefault(name, getattr(found, name))
-    from pyfric.scene.words import meant, no_attribute
+    from pyfric.scene import meant, no_attribute
 
     instead = ""
     if found := meant(name, __all__):

@@ -393,13 +393,13 @@ def test_a_scene_in_the_file_names_files_beside_it(file):
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
-        ('"2.5 mm", to', "2.5, to", "missing unit"),
-        ("0.3, 0.4", '"a"', "a number is needed"),
+        ('"2.5 mm", to', '"2.5", to', "missing unit"),
+        ("0.3, 0.4", '"a"', "not a number"),
         ("[options]", "[option]", "did you mean 'options'"),
         ("fidelity", "fidelty", "fidelty"),
         ("step =", "stepp =", "did you mean 'step'"),
         ('"2.5 mm", to', '"9 mm", to', "over.driver.h.from"),
-        ('"1.2 ms"', "1.2", "missing unit"),
+        ('"1.2 ms"', '"1.2"', "missing unit"),
         ("scene.toml", "nothing.toml", "cannot be read"),
         ("[over]", "[over", "not TOML"),
         ("[over]", "[over]\ninterface.mu_k = [0.3]", "each field once"),

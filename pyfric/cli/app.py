@@ -46,11 +46,13 @@ class Command(_Listed, click.Command):
         try:
             return super().make_context(*given, **more)
         except click.UsageError as error:
-            error.message = " ".join(filter(None, [error.format_message(), self._hint(error)]))
-            error.possibilities = None  # they are in the message
-            if isinstance(error, click.MissingParameter | click.NoSuchOption):
-                raise click.UsageError(error.message, error.ctx) from None
-            raise
+            hint = self._hint(error)
+            if not hint:
+                raise
+            if isinstance(error, click.NoSuchOption):
+                error.possibilities = None
+            text = f"{error.format_message().rstrip('.')}. {hint}"
+            raise click.UsageError(text, error.ctx) from None
 
     def _hint(self, error: click.UsageError) -> str:
         """Return the line to write instead of one that was not understood."""
@@ -75,7 +77,8 @@ class Commands(_Listed, click.Group):
         self.sections = sections
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        if self.get_command(ctx, args[0]) is None and not args[0].startswith("-"):
+        name = args[0].replace("_", "-")
+        if self.get_command(ctx, name) is None and not name.startswith("-"):
             from pyfric.cli import hints
 
             if hint := hints.of_command(args[0], self.commands):
@@ -161,7 +164,8 @@ def main() -> None:
     """Simulate how an elastic block starts to slide on a frictional surface.
 
     A command that writes one file, or files named after one stem, replaces existing files only with
-    --overwrite. A command that writes into a folder makes the folder and replaces files with the
+    --overwrite, as Record.save does with overwrite=True; a run that goes on replaces its earlier
+    part. A command that writes into a folder makes the folder and replaces files with the
     same names. --json prints the result as JSON, and --quiet prints errors only. Progress is shown
     only in a terminal.
     """

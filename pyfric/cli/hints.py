@@ -90,8 +90,11 @@ def of_option(word: str, command: click.Command) -> str:
     word, options = word.lstrip("-"), _options(command)
     if instead := line(word, "shell"):
         return f"Write: {instead}"
-    if found := meant(word, [name.lstrip("-") for name in options.values()]):
-        return f"Write: --{found}"
+    names = {name.lstrip("-").replace("-", "_"): name for name in options.values()}
+    if found := meant(word, names):
+        return f"Write: {names[found]}"
+    if word in options:
+        return f"Write: {options[word]}"
     known = word if word in SETTABLE else meant(word, SETTABLE)
     return f"Write: --set '{known}=VALUE'" if known and "changes" in options else ""
 

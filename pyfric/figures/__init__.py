@@ -14,6 +14,7 @@ from pyfric.figures.interface import fig3a, fig3b, fig4a, fig4b
 from pyfric.figures.lengths import fig2a, fig2b
 from pyfric.figures.loading import fig1b, figure_caption, slip_segments
 from pyfric.figures.phases import phase_map
+from pyfric.figures.results import curve_figure, resolution_figure, sweep_figure
 from pyfric.figures.sizes import size_figure
 from pyfric.figures.sketch import sketch
 from pyfric.figures.spacetime import space_time
@@ -45,6 +46,7 @@ __all__ = [
     "FIGURES",
     "DataFigure",
     "PaperFigure",
+    "curve_figure",
     "event_frames",
     "event_movie",
     "event_strip",
@@ -60,10 +62,12 @@ __all__ = [
     "has_ffmpeg",
     "phase_map",
     "record_page",
+    "resolution_figure",
     "save_figure",
     "size_figure",
     "sketch",
     "slip_segments",
     "space_time",
+    "sweep_figure",
     "tornado",
 ]

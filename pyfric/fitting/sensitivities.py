@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pyfric.display import html
+from pyfric.display import Shown
 from pyfric.planning import simulate
 from pyfric.record import (
     Record,
@@ -51,7 +51,7 @@ COUNTS = ("precursors", "system_size")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sensitivity:
+class Sensitivity(Shown):
     """Changes of measured quantities with parameters.
 
     Attributes:
@@ -82,8 +82,6 @@ class Sensitivity:
         return "\n".join(lines)
 
     __repr__ = __str__
-
-    _repr_html_ = html
 
 
 @usage('sensitivity(scene, "1 s", {"mu_k": 0.01, "F_N": "10 N", "K": "5 %"})')

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from pyfric.display import Shown
 from pyfric.measured.meanings import MEANINGS
 from pyfric.measured.sensors import displacement
 from pyfric.record import T_GAP, Record
@@ -26,8 +27,8 @@ OTHER_SIGN = 0.1
 """Largest force over the size of the smallest one, up to which forces have the other sign."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Curve:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Curve(Shown):
     """A curve as measured. `read` makes one from a file, `Curve.of` one from arrays.
 
     Attributes:
@@ -192,6 +193,8 @@ class Curve:
             *self.notes,
         ]
         return "\n".join(lines)
+
+    __repr__ = __str__
 
 
 def _refuse_sign(name: str, value: float, wanted: str, reason: str) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self
 
-from pyfric.display import drawing, html, page
+from pyfric.display import Shown, page
 from pyfric.record import layout
 from pyfric.record.catalogue import build_catalogue
 from pyfric.record.classes import rupture_class
@@ -19,7 +19,15 @@ from pyfric.record.held import RecordError, found_arrays, held_in
 from pyfric.record.netcdf import file_image, read_image
 from pyfric.record.rates import SAMPLED, fast_slip
 from pyfric.record.report import summary, text
-from pyfric.scene import check_number, usage, write, write_all
+from pyfric.scene import (
+    check_folder_name,
+    check_free,
+    check_number,
+    followed_by,
+    usage,
+    write,
+    write_all,
+)
 from pyfric.signals import held_back
 from pyfric.statics import StaticSolver
 
@@ -33,7 +41,7 @@ UNSEALED = "the file was changed after pyfric wrote it: what it holds need not b
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Record(RecordData):
+class Record(RecordData, Shown):
     """A finished, interrupted or failed run.
 
     Arrays over blocks run from left to right. Events are counted from 1, and arrays over events
@@ -164,12 +172,6 @@ class Record(RecordData):
 
     __repr__ = summary
 
-    def plot(self) -> Any:
-        """Return a figure of the loading curve; of a prediction curve, of length against force."""
-        return drawing(self)
-
-    _repr_html_ = html
-
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Record):
             return NotImplemented
@@ -192,19 +194,36 @@ class Record(RecordData):
     # --- files -----------------------------------------------------------------------------------
 
     @held_back()
-    def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write one netCDF file, atomically: a file of that name is replaced whole or not at all.
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+        """Write one netCDF file, whole or not at all.
 
-        HDF5 writes to memory only, because it does not survive a full disk.
+        A file that holds the same run, up to this time or an earlier one, is replaced. Any other
+        one is replaced if `overwrite` is True. HDF5 writes to memory only, because it does not
+        survive a full disk.
 
         Raises:
             OSError: the file cannot be written; it names path and reason.
-            SceneError: the name ends like that of another format, such as .csv.
+            SceneError: the file exists and holds something else; or the name ends like that of
+                another format, such as .csv.
         """
+        if not (overwrite or self._goes_on_from(path)):
+            check_free(path, overwrite, "something else than an earlier part of this run")
         variables, attributes = layout.variables(self), layout.attributes(self)
         values = {name: array for name, (_, array, _) in variables.items()}
         sealed = attributes | {layout.SEAL: layout.seal(values, attributes)}
         return write(path, file_image(variables, sealed), ".nc")
+
+    def _goes_on_from(self, path: str | os.PathLike[str]) -> bool:
+        """Whether a file holds this run, up to the same or an earlier time."""
+        try:
+            before = Record.load(path, unsealed=True)
+        except (OSError, RecordError):
+            return False
+        (begin, end), (t_begin, t) = (record.curve["t"].iloc[[0, -1]] for record in (self, before))
+        if t > end or t_begin != begin or self.method != before.method:
+            return False
+        found = followed_by(before.scene, self.scene, float(t))
+        return found is not None and found[0] == self.scene
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, unsealed: bool = False) -> Self:
@@ -230,7 +249,10 @@ class Record(RecordData):
         try:
             attributes, values = read_image(memoryview(path.read_bytes()))
         except Exception as error:  # whatever the HDF5 layers make of a foreign file
-            raise RecordError(f"{path}: damaged, or not a pyfric record ({error})") from error
+            curve = "" if path.suffix == ".nc" else "; pyfric.measured.read reads measured curves"
+            raise RecordError(
+                f"{path}: damaged, or not a pyfric record ({error}){curve}"
+            ) from error
         schema = attributes.get("pyfric_schema")
         if schema is None:
             raise RecordError(f"{path}: not a pyfric record (no attribute pyfric_schema)")
@@ -299,8 +321,13 @@ class Record(RecordData):
         blocks, one row per event and block; interface.csv has the loaded interface; columns.csv
         gives unit and meaning of every column. Floats are written with all digits that distinguish
         them.
+
+        Raises:
+            OSError: a file cannot be written.
+            SceneError: the name ends like that of a file.
         """
         folder = Path(os.path.expanduser(folder))
+        check_folder_name(folder)
         folder.mkdir(parents=True, exist_ok=True)
         tables = layout.csv_tables(self)
         return write_all(

@@ -35,6 +35,7 @@ import pandas as pd
 import scipy
 from numpy.typing import ArrayLike
 
+from pyfric.display import Shown, html
 from pyfric.record.data import RecordData
 from pyfric.record.held import held_in, of_record
 from pyfric.scene import SceneError, check_number
@@ -74,6 +75,9 @@ class Sizes(NamedTuple):
     b_error: float
     recurrence: float
     variation: float
+
+    plot = Shown.plot
+    _repr_html_ = html
 
 
 def b_value(
@@ -169,7 +173,9 @@ def sizes(record: RecordData, size: str = "potency", complete: float | None = No
     if complete is None:
         m_c = most_frequent(m)
     else:
-        m_c = np.log10(check_number("complete", complete, known[size].unit, gt=0.0))
+        unit = known[size].unit
+        unit = "" if unit == "1" else unit
+        m_c = np.log10(check_number("complete", complete, unit, gt=0.0))
     counts = pd.DataFrame({"size": np.sort(found[size].to_numpy())})
     counts["number"] = len(counts) - np.searchsorted(counts["size"], counts["size"], side="left")
     kept = m >= m_c

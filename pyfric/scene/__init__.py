@@ -19,6 +19,8 @@ from pyfric.scene.consistency import Geometry, check_geometry, check_push, defau
 from pyfric.scene.ends import Conditions, condition
 from pyfric.scene.errors import SceneError, naming, unknown
 from pyfric.scene.files import (
+    check_folder_name,
+    check_free,
     check_writable,
     clean_drafts,
     figure_stem,

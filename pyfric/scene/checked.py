@@ -276,11 +276,15 @@ class OneOf(Annotation):
         return table(value)
 
 
+HINTS: dict[type, dict[str, Any]] = {}
+"""Types of the fields of each part, with their annotations."""
+
+
 @functools.cache
 def annotations(cls: type) -> dict[str, Annotation]:
     """Return the annotations of the fields of a part; a `Literal` stands for its `Words`."""
     found = {}
-    for name, hint in typing.get_type_hints(cls, include_extras=True).items():
+    for name, hint in HINTS[cls].items():
         inside = typing.get_args(hint)
         for mark in (hint, *inside):
             if isinstance(mark, Annotation):
@@ -326,6 +330,7 @@ def part(cls: type) -> type:
     """Make a frozen keyword-only dataclass that checks its values with `SceneError`."""
     cls = dataclasses.dataclass(frozen=True, kw_only=True)(cls)
     plain = cls.__init__
+    _move_hints(cls, plain)
 
     @functools.wraps(plain)
     def __init__(self: Any, /, *args: Any, **given: Any) -> None:
@@ -340,11 +345,27 @@ def part(cls: type) -> type:
     return cls
 
 
+def _move_hints(cls: type, init: Any) -> None:
+    """Move what fields may be to `HINTS`, so that the help of a part shows plain types."""
+    own = typing.get_type_hints(cls, include_extras=True)
+    of_bases = [HINTS[base] for base in reversed(cls.__mro__) if base in HINTS]
+    inherited = {name: hint for hints in of_bases for name, hint in hints.items()}
+    HINTS[cls] = own | {n: hint for n, hint in inherited.items() if n not in cls.__annotations__}
+    plain = typing.get_type_hints(cls)
+    cls.__annotations__ = {name: plain[name] for name in cls.__annotations__}
+    init.__annotations__ = {name: plain.get(name, t) for name, t in init.__annotations__.items()}
+    for field in dataclasses.fields(cls):
+        field.type = plain[field.name]
+
+
 def _checked(cls: type, args: tuple[Any, ...], given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the checked values of the fields of a part; the error lists all that is wrong."""
     prefix, marks = f"{cls._section}." if cls._section else "", annotations(cls)
     fields = {field.name: field.default for field in dataclasses.fields(cls)}
-    wrong = [SceneError(cls.__name__, value, "", "keyword arguments") for value in args]
+    positions = [name for name in getattr(cls, "_positions", ()) if name not in given]
+    given = dict(zip(positions, args, strict=False)) | dict(given)
+    named = f"keyword arguments, as in {cls.__name__}({', '.join(f'{n}=...' for n in fields)})"
+    wrong = [SceneError(cls.__name__, value, "", named) for value in args[len(positions) :]]
     strange, elsewhere = [n for n in given if n not in fields], getattr(cls, "_elsewhere", {})
     wrong += [unknown(prefix + n, given[n], n, fields) for n in strange if n not in elsewhere]
     known = [SceneError(prefix + n, given[n], "", elsewhere[n]) for n in strange if n in elsewhere]

@@ -49,6 +49,11 @@ A_LAW = "a friction law, such as pyfric.laws.Ageing, or [interface.law] in a sce
 CHAIN_NOTE = ", or 0 for a chain under a prescribed load"
 
 
+A_SLIDER = (
+    'Slider, such as Slider.of_material("PMMA", width="6 mm", L="140 mm", H="75 mm", l="2.5 mm")'
+)
+
+
 def steps_in(length: float, l: float) -> int | None:
     """Return length / l if it is a whole number within `MULTIPLE_RTOL`, else None."""
     n = round(length / l)
@@ -132,6 +137,9 @@ class Slider:
         values = {"width": width, "E": E, "density": density, "viscosity": viscosity}
         given = {key: value for key, value in values.items() if value is not None}
         given |= {} if plane == "stress" else {"plane": plane}
+        for field in ("L", "H", "l"):
+            if field not in fields:
+                raise SceneError(f"slider.{field}", None, "m", A_SLIDER, "missing")
         material = name
         if not isinstance(material, Material):
             material = Material(name=material, **given)
@@ -497,9 +505,6 @@ def _mean(field: Field) -> float:
     return 0.0 if field == () else float(np.mean(field))
 
 
-A_SLIDER = (
-    'Slider, such as Slider.of_material("PMMA", width="6 mm", L="140 mm", H="75 mm", l="2.5 mm")'
-)
 PARTS = {
     "slider": OneOf(Slider, allowed=A_SLIDER),
     "top": OneOf(Rod, DistributedLoad, PrescribedLoad),

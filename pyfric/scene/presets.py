@@ -27,6 +27,7 @@ from pyfric.scene.profile import Profile
 from pyfric.scene.scene import Scene
 from pyfric.scene.spread import Spread
 from pyfric.scene.units import check_number
+from pyfric.scene.words import GO_ON, usage
 
 Number = float | str
 """A number in SI units, text with a unit such as "5 mm", or a quantity of a unit library."""
@@ -490,6 +491,7 @@ PRESETS: MappingProxyType[str, Preset] = MappingProxyType(
 """Named scenes, as functions that take changes."""
 
 
+@usage('preset("fig1", F_N="2 kN", mu_s=0.6)')
 def preset(name: str, changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     """Return the named scene, with changes.
 
@@ -572,11 +574,16 @@ def as_scene(scene: SceneLike, changes: Changes = None) -> Scene:
         SceneError: not a scene, no such preset or file, a file without a scene, or a refused
             change.
     """
+    named = isinstance(scene, str | os.PathLike)
     if isinstance(scene, str) and not names_file(scene):
         return preset(scene, changes)
-    if isinstance(scene, str | os.PathLike):
+    if named and os.fspath(scene).endswith(".nc"):
+        raise SceneError("scene", os.fspath(scene), "", GO_ON, "a record is no scene")
+    if named:
         scene = Scene.from_toml(scene)
     if not isinstance(scene, Scene):
+        if hasattr(scene, "scene"):
+            raise SceneError("scene", type(scene).__name__, "", GO_ON, "a record is no scene")
         allowed = f"a Scene, a scene file, or one of {', '.join(PRESETS)}"
         raise SceneError("scene", scene, "", allowed)
     return scene.replace(changes) if changes else scene

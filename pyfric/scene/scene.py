@@ -14,7 +14,7 @@ from typing import Any, Self
 
 import tomli_w
 
-from pyfric.display import drawing, html
+from pyfric.display import Shown
 from pyfric.scene import toml
 from pyfric.scene.change import changed, full_name, joined
 from pyfric.scene.checked import from_entries, part, table
@@ -27,7 +27,7 @@ from pyfric.scene.words import no_attribute
 
 
 @part
-class Scene(Composed):
+class Scene(Composed, Shown):
     """The simulated system: slider, top boundary, driver, interface, walls.
 
     A scene is immutable and hashable. `replace` changes values and repeats all checks. Arrays run
@@ -58,8 +58,6 @@ class Scene(Composed):
     def __repr__(self) -> str:
         return scene_text(self)
 
-    _repr_html_ = html
-
     def __getattr__(self, name: str) -> Any:
         """Say where an attribute is that a scene has not."""
         if name.startswith("_"):
@@ -69,10 +67,6 @@ class Scene(Composed):
         except (SceneError, AttributeError):
             instead = ""
         raise no_attribute("scene", name, self, instead)
-
-    def plot(self) -> Any:
-        """Return a sketch of the scene to scale; see `pyfric.figures.sketch`."""
-        return drawing(self)
 
     def replace(self, changes: Mapping[str, Any] | None = None, /, **keywords: Any) -> Self:
         """Return the scene with changed values; all checks are repeated.

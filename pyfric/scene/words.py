@@ -75,7 +75,8 @@ CHANGED = 'scene.replace(F_N="2 kN"), which returns another scene'
 # fmt: off
 LINES: Mapping[str, Mapping[str, str]] = {
     "": {
-        "material E youngs_modulus modulus nu poisson rho density B width thickness": MATERIAL,
+        "material E young youngs_modulus modulus nu poisson rho density B width thickness":
+            MATERIAL,
         "N_x N_z nx nz n_blocks blocks n points": 'l="2.5 mm", the size of blocks: N_x = L/l + 1',
         "groove grooves grooved": 'pyfric.preset("grooves"), or contact=[True, False, ...]',
         "seed random_seed rng disorder heterogeneity random randomness": RANDOM,
@@ -95,6 +96,7 @@ LINES: Mapping[str, Mapping[str, str]] = {
         "fronts front front_speed rupture_speed speed": "pyfric.analysis.fronts(record)",
         "sizes b_value": "pyfric.analysis.sizes(record)",
         "n_events count": "len(record.events)",
+        "energy energies budget": "record.curve, of a run with energies=True",
         "show draw figure": "record.plot()",
         "u displacement displacements v velocities": "record.final_state.y, or record.motion",
         "tau stress stresses p": "record.tau_before, record.tau_after and the same of p",
@@ -117,7 +119,7 @@ LINES: Mapping[str, Mapping[str, str]] = {
         "fig1": "pyfric.figures.fig1b(record)",
     },
     "shell": {
-        "material E youngs_modulus modulus nu poisson rho density B width thickness":
+        "material E young youngs_modulus modulus nu poisson rho density B width thickness":
             "[slider.material] in the file of the scene, which pyfric scene SCENE prints",
         "N_x N_z nx nz n_blocks blocks n points": "--set 'l=2.5 mm'",
         "groove grooves grooved": "pyfric run grooves",

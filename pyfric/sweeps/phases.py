@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pyfric.display import Shown
 from pyfric.engines import Options
 from pyfric.record import SLOW, Record, pace_limits
 from pyfric.scene import (
@@ -86,8 +87,8 @@ Row = dict[str, Any]
 """What became of a run: the fields, the labels, and what is said of its front."""
 
 
-@dataclass(frozen=True)
-class PhaseDiagram:
+@dataclass(frozen=True, repr=False)
+class PhaseDiagram(Shown):
     """What became of a scene over two of its fields.
 
     Attributes:

@@ -44,6 +44,7 @@ from pyfric.scene import (
     check_number,
     check_whole,
     unknown,
+    usage,
 )
 from pyfric.signals import at_once, saved_first
 from pyfric.sweeps.shared import Point, Shared
@@ -185,6 +186,7 @@ def run_all(
 ) -> list[Record | JobError]: ...
 
 
+@usage("run_all([pyfric.Job(scene, t_end=1.0)], workers=2)")
 @at_once()
 def run_all(
     jobs: Sequence[Job],

@@ -7,8 +7,8 @@
     results.to_xarray()      # the same with units, on the axes of a grid
     results.mean("n_precursors")  # over seeds, with standard errors
 
-A file of a sweep (docs/sweeps.md) is TOML with the entries `ENTRIES`, and quantities carry their
-units.
+A file of a sweep (docs/sweeps.md) is TOML with the entries `ENTRIES`. Numbers are in SI, and text
+has its unit.
 
 A grid takes all combinations, a list the first values of all fields, then the second ones, and so
 on. The others draw `n` points from ranges, with a `seed`; `scale = "log"` makes a range even in its
@@ -31,7 +31,7 @@ import numpy as np
 import pandas as pd
 import tomli_w
 
-from pyfric.display import html
+from pyfric.display import Shown
 from pyfric.engines import Options
 from pyfric.planning import check_run, expected_cost
 from pyfric.record import Record
@@ -87,7 +87,7 @@ class Estimate(NamedTuple):
 
 
 @dataclass(frozen=True, init=False, repr=False)
-class Sweep:
+class Sweep(Shown):
     """One scene at many points.
 
     Args:
@@ -160,8 +160,6 @@ class Sweep:
         fields = ", ".join(self.over)
         name = as_scene(self.scene).name or "a scene"
         return f"Sweep of {name} over {fields}: {self.points}, t_end = {self.t_end:g} s"
-
-    _repr_html_ = html
 
     @property
     def _drawn(self) -> bool:

@@ -54,8 +54,8 @@ class Workers(Executor):
             del self._of_thread.worker
             worker.pool.shutdown()
             raise ChildProcessError(
-                f"a worker process ended by itself (exit code {worker.processes[-1].exitcode}, such "
-                "as out of memory)"
+                f"a worker process ended by itself (exit code {worker.processes[-1].exitcode}; out "
+                "of memory?)"
             ) from None
 
     @held_back()

@@ -194,7 +194,7 @@ def _run(
 def _saved(record: Record, out: Path) -> Path:
     """Write the record; where that fails, write it elsewhere, say where, and stop."""
     try:
-        return record.save(out)
+        return record.save(out, overwrite=True)  # the command has asked
     except OSError as error:
         with contextlib.suppress(OSError):
             path = record.save(Path(tempfile.gettempdir(), f"{out.stem}-{secrets.token_hex(4)}.nc"))

@@ -198,15 +198,15 @@ def __getattr__(name: str) -> Any:
         found = importlib.import_module(f"pyfric.{room}")
         if hasattr(found, name):
             return globals().setdefault(name, getattr(found, name))
-    from pyfric.scene import meant, no_attribute
+    from pyfric.scene import line, meant, no_attribute
 
     instead = ""
     if found := meant(name, __all__):
         instead = f"pyfric.{found}"
-    elif not name.startswith("_"):
+    elif not line(name, "pyfric") and not name.startswith("_"):
         spaces = (space for space in SPACES if name in dir(__getattr__(space)))
         instead = next((f"pyfric.{space}.{name}" for space in spaces), "")
-    raise no_attribute("pyfric", name, sys.modules[__name__], instead)
+    raise no_attribute("pyfric", name, sys.modules[__name__], instead, __all__)
 
 
 def __dir__() -> list[str]:

@@ -42,6 +42,17 @@ class _Listed:
 class Command(_Listed, click.Command):
     """A command of `Commands`."""
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        def with_hyphens(word: str) -> str:
+            """Return an option, which may be written with underscores as in Python."""
+            name, sign, value = word.partition("=")
+            other = name.replace("_", "-")
+            known = name.startswith("--") and name not in names and other in names
+            return f"{other}{sign}{value}" if known else word
+
+        names = {name for param in self.get_params(ctx) for name in param.opts}
+        return super().parse_args(ctx, [*map(with_hyphens, args)])
+
     def make_context(self, *given: Any, **more: Any) -> click.Context:
         try:
             return super().make_context(*given, **more)
@@ -59,11 +70,14 @@ class Command(_Listed, click.Command):
         from pyfric.cli import hints
 
         if isinstance(error, click.NoSuchOption):
-            return hints.of_option(error.option_name, self)
+            hint = hints.of_option(error.option_name, self)
+            return hint or f"Write: {self.example}" * bool(self.example)
         if isinstance(error, click.MissingParameter):
             return f"Write: {self.example}" if self.example else ""
         extra = EXTRA.search(error.message)
-        return hints.of_extra(extra[1], self) if extra else ""
+        if not extra:
+            return ""
+        return hints.of_extra(extra[1], self) or f"Write: {self.example}" * bool(self.example)
 
 
 class Commands(_Listed, click.Group):
@@ -78,6 +92,7 @@ class Commands(_Listed, click.Group):
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         name = args[0].replace("_", "-")
+        args = [name, *args[1:]] if name in self.commands else args
         if self.get_command(ctx, name) is None and not name.startswith("-"):
             from pyfric.cli import hints
 
@@ -154,10 +169,7 @@ def _code(error: Exception) -> Exit | None:
 @click.group(
     cls=Commands,
     sections=("Simulate", "Measure", "Look", "The paper", "Methods", "This build"),
-    context_settings={
-        "help_option_names": ["-h", "--help"],
-        "token_normalize_func": lambda word: word.replace("_", "-"),
-    },
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 @click.version_option(package_name="pyfric")
 def main() -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pyfric.scene import LINES, PRESETS, SETTABLE, line, meant
+from pyfric.scene import LINES, PRESETS, SETTABLE, line, meant, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -26,13 +26,13 @@ CALL = re.compile(r"pyfric\.[\w.]+\(\w+, ([^()]*)\)")
 
 def in_shell(text: str, command: click.Command | None) -> str:
     """Return the text of an error with options of a command in place of arguments of Python."""
-    options = {} if command is None else _options(command)
+    options = {} if command is None else options_of(command)
     for words, said in LINES[""].items():
         text = text.replace(said, LINES["shell"].get(words, said))
     return "\n".join(_line_in_shell(each, options) for each in text.split("\n"))
 
 
-def _options(command: click.Command) -> dict[str, str]:
+def options_of(command: click.Command) -> dict[str, str]:
     """Return the options of a command by the names of arguments of Python: units is --unit."""
     found = {}
     for param in command.get_params(click.Context(command)):
@@ -59,6 +59,8 @@ def _line_in_shell(text: str, options: dict[str, str]) -> str:
         if found[1] not in options:
             return found[0]
         value = found[2].strip("\"'")
+        if value in ("True", "False"):
+            return options[found[1]] if value == "True" else f"--no-{options[found[1]][2:]}"
         return f"{options[found[1]]} {shlex.quote(value) if ' ' in value else value}".rstrip()
 
     rest = TABLE.sub(table, CALL.sub(r"\1", rest))
@@ -82,12 +84,12 @@ def of_command(word: str, known: Iterable[str]) -> str:
         return f"Write: pyfric {found}"
     if instead := line(word, "command"):
         return f"Write: {instead.format(presets=', '.join(PRESETS))}"
-    return ""
+    return "" if nearest(word, known) else f"Write: {line('*', 'command')}"
 
 
 def of_option(word: str, command: click.Command) -> str:
     """Return the line to write for an option that a command has not, or ""."""
-    word, options = word.lstrip("-"), _options(command)
+    word, options = word.lstrip("-"), options_of(command)
     if instead := line(word, "shell"):
         return f"Write: {instead}"
     names = {name.lstrip("-").replace("-", "_"): name for name in options.values()}
@@ -103,7 +105,7 @@ def of_extra(word: str, command: click.Command) -> str:
     """Return the line to write for an argument that a command does not take, or ""."""
     if "=" not in word:
         return ""
-    if "changes" in _options(command):
+    if "changes" in options_of(command):
         return f"Write: --set {shlex.quote(word)}"
     name, _, values = word.partition("=")
     return f"Write into FILE: [over] {name} = [{values}]"

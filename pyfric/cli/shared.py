@@ -155,10 +155,13 @@ def record_of(path: str) -> Record:
         RecordError: there is none.
     """
     import pyfric
+    from pyfric.scene import PRESETS
 
     try:
         return pyfric.Record.load(path)
     except FileNotFoundError as error:
+        if path in PRESETS:
+            raise click.UsageError(f"{path} is a scene: pyfric scene {path} prints it.") from None
         raise pyfric.RecordError(str(error)) from None
 
 

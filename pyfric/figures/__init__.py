@@ -12,7 +12,7 @@ from typing import Any
 from pyfric.figures.fitted import fit_page, tornado
 from pyfric.figures.interface import fig3a, fig3b, fig4a, fig4b
 from pyfric.figures.lengths import fig2a, fig2b
-from pyfric.figures.loading import fig1b, figure_caption, slip_segments
+from pyfric.figures.loading import fig1a, fig1b, figure_caption, slip_segments
 from pyfric.figures.phases import phase_map
 from pyfric.figures.results import curve_figure, resolution_figure, sweep_figure
 from pyfric.figures.sizes import size_figure
@@ -39,7 +39,7 @@ from pyfric.scene import no_attribute
 
 def __getattr__(name: str) -> Any:
     """Say what draws what no function of this name draws."""
-    raise no_attribute("figures", name, sys.modules[__name__])
+    raise no_attribute("figures", name, sys.modules[__name__], known=__all__)
 
 
 __all__ = [
@@ -50,6 +50,7 @@ __all__ = [
     "event_frames",
     "event_movie",
     "event_strip",
+    "fig1a",
     "fig1b",
     "fig2a",
     "fig2b",

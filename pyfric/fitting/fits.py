@@ -26,6 +26,7 @@ from pyfric.fitting.results import DOUBTFUL, Fit, probability
 from pyfric.fitting.search import FOLLOWED, STEP, minima, solved, walked
 from pyfric.fitting.sensors import ARRIVALS, LENGTHS, checked
 from pyfric.measured import COLUMNS, Curve, events
+from pyfric.record import Record
 from pyfric.scene import (
     Number,
     Quantity,
@@ -239,6 +240,9 @@ def _check_load(scene: Scene, measured: Curve | pd.DataFrame | None) -> None:
 
 def _table_of(measured: Curve | pd.DataFrame) -> pd.DataFrame:
     """Return a table of events that knows where it ends, and what it resolves."""
+    if isinstance(measured, Record):
+        allowed = 'pyfric.measured.sampled(record, "0.5 ms", noise=1e-3), a curve as measured'
+        raise SceneError("measured", "Record", "", allowed, "a run is no measurement")
     whole = isinstance(measured, Curve) and measured.has_forces
     table = events(measured) if whole else measured
     columns = getattr(table, "columns", ())

@@ -14,7 +14,7 @@ from pyfric.display import Shown
 from pyfric.measured.meanings import MEANINGS
 from pyfric.measured.sensors import displacement
 from pyfric.record import T_GAP, Record
-from pyfric.scene import SceneError, check_number, check_whole
+from pyfric.scene import SceneError, check_number, check_whole, usage
 
 FORCES = frozenset({"F_T", "tau", "mu"})
 SIGNALS = FORCES | {"slip"}
@@ -214,6 +214,7 @@ def _above_zero(values: pd.Series) -> np.ndarray:
     return values.where(values > 0).to_numpy()
 
 
+@usage()
 def sampled(
     record: Record,
     step: float | str | None = None,

@@ -146,7 +146,8 @@ def simulate(
         raise SceneError("t_end", None, "s", 'a time, as in simulate(scene, "900 ms")', "missing")
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     if not isinstance(options, Options | None):
-        raise SceneError("options", options, "", "Options or None")
+        allowed = 'Options, or keywords as in simulate(scene, t_end, fidelity="hybrid")'
+        raise SceneError("options", options, "", allowed)
     given = {**(options or Options()).given(), **keywords}
     if isinstance(initial, Record):
         engine = initial.method.engine
@@ -184,8 +185,6 @@ def simulate(
 
 def _logged(record: Record) -> Record:
     """Tell the logger "pyfric" how a run ended, and each of its notes; return the record."""
-    if record.method.dt is not None:  # statics know no density
-        record = _with_notes(record, *density_notes(record.scene))
     LOGGER.info("%s: %s", record.scene.name or "scene", record.status)
     for note in record.notes:
         LOGGER.info("%s", note)
@@ -267,7 +266,10 @@ def _run(
         if made * SLOWEST > LONG:
             said = _said(scene, engine.name, made * machine_speed(), progress)
     how: dict[str, Any] = {"initial": initial, "progress": progress, "enough": enough}
-    return _with_notes(engine.run(scene, t_end, options, **how), *said)
+    record = engine.run(scene, t_end, options, **how)
+    if engine.steps and (last := density_notes(scene)):  # statics know no density
+        record = record.replace(notes=(*(n for n in record.notes if n not in last), *last))
+    return _with_notes(record, *said)
 
 
 def _short_steps(asked: Asked, progress: object) -> list[str]:

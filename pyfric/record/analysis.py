@@ -16,7 +16,8 @@ Source: PRL 107, 074301 (2011).
 from __future__ import annotations
 
 import os
-from typing import Literal, NamedTuple, get_args
+import sys
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 import pandas as pd
@@ -29,7 +30,7 @@ from pyfric.record.growth import energy_release, griffith_length, nucleations
 from pyfric.record.held import of_record
 from pyfric.record.recurrence import Sizes, b_value, sizes
 from pyfric.record.rupture import front_speed
-from pyfric.scene import Scene, SceneError, check_number, check_whole
+from pyfric.scene import Scene, SceneError, check_number, check_whole, no_attribute
 
 __all__ = [
     "Beside",
@@ -56,6 +57,12 @@ __all__ = [
     "stress_profile",
     "system_size_events",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Say what does what no function of this name does."""
+    raise no_attribute("analysis", name, sys.modules[__name__], known=__all__)
+
 
 When = Literal["before", "after"]
 

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, ParamSpec, TypeVar
 import numpy as np
 import pandas as pd
 
-from pyfric.scene import SceneError
+from pyfric.scene import SceneError, usage
 
 P, T = ParamSpec("P"), TypeVar("T")
 
@@ -35,13 +35,14 @@ def check_record(record: Any) -> None:
     """Raise SceneError for what is no record, such as a list of records or the name of a file."""
     if not hasattr(record, "curve"):
         what = record if isinstance(record, str) else type(record).__name__
-        allowed = 'one record, such as pyfric.load("run.nc")'
+        allowed = 'one record, of pyfric.simulate(scene, "400 ms") or pyfric.load("run.nc")'
         raise SceneError("record", what, "", allowed, "not a record")
 
 
 def of_record(function: Callable[P, T]) -> Callable[P, T]:
     """Refuse what is no record as the first argument of the function below."""
 
+    @usage()
     @functools.wraps(function)
     def called(*args: P.args, **keywords: P.kwargs) -> T:
         check_record(args[0] if args else keywords.get("record"))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from pyfric.display import Shown, page
 from pyfric.record import layout
+from pyfric.record.analysis import __all__ as ANALYSES
 from pyfric.record.catalogue import build_catalogue
 from pyfric.record.classes import rupture_class
 from pyfric.record.data import RecordData
@@ -37,6 +38,13 @@ if TYPE_CHECKING:
     from pyfric.record.catalogue import Catalogue
     from pyfric.scene import Number
 
+READERS = {
+    ".nc": "",
+    ".toml": "; pyfric.Scene.from_toml reads scenes",
+    ".npz": "; pyfric.State.load reads states",
+    "": "; pyfric.measured.read reads measured curves",
+}
+"""Ends of names of files -> what reads them."""
 UNSEALED = "the file was changed after pyfric wrote it: what it holds need not be what a run made"
 
 
@@ -144,6 +152,9 @@ class Record(RecordData, Shown):
         method = dataclasses.replace(self.method, threshold=threshold, t_gap=t_gap)
         return self.replace(**made, **fast, method=method, notes=notes).with_late_columns()
 
+    def _place(self, name: str) -> str:
+        return f"pyfric.analysis.{name}(record)" if name in ANALYSES else super()._place(name)
+
     def _solver(self) -> StaticSolver | None:
         """Return what finds static states of the record; None where there are none."""
         if not self.scene.has_rests:
@@ -193,6 +204,7 @@ class Record(RecordData, Shown):
 
     # --- files -----------------------------------------------------------------------------------
 
+    @usage('record.save("run.nc")')
     @held_back()
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
         """Write one netCDF file, whole or not at all.
@@ -249,9 +261,9 @@ class Record(RecordData, Shown):
         try:
             attributes, values = read_image(memoryview(path.read_bytes()))
         except Exception as error:  # whatever the HDF5 layers make of a foreign file
-            curve = "" if path.suffix == ".nc" else "; pyfric.measured.read reads measured curves"
+            reader = READERS.get(path.suffix, READERS[""])
             raise RecordError(
-                f"{path}: damaged, or not a pyfric record ({error}){curve}"
+                f"{path}: damaged, or not a pyfric record ({error}){reader}"
             ) from error
         schema = attributes.get("pyfric_schema")
         if schema is None:
@@ -288,6 +300,7 @@ class Record(RecordData, Shown):
         """
         return layout.datatree(self)
 
+    @usage('record.to_html("run.html")')
     def to_html(self, path: str | os.PathLike[str]) -> Path:
         """Write one self-contained page about the record, at most 2 MB, and return its path.
 
@@ -300,6 +313,7 @@ class Record(RecordData, Shown):
         """
         return write(path, page(self).encode(), ".html")
 
+    @usage('record.to_mat("run.mat")')
     @held_back()
     def to_mat(self, path: str | os.PathLike[str]) -> Path:
         """Write a MATLAB file (version 5), which Octave reads, too; return its path.
@@ -314,6 +328,7 @@ class Record(RecordData, Shown):
         """
         return write(path, layout.mat(self), ".mat")
 
+    @usage('record.to_csv("tables")')
     def to_csv(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write the tables as CSV into ``folder`` (made if missing) and return the paths.
 

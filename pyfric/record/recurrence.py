@@ -130,11 +130,11 @@ def _scores(
     low: np.ndarray, width: np.ndarray, m_c: float, b: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return derivatives of log10 likelihoods by b, and of these, negative; see the module."""
-    half = np.log(10) * b * width / 2
-    some = np.where(half > 0, half, 1.0)
+    half, scale = np.log(10) * b * width / 2, np.log(10) * b
+    wide = np.where(half > 0, half, 1.0)
     with np.errstate(over="ignore"):
-        mean = np.where(half > 0, 2 * some / np.expm1(2 * some), 1.0) / (np.log(10) * b)
-        falls = np.where(half > 0, (some / np.sinh(some)) ** 2, 1.0) / (np.log(10) * b**2)
+        mean = np.where(half > 0, 2 * wide / np.expm1(2 * wide), 1.0) / scale
+        falls = np.where(half > 0, (wide / np.sinh(wide)) ** 2, 1.0) / (scale * b)
     return m_c - low + mean, falls
 
 
@@ -173,9 +173,7 @@ def sizes(record: RecordData, size: str = "potency", complete: float | None = No
     if complete is None:
         m_c = most_frequent(m)
     else:
-        unit = known[size].unit
-        unit = "" if unit == "1" else unit
-        m_c = np.log10(check_number("complete", complete, unit, gt=0.0))
+        m_c = np.log10(check_number("complete", complete, known[size].unit, gt=0.0))
     counts = pd.DataFrame({"size": np.sort(found[size].to_numpy())})
     counts["number"] = len(counts) - np.searchsorted(counts["size"], counts["size"], side="left")
     kept = m >= m_c

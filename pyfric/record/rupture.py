@@ -20,7 +20,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pyfric.scene import Scene, SceneError, check_number
+from pyfric.scene import Scene, SceneError, check_number, usage
 
 AVERAGED = 4
 """Blocks that a front passes in the time of which its speed is the average, as in the paper."""
@@ -68,6 +68,7 @@ def rupture_front(first_slips: np.ndarray, n_of_i: np.ndarray, link_time: float)
     return front
 
 
+@usage("front_speed(record.rupture_times, record.scene.slider.l); analysis.front(record, event)")
 def front_speed(rupture_times: np.ndarray, l: float, d: int = 1) -> np.ndarray:
     """Front speed at each block, averaged over five blocks: v_c(i) = 4 l/(t_{i+2} - t_{i-2}).
 

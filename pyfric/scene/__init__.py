@@ -3,6 +3,7 @@
 from importlib.metadata import version
 
 from pyfric.scene import laws
+from pyfric.scene.calls import usage
 from pyfric.scene.change import followed_by, full_name, once, scene_fields
 from pyfric.scene.checked import (
     Annotation,
@@ -86,6 +87,6 @@ from pyfric.scene.units import (
     prefix_power,
     spoken,
 )
-from pyfric.scene.words import LINES, line, meant, no_attribute, usage
+from pyfric.scene.words import LINES, line, meant, nearest, no_attribute
 
 __version__ = version("pyfric")

@@ -19,6 +19,8 @@ from pyfric.scene.units import check_number
 
 Parts = Composed | Mapping[str, Any]
 S = TypeVar("S", bound=Composed)
+PRESET_OF = {Rod: "setup1", DistributedLoad: "setup2", PrescribedLoad: "chain"}
+"""Tops, and a preset with each."""
 PROTOCOLS = (
     ("driver.V", "driver.protocol"),
     ("top.F_N", "top.protocol"),
@@ -81,10 +83,11 @@ def full_name(scene: Parts, name: str, value: Any = None, more: Iterable[str] = 
     if found:
         raise SceneError(name, value, "", " or ".join(found), "is in several parts")
     ends = list(dict.fromkeys([*known, *(full.partition(".")[2] or full for full in known)]))
-    for top in (Rod, DistributedLoad, PrescribedLoad):  # a correct word in a wrong place
-        if name.removeprefix("top.") in {field.name for field in dataclasses.fields(top)}:
+    for top, preset in PRESET_OF.items():  # a correct word in a wrong place
+        end = name.removeprefix("top.")
+        if end in {field.name for field in dataclasses.fields(top)}:
             reason = f"unknown here, a field of {top.__name__}"
-            raise SceneError(name, value, "", f"one of {', '.join(ends)}", reason)
+            raise SceneError(name, value, "", f'a scene with one, such as "{preset}"', reason)
     raise unknown(name, value, name, ends)
 
 

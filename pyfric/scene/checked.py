@@ -248,7 +248,9 @@ class OneOf(Annotation):
             return self._named(value)
         if not written:
             reason = f"{type(value).__name__} is something else"
-            raise SceneError("", value, "", self.allowed, reason)
+            fields = isinstance(value, Mapping) and ", ".join(f"{name}=..." for name in value)
+            by_name = f", or its fields by their names, {fields}" if fields else ""
+            raise SceneError("", value, "", self.allowed + by_name, reason)
         if not isinstance(value, dict):
             reason = "missing" if value is None else "not a table"
             raise SceneError(self.section, value, "", f"a table [{self.section}]", reason)
@@ -365,7 +367,10 @@ def _checked(cls: type, args: tuple[Any, ...], given: Mapping[str, Any]) -> dict
     positions = [name for name in getattr(cls, "_positions", ()) if name not in given]
     given = dict(zip(positions, args, strict=False)) | dict(given)
     named = f"keyword arguments, as in {cls.__name__}({', '.join(f'{n}=...' for n in fields)})"
-    wrong = [SceneError(cls.__name__, value, "", named) for value in args[len(positions) :]]
+    if len(args) > len(positions):
+        allowed = getattr(cls, "_example", named)
+        raise SceneError(cls.__name__, args[len(positions)], "", allowed, "not understood")
+    wrong: list[SceneError] = []
     strange, elsewhere = [n for n in given if n not in fields], getattr(cls, "_elsewhere", {})
     wrong += [unknown(prefix + n, given[n], n, fields) for n in strange if n not in elsewhere]
     known = [SceneError(prefix + n, given[n], "", elsewhere[n]) for n in strange if n in elsewhere]
@@ -382,7 +387,12 @@ def _checked(cls: type, args: tuple[Any, ...], given: Mapping[str, Any]) -> dict
             try:
                 found[name] = mark.check(inside, written)
             except SceneError as error:
-                wrong.append(error if error.field else error.at(prefix + name))
+                error = error if error.field else error.at(prefix + name)
+                others = (n for n, m in marks.items() if value in getattr(m, "words", ()))
+                if isinstance(value, str) and (other := next(others, "")):
+                    allowed = f"{error.allowed}; {other}={value!r} exists"
+                    error = SceneError(error.field, value, "", allowed, error.reason)
+                wrong.append(error)
     if wrong:
         raise SceneError.joined(wrong)
     return found

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import reprlib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -10,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pyfric.scene.words import line, meant
+from pyfric.scene.words import line, meant, nearest
 
 NO_UNIT = "missing unit"
 _SHORT = reprlib.Repr()
@@ -100,17 +99,6 @@ def show(value: Any) -> str:
         return repr(float(value)) if isinstance(value, np.floating) else _SHORT.repr(value)
     except ValueError:  # integers with thousands of digits have no decimal text
         return f"<a very large {type(value).__name__}>"
-
-
-def nearest(key: str, known: Iterable[str]) -> str:
-    """Return the entry of `known` that `key` stands for, or the most similar one, or ``""``."""
-    if found := meant(key, known):
-        return found
-    key, names = key[:64], {name.casefold(): name for name in known}
-    if found := difflib.get_close_matches(key.casefold(), names, n=1):
-        return names[found[0]]
-    begins = (name for name in known if key.startswith(name) or name.startswith(key))
-    return next(begins, "") if key else ""  # "Length" means L
 
 
 def unknown(field: str, value: Any, key: str, known: Iterable[str]) -> SceneError:

@@ -80,7 +80,7 @@ def check_free(path: str | os.PathLike[str], overwrite: bool, held: str = "") ->
     Raises:
         SceneError: the file exists.
     """
-    if not overwrite and os.path.lexists(os.path.expanduser(path)):
+    if not overwrite and os.path.isfile(os.path.expanduser(path)):
         allowed = "another name; overwrite=True replaces it"
         reason = "the file exists" + f" and holds {held}" * bool(held)
         raise SceneError("path", os.fspath(path), "", allowed, reason)

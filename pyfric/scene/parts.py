@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 
+from pyfric.scene.calls import usage
 from pyfric.scene.checked import (
     NotNegative,
     OneOf,
@@ -35,7 +36,6 @@ from pyfric.scene.materials import Material
 from pyfric.scene.profile import Profile
 from pyfric.scene.protocol import Corners, Protocol, Pushed, Pushes
 from pyfric.scene.spread import BLOCKS, FIELD, Field, Spread
-from pyfric.scene.words import usage
 
 MAX_BLOCKS = 20_000_000
 """Largest number of blocks N_x N_z. It prevents a mistyped l from exhausting the memory."""

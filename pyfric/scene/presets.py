@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypedDict, Unpack
 
+from pyfric.scene.calls import usage
 from pyfric.scene.change import changed, full_name, joined, once, scene_fields
 from pyfric.scene.errors import SceneError, naming, unknown
 from pyfric.scene.laws import FrictionLaw, Junctions, RateAndState
@@ -27,7 +28,7 @@ from pyfric.scene.profile import Profile
 from pyfric.scene.scene import Scene
 from pyfric.scene.spread import Spread
 from pyfric.scene.units import check_number
-from pyfric.scene.words import GO_ON, usage
+from pyfric.scene.words import GO_ON
 
 Number = float | str
 """A number in SI units, text with a unit such as "5 mm", or a quantity of a unit library."""

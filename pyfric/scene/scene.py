@@ -9,8 +9,9 @@ Every refused value raises `SceneError`.
 
 import os
 from collections.abc import Mapping
+from operator import attrgetter
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import tomli_w
 
@@ -23,7 +24,7 @@ from pyfric.scene.consistency import check
 from pyfric.scene.errors import SceneError
 from pyfric.scene.files import write
 from pyfric.scene.text import scene_text
-from pyfric.scene.words import no_attribute
+from pyfric.scene.words import line, no_attribute
 
 
 @part
@@ -52,6 +53,8 @@ class Scene(Composed, Shown):
     Source: PRL 107, 074301 (2011).
     """
 
+    _example: ClassVar[str] = 'pyfric.preset("fig1"), or pyfric.Scene.from_toml("scene.toml")'
+
     def __post_init__(self) -> None:
         check(self)
 
@@ -62,11 +65,21 @@ class Scene(Composed, Shown):
         """Say where an attribute is that a scene has not."""
         if name.startswith("_"):
             raise AttributeError(f"a scene has no {name!r}", name=name, obj=self)
+        if instead := line(name, "scene"):
+            raise no_attribute("scene", name, self, instead)
         try:
             instead = f"scene.{full_name(self, name)}"
         except (SceneError, AttributeError):
             instead = ""
-        raise no_attribute("scene", name, self, instead)
+        raise no_attribute("scene", name, self, instead, dir(type(self)))
+
+    def __getitem__(self, name: str) -> Any:
+        """Return the value of a field by its name, as in `replace`.
+
+        >>> pyfric.preset("fig1")["driver.h"]
+        0.005
+        """
+        return attrgetter(full_name(self, name))(self)
 
     def replace(self, changes: Mapping[str, Any] | None = None, /, **keywords: Any) -> Self:
         """Return the scene with changed values; all checks are repeated.

@@ -46,6 +46,8 @@ _NAME = re.compile(r"\b[A-Z][A-Za-z]{4,}\b")
 """A unit that is spelled out with a capital. Shorter ones are symbols, as MPa and mPa are."""
 
 
+SHARES = ("1", "F_N", "sqrt(k m)")
+"""What stands for the unit of a pure number."""
 LIMITS = {
     "gt": (">", operator.gt, "too small"),
     "ge": (">=", operator.ge, "too small"),
@@ -91,7 +93,8 @@ def check_number(
         return SceneError(field, shown, unit, allowed + size + note, reason)
 
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise refused(f"a number is needed, not {type(value).__name__}")
+        text = f', or text such as "1 {unit}"' if unit else ""
+        raise refused(f"a number is needed, not {type(value).__name__}", size=text)
     try:
         number = float(value) + 0.0
     except (OverflowError, ValueError):
@@ -138,7 +141,7 @@ def in_si(field: str, value: Any, unit: str, *, allowed: str) -> Any:
         SceneError: the value has no unit, or a unit of another dimension.
     """
     if isinstance(value, str):
-        return parse_quantity(field, value, unit, allowed=allowed)
+        return parse_quantity(field, value, "" if unit in SHARES else unit, allowed=allowed)
     if not (hasattr(value, "to_base_units") and hasattr(value, "magnitude")):
         return value
     try:

@@ -8,21 +8,25 @@ Capitals, spaces, hyphens and underscores do not count.
 
 from __future__ import annotations
 
+import difflib
 import functools
-import inspect
 import re
-from collections.abc import Callable, Iterable, Mapping
-from typing import ParamSpec, TypeVar
-
-P, T = ParamSpec("P"), TypeVar("T")
+from collections.abc import Iterable, Mapping
 
 NAMES = """
 V             velocity speed v driving_velocity drive_velocity driving_speed loading_rate pull_speed
+F_T           force tangential_force friction_force load_force ft
+t             time times
+L_p_over_L    length L_p lp precursor_length
+t_start       start time t begin
+F_T_start     force peak
+n_blocks      size blocks
 F_N           load normal_force normal_load force N fn P weight
 L             length slider_length lx
 H             height slider_height ly lz
 l             spacing dx block_size lattice_constant cell_size mesh resolution
 K             driving_stiffness spring_stiffness machine_stiffness loading_stiffness spring
+K             k_spring driver_stiffness
 k             stiffness bond_stiffness
 M             mass
 mu_s          mu mus static_friction mu_static friction fs
@@ -57,7 +61,7 @@ t_end         time duration tmax t_max t_stop tend end_time T
 set           parameter param
 simulate      run solve Simulation
 presets       list_presets scenes
-load          open read_record open_record read_nc
+load          open read_record open_record load_record read_nc
 preset        setup block system
 """
 """Names that exist, each with words that stand for it; a name counts where it is known."""
@@ -84,6 +88,13 @@ LINES: Mapping[str, Mapping[str, str]] = {
         "output out file filename path save save_path": SAVED,
         "time duration tmax t_max t_stop tend end_time": 'simulate(scene, t_end="400 ms")',
         "verbose quiet silent bar progress_bar": "progress=True or progress=False",
+        "n_events max_events number_of_events": 'stop_when="main_events = 3"',
+        "size dimensions shape geometry_size": 'L="140 mm", H="75 mm"',
+        "n_steps steps max_steps": 't_end="400 ms", with dt="1 us" for steps of this length',
+        "callback hook": "progress=function, which is called about ten times per second",
+        "t_start t_begin t0 start_time": "initial=record or initial=state, which have their time",
+        "setup": 'pyfric.preset("setup1") or pyfric.preset("setup2")',
+        "parallel": "threads=2; runs side by side are those of pyfric.run_all and of pyfric.Sweep",
     },
     "record": {
         "precursors precursor_lengths L_p lengths": "pyfric.analysis.precursor_lengths(record)",
@@ -95,10 +106,19 @@ LINES: Mapping[str, Mapping[str, str]] = {
         "mu friction": 'record.curve["F_T"] / record.scene.F_N',
         "fronts front front_speed rupture_speed speed": "pyfric.analysis.fronts(record)",
         "sizes b_value": "pyfric.analysis.sizes(record)",
-        "n_events count": "len(record.events)",
+        "n_events count length_of_events": "len(record.events)",
+        "n_precursors number_of_precursors": "len(pyfric.analysis.precursor_lengths(record))",
+        "t_end duration end_time t_max": 'record.curve["t"].iloc[-1]',
+        "peak_force max_force maximum_force F_max": 'record.curve["F_T"].max()',
+        "catalogue catalog event_table slip_events": "record.events",
+        "to_excel to_parquet to_json": 'record.curve.to_excel("curve.xlsx"), as of any data frame',
         "energy energies budget": "record.curve, of a run with energies=True",
         "show draw figure": "record.plot()",
-        "u displacement displacements v velocities": "record.final_state.y, or record.motion",
+        "savefig save_figure": 'pyfric.figures.save_figure(record, "name")',
+        "describe parameters info head print": "print(record), record.scene or record.method",
+        "*": "print(record); its tables are record.curve and record.events",
+        "u displacement displacements slip v velocity velocities":
+            "record.final_state.y, or record.motion",
         "tau stress stresses p": "record.tau_before, record.tau_after and the same of p",
     },
     "scene": {
@@ -106,13 +126,36 @@ LINES: Mapping[str, Mapping[str, str]] = {
         "run simulate": 'pyfric.simulate(scene, "400 ms")',
         "save write to_file dump": 'scene.to_toml("scene.toml")',
         "show draw sketch": "scene.plot()",
+        "describe parameters info print fields": "print(scene)",
+        "to_dict to_json asdict dict": "scene.to_toml(), a text that Scene.from_toml reads",
+        "mass": "scene.slider.M, of a block scene.m",
+        "density rho wave_speed wave_speeds c_P c_S speed_of_sound":
+            "print(scene), which shows them",
+        "*": 'print(scene); scene.replace(F_N="2 kN") returns another scene',
     },
     "pyfric": {
+        "*": "dir(pyfric); README begins with an example",
         "plot show draw": "record.plot()",
         "read_csv read_curve": 'pyfric.measured.read("curve.csv")',
         "save": 'record.save("run.nc")',
     },
+    "laws": {
+        "coulomb amontons amontons_coulomb slip_weakening linear weakening":
+            "pyfric.laws.LinearWeakening(), the default; d_c of the interface is its slip",
+        "rate_state rsf dieterich ruina": "pyfric.laws.RateAndState(a=..., b=..., D_c=...)",
+        "*": "one of pyfric.laws.__all__",
+    },
+    "measured": {
+        "load open read_csv from_csv": 'pyfric.measured.read("curve.csv")',
+        "*": "one of pyfric.measured.__all__",
+    },
+    "analysis": {
+        "plot plot_precursors plot_events": "record.plot(), or a function of pyfric.figures",
+        "b b_values": "pyfric.analysis.b_value(magnitudes), or pyfric.analysis.sizes(record)",
+        "*": "one of pyfric.analysis.__all__",
+    },
     "figures": {
+        "*": "record.plot(), or one of pyfric.figures.__all__",
         "plot loading_curve curve": "record.plot(), or pyfric.figures.fig1b(record)",
         "save savefig": 'pyfric.figures.save_figure(figure, "name")',
         **{f"fig{n}": f"pyfric.figures.fig{n}a(record) or fig{n}b(record)" for n in (2, 3, 4)},
@@ -134,8 +177,12 @@ LINES: Mapping[str, Mapping[str, str]] = {
         "presets list ls list_presets scenes": "pyfric scene fig1, or another name: {presets}",
         "materials": "pyfric.MATERIALS, in Python",
         "laws": "pyfric.laws.KINDS, in Python",
-        "figures": "pyfric reproduce --out figures",
-        "events precursors analysis": "pyfric info RECORD, or pyfric run ... --csv DIR",
+        "figures figure fig1b fig2a fig2b fig3a fig3b fig4a fig4b":
+            "pyfric reproduce --out figures",
+        "*": "pyfric --help, which lists the commands",
+        "events precursors analysis analyse analyze stats":
+            "pyfric info RECORD, or pyfric run ... --csv DIR",
+        "export convert csv": "pyfric run ... --csv DIR, or in Python record.to_csv",
         "resume continue restart": "pyfric run SCENE --t-end TIME --out RECORD --resume",
     },
 }
@@ -143,9 +190,13 @@ LINES: Mapping[str, Mapping[str, str]] = {
 """Owner of a name -> words -> the line to write; "" holds for all owners."""
 
 
+LONG = 4
+"""Letters of a name that may be meant by a part of another word."""
+
+
 def plain(word: str) -> str:
     """Return a word without what does not count."""
-    return re.sub(r"[^a-z0-9]", "", word.casefold())
+    return re.sub(r"[^a-z0-9*]", "", word.casefold())
 
 
 @functools.cache
@@ -171,12 +222,26 @@ def meant(word: str, known: Iterable[str]) -> str:
     return next((name for name in found if name in known), "")
 
 
+def nearest(key: str, known: Iterable[str]) -> str:
+    """Return the entry of `known` that `key` stands for, or the most similar one, or ``""``."""
+    if found := meant(key, known):
+        return found
+    key, names = key[:64], {name.casefold(): name for name in known}
+    if found := difflib.get_close_matches(key.casefold(), names, n=1):
+        return names[found[0]]
+    begins = (name for name in known if key.startswith(name) or name.startswith(key))
+    inside = (name for name in known if len(key) >= LONG and key in name)
+    return next(iter((*begins, *inside)), "") if key else ""  # "Length" means L
+
+
 def line(word: str, owner: str = "") -> str:
     """Return the line to write instead of a name that the owner has not, or ""."""
-    return _lines(owner).get(plain(word), "") or _lines("").get(plain(word), "")
+    return _lines(owner).get(plain(word), "")
 
 
-def no_attribute(owner: str, name: str, obj: object, instead: str = "") -> AttributeError:
+def no_attribute(
+    owner: str, name: str, obj: object, instead: str = "", known: Iterable[str] = ()
+) -> AttributeError:
     """Return the error for an attribute that a scene, a record or a module has not.
 
     Args:
@@ -184,48 +249,12 @@ def no_attribute(owner: str, name: str, obj: object, instead: str = "") -> Attri
         name: the attribute.
         obj: what was asked for it.
         instead: the line to write, "" for that of `LINES`.
+        known: names that it has.
     """
-    instead = instead or _lines(owner).get(plain(name), "")
+    instead = instead or line(name, owner)
     text = f"{'a ' * (owner in ('scene', 'record'))}{owner} has no {name!r}"
+    if not (instead or name.startswith("_")):
+        found = nearest(name, [n for n in known if len(n) >= LONG and not n.startswith("_")])
+        place = owner if owner in ("scene", "record", "pyfric") else f"pyfric.{owner}"
+        instead = f"{place}.{found}" if found else line("*", owner)
     return AttributeError(text + f"; write {instead}" * bool(instead), name=name, obj=obj)
-
-
-def usage(written: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Refuse calls that do not fit the function below, with the line to write: `written`.
-
-    Raises:
-        SceneError: an argument is missing, given twice, or unknown.
-    """
-
-    def of(function: Callable[P, T]) -> Callable[P, T]:
-        signature = inspect.signature(function)
-
-        @functools.wraps(function)
-        def called(*args: P.args, **keywords: P.kwargs) -> T:
-            try:
-                signature.bind(*args, **keywords)
-            except TypeError as error:
-                raise _misfit(written, str(error), signature, keywords) from None
-            return function(*args, **keywords)
-
-        return called
-
-    return of
-
-
-def _misfit(
-    written: str, reason: str, signature: inspect.Signature, keywords: Mapping[str, object]
-) -> Exception:
-    """Return the refusal of a call whose arguments are wrong for this reason (of `inspect`)."""
-    from pyfric.scene.errors import SceneError
-
-    strange = [name for name in keywords if name not in signature.parameters]
-    for name in strange:
-        if instead := line(name):
-            return SceneError(name, keywords[name], "", instead, "unknown here")
-    name = reason.partition("'")[2].partition("'")[0]
-    if name in strange:
-        found = meant(name, signature.parameters)
-        reason = "unknown" + f", did you mean {found!r}?" * bool(found)
-    reason = "missing" if reason.startswith("missing") else reason
-    return SceneError(name or "arguments", keywords.get(name), "", written, reason)

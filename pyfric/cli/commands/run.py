@@ -61,7 +61,12 @@ def scene(scene: str, changes: tuple[str, ...], out: Path | None, overwrite: boo
         click.echo(text, nl=False)
 
 
-@main.command(section="Simulate", cls=OptionsCommand, options=("want", "tolerance", "stop_when"))
+@main.command(
+    section="Simulate",
+    cls=OptionsCommand,
+    options=("want", "tolerance", "stop_when"),
+    example="pyfric plan fig1 --t-end '400 ms'",
+)
 @click.argument("scene", type=SceneName())
 @click.option("--t-end", type=Seconds(), default=1.0, help="End time. [default: 1 s]")
 @set_option

@@ -21,6 +21,7 @@ ALLOWED = "; allowed: "
 TABLE = re.compile(r"(\w+)=\{([^{}]*)\}")
 ENTRY = re.compile(r"""["'](\w+)["']: ("[^"]*"|'[^']*'|\([^)]*\)|[^,]+)""")
 SCALAR = re.compile(r"""\b(\w+) ?= ?("[^"]*"|'[^']*'|[\w.+-]*)(?=[\s,;:)]|$)""")
+HEAD = re.compile(r"(\w+)(\.| = |: )")
 CALL = re.compile(r"pyfric\.[\w.]+\(\w+, ([^()]*)\)")
 
 
@@ -43,10 +44,11 @@ def options_of(command: click.Command) -> dict[str, str]:
 
 def _line_in_shell(text: str, options: dict[str, str]) -> str:
     text = re.sub(r" of pyfric\.measured\.\w+", "", text)
-    head, allowed, rest = text.partition(ALLOWED)
-    name, dot, more = head.partition(".")
-    if dot and name in options:
-        head = f"{options[name]} {more}"
+    head, allowed, what = text.partition(ALLOWED)
+    if (begin := HEAD.match(head)) and begin[1] in options:
+        rest = head[begin.end() :]
+        more = {".": f" {rest.replace(' = ', '=', 1)}", " = ": f" {rest}", ": ": f": {rest}"}
+        head = options[begin[1]] + more[begin[2]]
 
     def table(found: re.Match[str]) -> str:
         if found[1] not in options:
@@ -63,8 +65,8 @@ def _line_in_shell(text: str, options: dict[str, str]) -> str:
             return options[found[1]] if value == "True" else f"--no-{options[found[1]][2:]}"
         return f"{options[found[1]]} {shlex.quote(value) if ' ' in value else value}".rstrip()
 
-    rest = TABLE.sub(table, CALL.sub(r"\1", rest))
-    return head + allowed + SCALAR.sub(scalar, rest)
+    what = TABLE.sub(table, CALL.sub(r"\1", what))
+    return head + allowed + SCALAR.sub(scalar, what)
 
 
 def _value(text: str) -> str:

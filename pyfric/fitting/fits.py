@@ -276,12 +276,10 @@ def _bounds(
     found = {}
     for name, ends in vary.items():
         field, unit = f"vary.{name}", _unit(scenes, name, ends)
-        try:
-            low, high = (check_number(field, end, unit) for end in ends)
-        except (TypeError, ValueError) as error:
-            if isinstance(error, SceneError):
-                raise
-            raise SceneError(field, str(ends), "", "two bounds", "") from None
+        pair = () if isinstance(ends, str) or not np.iterable(ends) else tuple(ends)
+        if len(pair) != 2:
+            raise SceneError(field, str(ends), "", "two bounds, such as (0.3, 0.6)", "")
+        low, high = (check_number(field, end, unit) for end in pair)
         if not low < high:
             raise SceneError(field, str(ends), "", "two bounds, the smaller one first", "")
         found[name] = low, high

@@ -255,7 +255,10 @@ class Record(RecordData, Shown):
             raise RecordError(f"record: a path is needed, not {type(path).__name__}")
         path = Path(os.path.expanduser(path))
         if not os.path.exists(path):  # also where no file can have this name
-            raise FileNotFoundError(f"no record at {path}")
+            full = f"{path}.nc"
+            raise FileNotFoundError(
+                f"no record at {path}" + f"; write {full}" * os.path.isfile(full)
+            )
         if not path.is_file():
             raise RecordError(f"{path}: not a pyfric record (not a regular file)")
         try:

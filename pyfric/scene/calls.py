@@ -28,7 +28,7 @@ def usage(written: str = "") -> Callable[[Callable[P, T]], Callable[P, T]]:
     def of(function: Callable[P, T]) -> Callable[P, T]:
         signature = inspect.signature(function)
         given = signature.parameters.values()
-        needed = [one.name for one in given if one.default is one.empty and one.kind in NAMED]
+        needed = [arg.name for arg in given if arg.default is arg.empty and arg.kind in NAMED]
         example = written or f"{function.__name__}({', '.join(needed)})"
 
         @functools.wraps(function)
@@ -49,7 +49,8 @@ def _misfit(
 ) -> SceneError:
     """Return the refusal of a call whose arguments are wrong for this reason (of `inspect`)."""
     strange = [name for name in keywords if name not in signature.parameters]
-    for name in strange:
+    takes_more = any(arg.kind is arg.VAR_KEYWORD for arg in signature.parameters.values())
+    for name in strange if takes_more else ():  # options of runs, or fields of scenes
         if instead := line(name):
             return SceneError(name, keywords[name], "", instead, "unknown here")
     name = reason.partition("'")[2].partition("'")[0]

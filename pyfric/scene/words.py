@@ -26,14 +26,14 @@ L             length slider_length lx
 H             height slider_height ly lz
 l             spacing dx block_size lattice_constant cell_size mesh resolution
 K             driving_stiffness spring_stiffness machine_stiffness loading_stiffness spring
-K             k_spring driver_stiffness
+K             k_spring driver_stiffness spring_constant driving_spring machine spring_k
 k             stiffness bond_stiffness
 M             mass
 mu_s          mu mus static_friction mu_static friction fs
 mu_k          mud mu_d mu_dynamic kinetic_friction dynamic_friction fd
 d_c           dc slip_weakening_distance critical_slip weakening_length slip_distance
 eta           viscosity bond_viscosity
-h             push_height driving_height
+h             push_height pushing_height driving_height driver_height height_of_push
 side          direction pushed_side
 law           friction_law
 stop_when     stop until end stop_condition
@@ -85,7 +85,7 @@ LINES: Mapping[str, Mapping[str, str]] = {
         "groove grooves grooved": 'pyfric.preset("grooves"), or contact=[True, False, ...]',
         "seed random_seed rng disorder heterogeneity random randomness": RANDOM,
         "resume restart continue go_on state initial_state start_from": GO_ON,
-        "output out file filename path save save_path": SAVED,
+        "output out file filename path save save_path save_to save_as outfile": SAVED,
         "time duration tmax t_max t_stop tend end_time": 'simulate(scene, t_end="400 ms")',
         "verbose quiet silent bar progress_bar": "progress=True or progress=False",
         "n_events max_events number_of_events": 'stop_when="main_events = 3"',
@@ -94,7 +94,8 @@ LINES: Mapping[str, Mapping[str, str]] = {
         "callback hook": "progress=function, which is called about ten times per second",
         "t_start t_begin t0 start_time": "initial=record or initial=state, which have their time",
         "setup": 'pyfric.preset("setup1") or pyfric.preset("setup2")',
-        "parallel": "threads=2; runs side by side are those of pyfric.run_all and of pyfric.Sweep",
+        "parallel workers n_workers n_jobs processes":
+            "threads=2; runs side by side are those of pyfric.run_all and of pyfric.Sweep",
     },
     "record": {
         "precursors precursor_lengths L_p lengths": "pyfric.analysis.precursor_lengths(record)",
@@ -111,6 +112,7 @@ LINES: Mapping[str, Mapping[str, str]] = {
         "t_end duration end_time t_max": 'record.curve["t"].iloc[-1]',
         "peak_force max_force maximum_force F_max": 'record.curve["F_T"].max()',
         "catalogue catalog event_table slip_events": "record.events",
+        "main_events mains mainshocks": 'record.events.query("is_main")',
         "to_excel to_parquet to_json": 'record.curve.to_excel("curve.xlsx"), as of any data frame',
         "energy energies budget": "record.curve, of a run with energies=True",
         "show draw figure": "record.plot()",
@@ -123,7 +125,8 @@ LINES: Mapping[str, Mapping[str, str]] = {
     },
     "scene": {
         "copy with_ update set modify change evolve": CHANGED,
-        "run simulate": 'pyfric.simulate(scene, "400 ms")',
+        "run simulate events curve record results":
+            'pyfric.simulate(scene, "400 ms"), whose record has curve and events',
         "save write to_file dump": 'scene.to_toml("scene.toml")',
         "show draw sketch": "scene.plot()",
         "describe parameters info print fields": "print(scene)",
@@ -136,6 +139,7 @@ LINES: Mapping[str, Mapping[str, str]] = {
     "pyfric": {
         "*": "dir(pyfric); README begins with an example",
         "plot show draw": "record.plot()",
+        "verify check self_test": "pyfric verify, in a shell",
         "read_csv read_curve": 'pyfric.measured.read("curve.csv")',
         "save": 'record.save("run.nc")',
     },
@@ -180,6 +184,7 @@ LINES: Mapping[str, Mapping[str, str]] = {
         "figures figure fig1b fig2a fig2b fig3a fig3b fig4a fig4b":
             "pyfric reproduce --out figures",
         "*": "pyfric --help, which lists the commands",
+        "read measure measured load": "pyfric fit --help, or in Python pyfric.measured.read",
         "events precursors analysis analyse analyze stats":
             "pyfric info RECORD, or pyfric run ... --csv DIR",
         "export convert csv": "pyfric run ... --csv DIR, or in Python record.to_csv",

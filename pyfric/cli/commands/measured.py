@@ -124,7 +124,9 @@ def _plain(text: str) -> float | str:
     metavar="MEANING=QUANTITY[@ZERO]",
     help="What 1 in a column stands for, such as F_T='0.12 N', and the number for zero.",
 )
-@click.option("--step", metavar="TIME", help="Time between samples of a file without times.")
+@click.option(
+    "--step", type=_plain, metavar="TIME", help="Time between samples of a file without times."
+)
 @click.option("--group", default="", help="Beginning of the names in a container.")
 @click.option("--head", type=click.IntRange(0), default=0, help="Lines at the top to leave out.")
 @click.option("--decimal", type=click.Choice([".", ","]), help="Decimal mark, if it is not clear.")
@@ -141,11 +143,24 @@ def _plain(text: str) -> float | str:
 @click.option(
     "--restarts", metavar="join|N", help="Where times start anew: join them, or take part N."
 )
-@click.option("--normal", "F_N", metavar="FORCE", help="Normal force, such as '400 N'.")
-@click.option("--area", metavar="AREA", help="Area of the interface, such as '6 cm^2'.")
-@click.option("--noise", type=float, help="Noise of the force over F_N. [default: estimated]")
 @click.option(
-    "--model-error", type=float, default=0.0, help="Error of forces of the model over F_N."
+    "--normal", "F_N", type=_plain, metavar="FORCE", help="Normal force, such as '400 N'."
+)
+@click.option(
+    "--area", type=_plain, metavar="AREA", help="Area of the interface, such as '6 cm^2'."
+)
+@click.option(
+    "--noise",
+    type=_plain,
+    metavar="NUMBER",
+    help="Noise of the force over F_N. [default: estimated]",
+)
+@click.option(
+    "--model-error",
+    type=_plain,
+    metavar="NUMBER",
+    default=0.0,
+    help="Error of forces of the model over F_N.",
 )
 @click.option(
     "--fidelity",
@@ -172,7 +187,7 @@ def fit(
     column: tuple[str, ...],
     unit: tuple[str, ...],
     calibration: tuple[str, ...],
-    step: str | None,
+    step: float | str | None,
     group: str,
     head: int,
     decimal: Any,
@@ -180,10 +195,10 @@ def fit(
     wrap: tuple[str, ...],
     valid: tuple[str, ...],
     restarts: str | None,
-    F_N: str | None,
-    area: str | None,
-    noise: float | None,
-    model_error: float,
+    F_N: float | str | None,
+    area: float | str | None,
+    noise: float | str | None,
+    model_error: float | str,
     fidelity: str,
     part: str,
     changes: tuple[str, ...],

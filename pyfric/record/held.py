@@ -21,7 +21,8 @@ import pandas as pd
 
 from pyfric.scene import SceneError, usage
 
-P, T = ParamSpec("P"), TypeVar("T")
+P = ParamSpec("P")
+T = TypeVar("T")
 
 Find = Callable[[Any], Any]
 Enter = Callable[[Find], Find]

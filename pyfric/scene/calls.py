@@ -10,7 +10,8 @@ from typing import ParamSpec, TypeVar
 from pyfric.scene.errors import SceneError
 from pyfric.scene.words import line, meant
 
-P, T = ParamSpec("P"), TypeVar("T")
+P = ParamSpec("P")
+T = TypeVar("T")
 NAMED = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
 """Kinds of arguments that a line shows."""
 

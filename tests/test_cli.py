@@ -149,7 +149,7 @@ def test_a_preset_wins_over_a_file_of_its_name(tmp_path, monkeypatch):
         ("F_N=-3 N", ["top.F_N = -3.0 N", "> 0 N"]),
         ("F_N=nan", ["F_N = nan N", "finite"]),
         ("mu_k=0.8", ["interface.mu_k = 0.8", "mu_s = 0.7"]),
-        ("mu_k=low", ["interface.mu_k = 'low'", "a number is needed"]),
+        ("mu_k=low", ["interface.mu_k = 'low'", "not a number"]),
         ("side=up", ["driver.side = 'up'", "'left' or 'right'"]),
         ("theta=0.5", ["theta", "unknown"]),
         ("heigth=3 mm", ["heigth", "did you mean"]),

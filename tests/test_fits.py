@@ -333,8 +333,8 @@ def test_sensitivities_are_differences_of_runs():
     assert picture.tables["sensitivity"] is found.table
     for steps, text in (
         ({"mu_x": 0.1}, "no number"),
-        ({"mu_k": "5"}, "a share in %"),
-        ({"mu_k": "x %"}, "no number"),
+        ({"K": "5"}, "missing unit"),
+        ({"mu_k": "x %"}, "not a number"),
         ({"mu_k": -0.1}, "steps.mu_k"),
     ):
         with pytest.raises(SceneError, match=text):
@@ -354,9 +354,9 @@ def test_commands_say_what_is_wrong_and_draw(tmp_path):
         (["--vary", "mu_k=0.4"], "write NAME=LOW:HIGH"),
         (["--vary", "mu_k=0.4:0.5", "--column", "force"], "write MEANING=NAME"),
         (["--vary", "mu_k=0.4:0.5", "--unit", "t=ms"], "it differs"),
-        (["--vary", "mu_k=0.4:0.5", "--unit", "load_point=m"], "F_N: missing"),
+        (["--vary", "mu_k=0.4:0.5", "--unit", "load_point=m"], "--normal: missing"),
         (["--vary", "mu_k=0.4:0.5", "--calibration", "F_T=1 N@a"], "write MEANING=QUANTITY"),
-        (["--vary", "mu_k=0.4:0.5", "--calibration", "F_T=1 m"], "calibration.F_T"),
+        (["--vary", "mu_k=0.4:0.5", "--calibration", "F_T=1 m"], "--calibration F_T"),
         (["--vary", "mu_k=0.4:0.5", "--valid", "F_T=5"], "write MEANING=LOW:HIGH"),
         (["--vary", "mu_k=0.4:0.5", "--wrap", "F_T=x"], "write MEANING=PERIOD"),
         (["--vary", "mu_k=0.4:0.5", "--restarts", "all", "--unit", "load_point=m"], "not start"),

@@ -224,7 +224,7 @@ def test_files_hold_corners_with_units():
         (((1.0, 1.0),) * 3, ["corner 3: two corners are at this time already"]),
         (((1.0, 1.0, 1.0),), ["corner 1: not a pair"]),
         (7.0, ["not a list of pairs"]),
-        (((1.0, 1.0),) * 1001, ["more than 1000"]),
+        (((1.0, 1.0),) * 1001, ["1001: too many", "at most 1000"]),
     ],
 )
 def test_refused_protocols(protocol, texts):

@@ -585,7 +585,8 @@ def test_parts_of_the_wrong_type():
     parts = {"slider": good.slider, "top": good.top, "driver": good.driver}
     assert refused(lambda: Scene(**parts)).field == "interface"
     error = refused(lambda: Scene(**parts, interface={"mu_s": 0.7, "mu_k": 0.4}))
-    assert (error.field, error.allowed) == ("interface", "Interface")
+    assert error.field == "interface"
+    assert error.allowed.startswith("Interface, or its fields by their names, mu_s=...")
     error = refused(lambda: dataclasses.replace(good, top=good.driver))
     assert (error.field, error.allowed) == ("top", "Rod or DistributedLoad or PrescribedLoad")
     assert refused(lambda: Slider(Length=1.0)).flat()[0].reason.endswith("did you mean 'L'?")

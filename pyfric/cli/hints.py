@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pyfric.scene import LINES, PRESETS, SETTABLE, line, meant, nearest
+from pyfric.scene import LINES, PRESETS, SETTABLE, line, meant, nearest, plain
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -21,7 +21,7 @@ ALLOWED = "; allowed: "
 TABLE = re.compile(r"(\w+)=\{([^{}]*)\}")
 ENTRY = re.compile(r"""["'](\w+)["']: ("[^"]*"|'[^']*'|\([^)]*\)|[^,]+)""")
 SCALAR = re.compile(r"""\b(\w+) ?= ?("[^"]*"|'[^']*'|[\w.+-]*)(?=[\s,;:)]|$)""")
-HEAD = re.compile(r"(\w+)(\.| = |: )")
+HEAD = re.compile(r"(\w+)(\.| = |: )(.*)")
 CALL = re.compile(r"pyfric\.[\w.]+\(\w+, ([^()]*)\)")
 
 
@@ -45,10 +45,13 @@ def options_of(command: click.Command) -> dict[str, str]:
 def _line_in_shell(text: str, options: dict[str, str]) -> str:
     text = re.sub(r" of pyfric\.measured\.\w+", "", text)
     head, allowed, what = text.partition(ALLOWED)
-    if (begin := HEAD.match(head)) and begin[1] in options:
-        rest = head[begin.end() :]
-        more = {".": f" {rest.replace(' = ', '=', 1)}", " = ": f" {rest}", ": ": f": {rest}"}
-        head = options[begin[1]] + more[begin[2]]
+    begin = HEAD.fullmatch(head)
+    name, sign, rest = begin.groups() if begin else ("", "", "")
+    option = options.get(name, "")
+    if option and sign == ".":
+        head = f"{option} {rest.replace(' = ', '=', 1)}"
+    elif option and plain(option) != plain(name):  # any other one is clear by its name
+        head = f"{option}{sign.replace(' = ', ' ')}{rest}"
 
     def table(found: re.Match[str]) -> str:
         if found[1] not in options:

@@ -87,6 +87,6 @@ from pyfric.scene.units import (
     prefix_power,
     spoken,
 )
-from pyfric.scene.words import LINES, line, meant, nearest, no_attribute
+from pyfric.scene.words import LINES, line, meant, nearest, no_attribute, plain
 
 __version__ = version("pyfric")

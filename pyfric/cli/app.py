@@ -45,7 +45,7 @@ class Command(_Listed, click.Command):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         def with_hyphens(word: str) -> str:
             """Return an option, which may be written with underscores as in Python."""
-            name, sign, value = word.partition("=")
+            name, sign, value = str(word).partition("=")
             other = name.replace("_", "-")
             known = name.startswith("--") and name not in names and other in names
             return f"{other}{sign}{value}" if known else word

@@ -11,12 +11,13 @@ Source: J. Trømborg et al., Phys. Rev. Lett. 107, 074301 (2011).
 """
 
 import importlib
+import sys
 from typing import TYPE_CHECKING, Any
 
 from pyfric import display
 
 if TYPE_CHECKING:
-    from pyfric import figures, theory
+    from pyfric import figures, measured, theory
     from pyfric.core import State, StateError
     from pyfric.engines import Options, Progress, RunError, prediction_curve, step_size
     from pyfric.fitting import Fit, Sensitivity, fit, posterior, sensitivity
@@ -54,6 +55,7 @@ if TYPE_CHECKING:
         setup1,
         setup2,
         slab,
+        thinned,
     )
     from pyfric.statics import (
         Equilibrium,
@@ -133,6 +135,7 @@ __all__ = [
     "laws",
     "load",
     "loaded_state",
+    "measured",
     "overstressed",
     "phase_diagram",
     "plan",
@@ -154,6 +157,7 @@ __all__ = [
     "stability_limit",
     "step_size",
     "theory",
+    "thinned",
     "weakened",
 ]
 
@@ -173,6 +177,8 @@ ROOMS = (
     "checks",
 )
 """From the ground up: a room imports those below it. The command line stands above them all."""
+SPACES = ("analysis", "measured", "figures", "laws", "theory")
+"""Modules that users look into."""
 
 
 def _figures() -> Any:
@@ -192,9 +198,17 @@ def __getattr__(name: str) -> Any:
         found = importlib.import_module(f"pyfric.{room}")
         if hasattr(found, name):
             return globals().setdefault(name, getattr(found, name))
-    raise AttributeError(f"module 'pyfric' has no attribute {name!r}")
+    from pyfric.scene import line, meant, no_attribute
+
+    instead = ""
+    if found := meant(name, __all__):
+        instead = f"pyfric.{found}"
+    elif not line(name, "pyfric") and not name.startswith("_"):
+        spaces = (space for space in SPACES if name in dir(__getattr__(space)))
+        instead = next((f"pyfric.{space}.{name}" for space in spaces), "")
+    raise no_attribute("pyfric", name, sys.modules[__name__], instead, __all__)
 
 
 def __dir__() -> list[str]:
     own = {name for name in globals() if name.startswith("__")}
-    return sorted({*own, *__all__, *ROOMS})
+    return sorted({*own, *__all__})

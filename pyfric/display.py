@@ -40,6 +40,16 @@ def html(shown: Any) -> str:
     return image + text
 
 
+class Shown:
+    """A result: in a notebook it is its text below its picture."""
+
+    def plot(self) -> Any:
+        """Return the picture, a figure that `pyfric.figures.save_figure` writes."""
+        return drawing(self)
+
+    _repr_html_ = html
+
+
 def page(record: Any) -> str:
     """Return a page about a record, as HTML."""
     return figures().record_page(record)

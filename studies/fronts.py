@@ -103,7 +103,7 @@ def kept(path: Path, scene: Scene, t_end: float) -> Record:
         how["initial"] = before
     record = simulate(scene, t_end, checkpoint=part, progress=False, **how)
     if record.done:
-        record.save(path)
+        record.save(path, overwrite=True)
         part.unlink(missing_ok=True)
     return record
 
@@ -149,7 +149,7 @@ def begun(path: Path, coarse: Record, event: int, scene: Scene) -> Record:
         before = simulate(scene, t_end, initial=before, dt=dt, progress=False, **how)
         if len(main_events(before)):
             break
-    before.save(path)
+    before.save(path, overwrite=True)
     return before
 
 

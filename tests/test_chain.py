@@ -109,9 +109,10 @@ def test_lists_in_files_have_units(tmp_path):
     for broken, text in (
         (["60 N"] * 12, "12 numbers"),
         (["60 N"] * 12 + ["60"], "block 13: missing unit"),
+        ([60.0] * 12 + ["60"], "block 13: missing unit"),
         (["60 N"] * 12 + ["60 m"], "block 13: wrong unit"),
         (["60 N"] * 12 + ["-60 N"], "block 13: too small"),
-        (["60 N"] * 12 + [["60 N"]], "block 13: a quantity in quotes"),
+        (["60 N"] * 12 + [["60 N"]], "block 13: a number is needed, not list"),
     ):
         document["top"]["p"] = broken
         refused(lambda: Scene.from_toml(tomli_w.dumps(document)), "top.p", text)

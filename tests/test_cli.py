@@ -149,7 +149,7 @@ def test_a_preset_wins_over_a_file_of_its_name(tmp_path, monkeypatch):
         ("F_N=-3 N", ["top.F_N = -3.0 N", "> 0 N"]),
         ("F_N=nan", ["F_N = nan N", "finite"]),
         ("mu_k=0.8", ["interface.mu_k = 0.8", "mu_s = 0.7"]),
-        ("mu_k=low", ["interface.mu_k = 'low'", "a number is needed"]),
+        ("mu_k=low", ["interface.mu_k = 'low'", "not a number"]),
         ("side=up", ["driver.side = 'up'", "'left' or 'right'"]),
         ("theta=0.5", ["theta", "unknown"]),
         ("heigth=3 mm", ["heigth", "did you mean"]),
@@ -455,7 +455,7 @@ def test_the_method_is_always_named(tmp_path):
         (["--fidelity", "quasistatic", "--geometry", "finite"], ["geometry", "linear"]),
         (["--fidelity", "equilibrium", "--verify", "full"], ["verify = 'full'", "no event"]),
         (["--fidelity", "hybrid", "--accuracy", "2"], ["--accuracy = 2.0", "<= 1"]),
-        (["--budget", "true"], ["--budget = True", "energies = True"]),
+        (["--budget", "true"], ["--budget = True", "; --energies keeps"]),
         (["--budget", "0.5 x"], ["--budget", ">= 1"]),
     ],
 )
@@ -727,8 +727,8 @@ def test_help_waits_for_no_library():
 
 def test_public_names_are_there():
     assert all(pyfric.__getattr__(name) for name in [*pyfric.__all__, *pyfric.ROOMS])
-    assert set(pyfric.__all__) | set(pyfric.ROOMS) <= set(dir(pyfric))
-    with pytest.raises(AttributeError, match="no attribute 'engine'"):
+    assert set(pyfric.__all__) <= set(dir(pyfric))
+    with pytest.raises(AttributeError, match="pyfric has no 'engine'"):
         pyfric.engine  # noqa: B018
 
 
@@ -849,10 +849,10 @@ def test_overwrite_draws_again(tmp_path):
 def test_a_run_that_cannot_be_saved_is_kept_elsewhere(tmp_path, monkeypatch):
     save = pyfric.Record.save
 
-    def full(record, path):
+    def full(record, path, **how):
         if path == tmp_path / "a.nc":
             raise OSError(errno.ENOSPC, "No space left on device", str(path))
-        return save(record, path)
+        return save(record, path, **how)
 
     monkeypatch.setattr(pyfric.Record, "save", full)
     (tmp_path / "other").mkdir()
@@ -866,7 +866,7 @@ def test_a_run_that_cannot_be_saved_is_kept_elsewhere(tmp_path, monkeypatch):
 
 
 def test_a_run_that_cannot_be_saved_names_its_file(tmp_path, monkeypatch):
-    def full(record, path):
+    def full(record, path, **how):
         raise OSError(errno.ENOSPC, "No space left on device", str(path))
 
     monkeypatch.setattr(pyfric.Record, "save", full)

@@ -244,7 +244,7 @@ def test_split_runs_do_not_change_a_bit(kind, geometry, d_c, cuts, tmp_path):
     advance(scene, geometry, whole, 60)
     for n in cuts:
         advance(scene, geometry, state, n)
-        state.save(tmp_path / "state.npz")
+        state.save(tmp_path / "state.npz", overwrite=True)
         state = State.load(tmp_path / "state.npz")
     assert bits(state) == bits(whole)
 

@@ -78,7 +78,7 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000))
 for save in (record.save, state.save):
     for path in (folder / "new", folder / "old"):
         try:
-            save(path)
+            save(path, overwrite=True)
         except OSError as error:
             assert str(path) in str(error), error
             assert error.strerror == "File too large", error

@@ -235,6 +235,12 @@ def test_intervals_end_where_a_profile_passes_the_limit():
         ({"vary": ["mu_k"]}, "names and bounds"),
         ({"vary": {"mu_x": (0.4, 0.5)}}, "did you mean 'mu_s'|mu_x = .*unknown"),
         ({"vary": {"mu_k": (0.8, 0.9)}}, "mu_k exceeds mu_s"),
+        ({"vary": {"F_N": ("3 kN", "4 s")}}, "vary.F_N = '4 s': wrong unit"),
+        ({"vary": {"drift": ("0 N", "1 N")}}, "vary.drift = '0 N': wrong unit"),
+        ({"vary": {"side": (0, 1)}}, "vary.side = .*a number of the scene"),
+        ({"vary": {"l": (2e-3, 5e-3)}}, "vary = 'l': none does: slider.L = 0.14 m: not a multiple"),
+        ({"vary": {"L": ("140 mm", "0.2 m")}}, "vary = 'L': none does: .*not a multiple of l"),
+        ({"vary": {"h": (5e-3, 1e-2)}}, "vary = 'h': none does: driver.h = .*not on a row"),
         ({"fidelity": "fast"}, "fidelity = 'fast'"),
         ({"measured": "curve.csv"}, "measured = 'str'.*a Curve with forces"),
         ({"measured": pd.DataFrame({"t": [1.0]})}, "it has no t_start"),
@@ -260,6 +266,43 @@ def test_curves_without_events_or_errors_are_refused():
         pyfric.fit(SCENE, events(curve()).iloc[:1], {"mu_k": (0.4, 0.5)})
     with pytest.raises(SceneError, match="without errors"):
         pyfric.fit(SCENE, curve(noise=0.0), {"mu_k": (0.4, 0.5)})
+
+
+@pytest.mark.parametrize(
+    "vary",
+    [{"driver.V": (1e-9, 1e-8)}, {"K": (1e9, 1e10)}, {"V": (1e-9, 1e-8), "offset": (-0.1, 0.1)}],
+)
+def test_bounds_within_which_nothing_is_compared_are_refused(vary):
+    record = pyfric.simulate(SCENE, 0.4, fidelity="quasistatic")
+    with pytest.raises(SceneError, match="the model has 0 of 4 events") as refused:
+        pyfric.fit(SCENE, sampled(record, STEP, noise=NOISE), vary, **STATIC)
+    assert "\n" not in str(refused.value)
+
+
+def test_as_many_parameters_as_numbers_are_refused_before_a_run(monkeypatch):
+    monkeypatch.setattr(Problem, "run", lambda *given: pytest.fail("a run"))
+    names = ("mu_s", "mu_k", "K", "k", "V", "F_N", "M", "eta", "g", "k_f")
+    vary = {name: (0.4, 0.5) for name in names}
+    data = events(curve()).iloc[:2]
+    how = STATIC | {"part": "onset"}
+    with pytest.raises(SceneError, match="8 numbers were measured; allowed: fewer than 8"):
+        pyfric.fit(SCENE, data, vary, **how)
+    with pytest.raises(SceneError, match="2 numbers were measured"):
+        pyfric.fit(SCENE, None, dict(list(vary.items())[:2]), lengths=LENGTHS, t_end=1.0, **how)
+
+
+def test_bounds_may_be_text_with_units(monkeypatch):
+    seen = []
+
+    def stop(self, starts):
+        seen.append((self.names, self.low.tolist(), self.high.tolist()))
+        raise SceneError("here", 1, "", "", "")
+
+    monkeypatch.setattr(Problem, "check", stop)
+    vary = {"F_N": ("3 kN", "4 kN"), "V": (1e-4, "1 mm/s"), "drift": ("0 1/s", 0.1)}
+    with pytest.raises(SceneError, match="here"):
+        pyfric.fit(SCENE, curve(), vary, **STATIC)
+    assert seen == [(["F_N", "V", "drift"], [3000.0, 1e-4, 0.0], [4000.0, 1e-3, 0.1])]
 
 
 def test_why_no_parameters_have_a_run_is_said(monkeypatch):
@@ -290,8 +333,8 @@ def test_sensitivities_are_differences_of_runs():
     assert picture.tables["sensitivity"] is found.table
     for steps, text in (
         ({"mu_x": 0.1}, "no number"),
-        ({"mu_k": "5"}, "a share in %"),
-        ({"mu_k": "x %"}, "no number"),
+        ({"K": "5"}, "missing unit"),
+        ({"mu_k": "x %"}, "not a number"),
         ({"mu_k": -0.1}, "steps.mu_k"),
     ):
         with pytest.raises(SceneError, match=text):
@@ -311,9 +354,9 @@ def test_commands_say_what_is_wrong_and_draw(tmp_path):
         (["--vary", "mu_k=0.4"], "write NAME=LOW:HIGH"),
         (["--vary", "mu_k=0.4:0.5", "--column", "force"], "write MEANING=NAME"),
         (["--vary", "mu_k=0.4:0.5", "--unit", "t=ms"], "it differs"),
-        (["--vary", "mu_k=0.4:0.5", "--unit", "load_point=m"], "F_N: missing"),
+        (["--vary", "mu_k=0.4:0.5", "--unit", "load_point=m"], "--normal: missing"),
         (["--vary", "mu_k=0.4:0.5", "--calibration", "F_T=1 N@a"], "write MEANING=QUANTITY"),
-        (["--vary", "mu_k=0.4:0.5", "--calibration", "F_T=1 m"], "calibration.F_T"),
+        (["--vary", "mu_k=0.4:0.5", "--calibration", "F_T=1 m"], "--calibration F_T"),
         (["--vary", "mu_k=0.4:0.5", "--valid", "F_T=5"], "write MEANING=LOW:HIGH"),
         (["--vary", "mu_k=0.4:0.5", "--wrap", "F_T=x"], "write MEANING=PERIOD"),
         (["--vary", "mu_k=0.4:0.5", "--restarts", "all", "--unit", "load_point=m"], "not start"),

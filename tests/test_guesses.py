@@ -1,8 +1,16 @@
-"""First guesses: each does what one expects, or one sentence says what to write instead."""
+"""First guesses: each does what one expects, or one sentence says what to write instead.
 
+guesses.txt holds them, with what each does: it works, or its refusal holds this text.
+"""
+
+import contextlib
 import copy
+import inspect
+import io
 import os
 import pickle
+import re
+import shlex
 from pathlib import Path
 
 import pytest
@@ -10,14 +18,169 @@ from click.testing import CliRunner
 from helpers import small
 
 import pyfric
+from pyfric.cli import hints
 from pyfric.cli.commands import main
-from pyfric.scene import laws, parse_quantity
+from pyfric.record import held_in
+from pyfric.scene import laws, parse_quantity, usage, words
+from pyfric.scene.ends import TAKES
 
+GUESSES = re.findall(
+    r"^(?!#)(.+)  ->  (.+)$", (Path(__file__).parent / "guesses.txt").read_text(), re.M
+)
+CALLS, LINES = (
+    [row for row in GUESSES if row[0].startswith("$ ") is shell] for shell in (False, True)
+)
 CURVE = "slip/m,mu\n0,0.7\n1e-6,0.45\n"
 
 
 def run():
     return pyfric.simulate(small(), 1.2e-3, fidelity="quasistatic", progress=False)
+
+
+# --- the list ------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    """What a guess finds: a scene, a record, a curve, and their files in the current folder."""
+    folder = tmp_path_factory.mktemp("guesses")
+    scene = pyfric.setup1(L="20 mm", H="10 mm", l="2.5 mm", F_N="400 N", h="2.5 mm")
+    quick = {"fidelity": "quasistatic", "progress": False}
+    record = pyfric.simulate(scene, 0.3, **quick)
+    with contextlib.chdir(folder):
+        record.save("loading.nc")
+        record.save("run.nc")
+        scene.to_toml("own.toml")
+        curve = pyfric.measured.sampled(record, "0.5 ms", noise=1e-3)
+        curve.table.to_csv("curve.csv", index=False)
+        yield {
+            "pyfric": pyfric,
+            "scene": scene,
+            "record": record,
+            "curve": curve,
+            "other": pyfric.simulate(scene.replace(mu_s=0.65), 0.02, **quick),
+            "figure": pyfric.figures.fig1b(record),
+        }
+
+
+def test_first_guesses_of_calls_work_or_are_answered(world):
+    wrong = []
+    for guess, answer in CALLS:
+        with contextlib.redirect_stdout(io.StringIO()):
+            try:
+                eval(guess, world)
+                found = "works"
+            except Exception as error:
+                found = str(error).replace("\n", " ")
+        if answer not in found or (answer == "works") != (found == "works"):
+            wrong.append((guess, answer, found))
+    assert not wrong
+    assert len(CALLS) > 200
+
+
+def test_first_guesses_of_command_lines_work_or_are_answered(world):
+    wrong = []
+    for guess, answer in LINES:
+        done = CliRunner().invoke(main, shlex.split(guess.removeprefix("$ pyfric ")))
+        found = "works" if done.exit_code == 0 else done.stderr.replace("\n", " ")
+        if answer not in found or done.exit_code not in (0, 2):
+            wrong.append((guess, answer, done.output, done.exception))
+    assert not wrong
+    assert len(LINES) > 50
+
+
+# --- words ---------------------------------------------------------------------------------------
+
+
+def test_lines_to_write_can_be_written():
+    """Each line for Python is Python; names that words stand for exist."""
+    lines = [text for owner, rows in words.LINES.items() for text in rows.values()]
+    for text in lines:
+        for code in re.findall(r"pyfric(?:\.\w+)+", text):
+            found = pyfric
+            for name in code.split(".")[1:]:
+                found = getattr(found, name)
+    options, laws_of = pyfric.Options.declared(), pyfric.laws.KINDS
+    fields = pyfric.scene.SETTABLE
+    columns = [name for group in ("curve", "events") for name in held_in(group)]
+    known = {*options, *laws_of, *fields, *columns, *main.commands, *pyfric.__all__}
+    known |= {*TAKES, *options["fidelity"].mark.words, "workers", "t_end", "out", "set"}
+    stands = [row.split()[0] for row in words.NAMES.strip().split("\n")]
+    assert set(stands) <= known
+
+
+def test_a_word_never_hides_a_name():
+    """What is known is not looked up, and what is meant is known."""
+    assert words.meant("velocity", ["V", "h"]) == "V"
+    assert words.meant("velocity", ["h"]) == ""
+    assert words.meant("F N", ["F_N"]) == words.meant("fn", ["F_N"]) == "F_N"
+    assert words.meant("K", ["k"]) == ""
+
+
+# --- the command line in its own words -----------------------------------------------------------
+
+
+def test_arguments_that_refusals_name_are_options():
+    """Those of measurements, as they stand in the source."""
+    sources = (Path(pyfric.__file__).parent / "measured").glob("*.py")
+    text = "".join(path.read_text() for path in sources)
+    named = set(re.findall(r"(\w+)=\{+\"", text))
+    assert {"units", "columns", "calibration", "wraps", "valid"} <= named
+    assert named | {"gaps", "restarts", "decimal", "head", "step", "F_N", "area", "noise"} <= (
+        hints.options_of(main.commands["fit"]).keys()
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('units={"t": "s"} or another unit', "--unit t=s or another unit"),
+        ('columns={"t": name or number, ...}, or step=', "--column t=NAME, or --step"),
+        ('calibration={"F_T": "0.12 N"}', "--calibration 'F_T=0.12 N'"),
+        ('restarts="join", or a number', "--restarts join, or a number"),
+        ('valid={"F_T": (low, high)} of pyfric.measured.read', "--valid F_T=low:high"),
+        ('F_N="400 N", or a column of it', "--normal '400 N', or a column of it"),
+        ("pyfric.measured.events(curve, noise=1e-3)", "--noise 1e-3"),
+        ("fidelity = 'hybrid' or 'dynamic'", "--fidelity hybrid or 'dynamic'"),
+        ("unknown={1: 2}, other=3", "unknown={1: 2}, other=3"),
+    ],
+)
+def test_arguments_of_python_become_options(text, said):
+    head = "units.t: 't' has no unit in the file; allowed: "
+    assert hints.in_shell(head + text, main.commands["fit"]) == (
+        f"--unit t: 't' has no unit in the file; allowed: {said}"
+    )
+
+
+def test_the_format_of_sweeps_is_in_the_help(world):
+    said = CliRunner().invoke(main, ["sweep", "--help"]).stdout
+    shown = [line.strip() for line in said.splitlines()]
+    begin = next(n for n, line in enumerate(shown) if line.startswith("scene ="))
+    end = next(n for n, line in enumerate(shown) if line.startswith("max_hours"))
+    Path("shown.toml").write_text("\n".join(shown[begin : end + 1]))
+    assert len(pyfric.Sweep.from_toml("shown.toml").rows) == 6
+
+
+# --- calls ---------------------------------------------------------------------------------------
+
+
+def test_calls_that_do_not_fit_are_refused_with_a_line():
+    @usage()
+    def made(scene, t_end, *, progress=True):
+        return scene, t_end
+
+    assert made(1, t_end=2) == (1, 2)
+    assert list(inspect.signature(made).parameters) == ["scene", "t_end", "progress"]
+    for call, field in (
+        (lambda: made(1), "t_end"),
+        (lambda: made(1, 2, 3), "arguments"),
+        (lambda: made(1, 2, time=3), "time"),
+    ):
+        with pytest.raises(pyfric.SceneError) as refused:
+            call()
+        assert refused.value.field == field
+    with pytest.raises(pyfric.SceneError, match=r"made\(scene, t_end\)"):
+        made()
 
 
 @pytest.mark.parametrize(
@@ -100,7 +263,8 @@ def test_the_command_line_says_what_to_name(words, text, tmp_path, monkeypatch):
 
 
 def test_only_names_of_its_own_are_offered():
-    assert {"importlib", "Any", "TYPE_CHECKING", "ROOMS"}.isdisjoint(dir(pyfric))
+    ours = {"importlib", "sys", "Any", "TYPE_CHECKING", "ROOMS", "SPACES", "display", "signals"}
+    assert ours.isdisjoint(dir(pyfric))
     assert set(pyfric.__all__) <= set(dir(pyfric))
 
 

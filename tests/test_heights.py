@@ -88,6 +88,34 @@ def test_a_flat_gap_lowers_the_slider_and_changes_no_force():
     assert starts[1] == pytest.approx(starts[0], abs=1e-7 * flat.F_N)
 
 
+@pytest.mark.parametrize("geometry", ["linear", "finite"])
+def test_blocks_that_hardly_touch_bear_less_and_less(geometry):
+    """Ends are held by friction, slip, and are open as the gap under them grows."""
+    scene, bears = small_rod(F_N=200.0), []
+    for gap in np.linspace(3.70e-6, 3.75e-6, 51):
+        ends = [gap, *[0.0] * 11, gap]
+        rest = loaded_state(scene.replace({"interface.gap": ends}), geometry)
+        assert (np.abs(rest.tau) <= 0.7 * rest.p * (1 + 1e-9) + 1e-12).all()
+        assert rest.p[0] == pytest.approx(rest.p[-1], abs=1e-8)
+        bears.append(rest.p[0])
+    unit = scene.F_N / scene.N_x
+    assert bears[0] > 5e-3 * unit
+    assert bears[-1] == 0.0
+    assert np.diff(bears).max() <= 0.0
+    assert np.abs(np.diff(bears)).max() <= scene.k_f * 1e-9  # no stiffer than the foundation
+
+
+@pytest.mark.parametrize("share", [0.0, 1e-6, 1e-3])
+def test_ends_that_shall_bear_next_to_nothing_do(share):
+    scene, p = small_rod(F_N=200.0, V=0.5), np.ones(13)
+    p[[0, -1]] = share
+    p *= scene.F_N / p.sum()
+    made = pyfric.pressed(scene, p=p.tolist())
+    assert loaded_state(made).p == pytest.approx(p, abs=2e-9 * scene.F_N / 13)
+    for engine in ("quasistatic", "hybrid", "dynamic"):
+        assert pyfric.simulate(made, 2e-4, fidelity=engine, progress=False, **LINEAR).done
+
+
 def test_a_block_that_never_lands_is_one_without_contact():
     n = small_rod().N_x
     far = small_rod(gap=every_other(n, 0.0, 1e-3))

@@ -291,7 +291,7 @@ def test_runs_go_on_in_the_middle_of_a_rupture(switching, tmp_path):
     for n in (150, 61, 1, 88, 200):
         advance(scene, "finite", state, n, switching=switching)
         cut += bool((state.mode != 0).any() and (state.mode == 0).any())
-        state = core.State.load(state.save(tmp_path / "state.npz"))
+        state = core.State.load(state.save(tmp_path / "state.npz", overwrite=True))
     assert cut >= 1
     assert bits(state) == bits(whole)
 

@@ -270,7 +270,7 @@ def test_refusals_name_knot_and_value():
 @pytest.mark.parametrize(
     ("table", "function", "text"),
     [
-        ("hold", lambda t: "x", "hold = 'x': the function at 0 s: a number is needed, not str"),
+        ("hold", lambda t: "x", "hold = 'x': the function at 0 s: not a number"),
         ("age", lambda t: math.inf, "age = inf: the function at 0 s: not a finite number"),
         ("slide", lambda s: None, "slide: the function at 0 m: a number is needed, not NoneType"),
         ("speed", lambda v: float(v > 0.3), "speed = <function.*: below .* m/s: it jumps"),

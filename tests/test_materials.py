@@ -108,7 +108,7 @@ def test_scene_files_say_the_material():
     assert Scene.from_toml(named).slider.k == pytest.approx(0.75 * 210e9 * B)
     for old, new, field, word in (
         ('"3 GPa"', '"3 GP"', "slider.material.E", "does not convert to Pa"),
-        ('"3 GPa"', "3e9", "slider.material.E", "missing unit"),
+        ('"3 GPa"', '"3e9"', "slider.material.E", "missing unit"),
         ("density", "densty", "slider.material.densty", "did you mean 'density'?"),
         ("material =", 'k = "1 N/m"\nmaterial =', "slider.k", "given by the material"),
         ("material =", 'eta = "1 N s/m"\nmaterial =', "slider.eta", "given by the material"),

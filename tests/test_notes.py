@@ -2,7 +2,8 @@
 
 import pytest
 
-from pyfric.scene import chain, law_notes, laws, setup1
+import pyfric
+from pyfric.scene import PRESETS, chain, density_notes, law_notes, laws, preset, setup1
 
 LONG = laws.TabulatedLaw(slip=(0.0, 8e-3), mu=(0.65, 0.45))
 SHORT = laws.TabulatedLaw(slip=(0.0, 3e-6, 1.0), mu=(0.65, 0.45, 0.45))
@@ -44,3 +45,31 @@ def test_steps_that_do_not_resolve_weakening():
     assert "d_c" not in note
     assert "um" not in note.partition("which")[0]
     assert law_notes(setup1(), 0.3, 1.0) == ()
+
+
+@pytest.mark.parametrize(
+    ("changes", "ratio", "mass"),
+    [
+        ({}, 1, 0.0756),
+        ({"L": "200 mm", "l": "5 mm"}, 1, 0.108),
+        ({"H": "30 mm"}, 2.5, 0.03024),
+        ({"H": "30 mm", "M": 0.03024}, 1, 0.03024),
+        ({"H": "150 mm", "L": "70 mm"}, 0.5, 0.0756),
+    ],
+)
+def test_a_density_that_no_longer_is_that_of_the_preset_is_said(changes, ratio, mass):
+    found = density_notes(preset("fig1", changes))
+    if ratio == 1:
+        assert found == ()
+        return
+    (note,) = found
+    assert f"density {ratio:g} times that of fig1" in note
+    assert note.endswith(f"M = {mass:g} kg keeps it")
+
+
+def test_records_with_motion_have_the_note_on_density():
+    assert not any(density_notes(preset(name)) for name in PRESETS)
+    scene = preset("setup2", L="12 mm", H="4 mm")
+    for engine, notes in (("dynamic", density_notes(scene)), ("quasistatic", ())):
+        record = pyfric.simulate(scene, 1e-6, fidelity=engine, progress=False)
+        assert [note for note in record.notes if "density" in note] == list(notes)

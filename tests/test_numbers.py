@@ -62,6 +62,7 @@ KINDS = {
         "analysis": "ROUNDED",
         "catalogue": "ROUNDED",
         "growth": "ROUNDING",
+        "recurrence": "WHOLE",
     },
     "derived": {
         "cost": "BEYOND",

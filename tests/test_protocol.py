@@ -30,6 +30,42 @@ def loaded(scene, **changes):
     return dataclasses.replace(scene, top=dataclasses.replace(scene.top, **changes))
 
 
+# --- measured protocols --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("error", [1e-7, 1e-6, 1e-5])
+def test_a_measured_speed_is_thinned_within_an_error(error):
+    rng, t = np.random.default_rng(0), np.linspace(0.0, 3.0, 3000)
+    v = 1e-4 * (1 + np.sin(2 * t) + (t > 1.3)) + 1e-8 * rng.standard_normal(t.size)
+    kept = np.array(pyfric.thinned(np.column_stack([t, v]), error))
+    assert np.abs(np.interp(t, *kept.T) - v).max() <= error
+    assert {tuple(pair) for pair in kept} <= set(zip(t.tolist(), v.tolist(), strict=True))
+    assert 4 <= len(kept) < 300
+    fewer = len(pyfric.thinned(kept, 2 * error))
+    assert fewer < len(kept)
+
+
+def test_jumps_are_kept_as_they_are():
+    pairs = [(0, 1e-3), (0.5, 1e-3), (1, 1e-3), (1, 0), (2, 0), (3, 0), (3, 2e-3), (4, 2e-3)]
+    assert pyfric.thinned(pairs, 1e-9) == (
+        *((0.0, 1e-3), (1.0, 1e-3), (1.0, 0.0), (3.0, 0.0), (3.0, 2e-3), (4.0, 2e-3)),
+    )
+
+
+def test_too_many_breakpoints_are_refused_with_what_thins_them():
+    t = np.linspace(0.0, 1.0, 3000)
+    pairs = np.column_stack([t, 0.1 * np.abs(np.sin(t))])
+    said = "3000: too many; allowed: at most 1000 pairs; pyfric.thinned(pairs, error)"
+    refused(lambda: small().replace({"driver.protocol": pairs}), "driver.protocol", said)
+    run = small().replace({"driver.protocol": pyfric.thinned(pairs, 1e-4)})
+    assert run.drive(1.0) == pytest.approx(0.1 * (1 - np.cos(1.0)), abs=1e-4)
+    refused(lambda: pyfric.thinned(pairs, 0.0), "error")
+    refused(lambda: pyfric.thinned(pairs[::-1], 1.0), "corners", "in order of time")
+    refused(lambda: pyfric.thinned([(0, "a")], 1.0), "corners", "list")
+    refused(lambda: pyfric.thinned([], 1.0), "corners")
+    refused(lambda: small().replace({"top.push": [(1, 1.0)] * 1001}), "top.push", "at most 1000")
+
+
 # --- going on under another protocol -------------------------------------------------------------
 
 V, T = 0.2, 4e-3
@@ -188,7 +224,7 @@ def test_files_hold_corners_with_units():
         (((1.0, 1.0),) * 3, ["corner 3: two corners are at this time already"]),
         (((1.0, 1.0, 1.0),), ["corner 1: not a pair"]),
         (7.0, ["not a list of pairs"]),
-        (((1.0, 1.0),) * 1001, ["more than 1000"]),
+        (((1.0, 1.0),) * 1001, ["1001: too many", "at most 1000"]),
     ],
 )
 def test_refused_protocols(protocol, texts):

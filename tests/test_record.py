@@ -801,12 +801,12 @@ def test_csv_holds_every_digit(tmp_path):
     names = ["curve", "events", "episodes", "interface", "stresses", "columns"]
     assert [path.stem for path in paths] == names
     read = {path.stem: pd.read_csv(path, engine="python") for path in paths}
-    pd.testing.assert_frame_equal(read["curve"], original.curve, check_exact=True)
+    pd.testing.assert_frame_equal(read["curve"], pd.DataFrame(original.curve), check_exact=True)
     pd.testing.assert_frame_equal(
         read["events"].set_index("event"), pd.DataFrame(original.events), check_exact=True
     )
     pd.testing.assert_frame_equal(
-        read["episodes"], original.episodes, check_exact=True, check_dtype=False
+        read["episodes"], pd.DataFrame(original.episodes), check_exact=True, check_dtype=False
     )
     stresses = read["stresses"]
     assert list(stresses.columns[:2]) == ["event", "n"]

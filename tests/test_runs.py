@@ -149,9 +149,9 @@ def test_damaged_and_foreign_files_are_made_again(tmp_path, made, caplog):
     assert len(made) == 2
     assert same_run(first, again)
     assert pyfric.Record.load(path) == again
-    dataclasses.replace(first, status="interrupted").save(path)
+    dataclasses.replace(first, status="interrupted").save(path, overwrite=True)
     run_all([job()], cache=tmp_path)
-    dataclasses.replace(first, scene=small(F_N=3000.0)).save(path)
+    dataclasses.replace(first, scene=small(F_N=3000.0)).save(path, overwrite=True)
     run_all([job()], cache=tmp_path)
     assert len(made) == 4
 

@@ -2,11 +2,12 @@
 
 import copy
 import dataclasses
+import inspect
 import math
 import os
 import pickle
+import pydoc
 import tomllib
-import typing
 from fractions import Fraction
 
 import numpy as np
@@ -20,9 +21,11 @@ from pyfric.engines import Options
 from pyfric.laws import TabulatedLaw
 from pyfric.scene import (
     PRESETS,
+    Annotation,
     DistributedLoad,
     Driver,
     Interface,
+    Material,
     PrescribedLoad,
     Rod,
     Scene,
@@ -30,6 +33,7 @@ from pyfric.scene import (
     Slider,
     Spread,
     Walls,
+    annotations,
     as_scene,
     check_number,
     full_name,
@@ -517,20 +521,19 @@ def test_theta_outside_its_range(theta):
 @pytest.mark.parametrize(
     ("old", "new", "field", "value", "unit", "reason"),
     [
-        ('"140 mm"', "140", "slider.L", 140, "m", 'missing unit: write e.g. "1 m"'),
-        ('"140 mm"', "0.14", "slider.L", 0.14, "m", "missing unit"),
-        ('"140 mm"', '"0.14"', "slider.L", "0.14", "m", "missing unit"),
-        ('"13.5 MN/m"', "nan", "slider.k", math.nan, "N/m", "missing unit"),
+        ('"140 mm"', '"0.14"', "slider.L", "0.14", "m", 'missing unit: write e.g. "1 m"'),
+        ('"13.5 MN/m"', "nan", "slider.k", math.nan, "N/m", "not a finite number"),
         ("13.5 MN/m", "13.5 MN", "slider.k", "13.5 MN", "N/m", "wrong unit: 'MN'"),
         ("75.6 g", "75.6 mm", "slider.M", "75.6 mm", "kg", "wrong unit: 'mm'"),
         ("75.6 g", "75.6 gg", "slider.M", "75.6 gg", "kg", "unknown unit 'gg'"),
         ("75 mm", "70.1 mm", "slider.H", 70.1e-3, "m", "not a multiple of l"),
-        ('"75.6 g"', "true", "slider.M", True, "kg", "a quantity in quotes is needed"),
-        ('"75.6 g"', "[1]", "slider.M", [1], "kg", "a quantity in quotes is needed"),
+        ('"75.6 g"', "true", "slider.M", True, "kg", "a number is needed, not bool"),
+        ('"75.6 g"', "[1]", "slider.M", [1], "kg", "a number is needed, not list"),
         ("3500 N", "nan N", "top.F_N", math.nan, "N", "not a finite number"),
         ("3500 N", "1e999 kN", "top.F_N", math.inf, "N", "not a finite number"),
         ("3500 N", "-3500 N", "top.F_N", -3500.0, "N", "too small"),
-        ("mu_s = 0.7", 'mu_s = "0.7"', "interface.mu_s", "0.7", "", "not str"),
+        ("mu_s = 0.7", 'mu_s = "0.7 m"', "interface.mu_s", "0.7 m", "", "wrong unit: 'm'"),
+        ("mu_s = 0.7", 'mu_s = "high"', "interface.mu_s", "high", "", "not a number"),
         ("mu_s = 0.7", "mu_s = true", "interface.mu_s", True, "", "not bool"),
         ("mu_s = 0.7", "mu_s = nan", "interface.mu_s", math.nan, "", "not a finite"),
         ("mu_s = 0.7", "", "interface.mu_s", None, "", "missing"),
@@ -568,7 +571,7 @@ def test_missing_and_misnamed_tables(section):
 
 
 def test_all_problems_are_listed_and_the_first_gives_the_attributes():
-    error = refused(GOOD.replace('"140 mm"', "140").replace("3500 N", "-1 N").replace("0.45", "-1"))
+    error = refused(GOOD.replace("140 mm", "140").replace("3500 N", "-1 N").replace("0.45", "-1"))
     assert [one.field for one in error.flat()] == ["slider.L", "top.F_N", "interface.mu_k"]
     assert error.field == "slider.L"
     assert len(str(error).splitlines()) == 3
@@ -582,7 +585,8 @@ def test_parts_of_the_wrong_type():
     parts = {"slider": good.slider, "top": good.top, "driver": good.driver}
     assert refused(lambda: Scene(**parts)).field == "interface"
     error = refused(lambda: Scene(**parts, interface={"mu_s": 0.7, "mu_k": 0.4}))
-    assert (error.field, error.allowed) == ("interface", "Interface")
+    assert error.field == "interface"
+    assert error.allowed.startswith("Interface, or its fields by their names, mu_s=...")
     error = refused(lambda: dataclasses.replace(good, top=good.driver))
     assert (error.field, error.allowed) == ("top", "Rod or DistributedLoad or PrescribedLoad")
     assert refused(lambda: Slider(Length=1.0)).flat()[0].reason.endswith("did you mean 'L'?")
@@ -670,8 +674,16 @@ def test_words_that_are_not_alike_are_no_hint():
     assert (error.field, error.reason) == ("theta", "unknown here, a field of DistributedLoad")
 
 
-def test_a_number_without_unit_is_shown_as_it_stands():
-    assert str(refused(changed('"140 mm"', "0.14"))).startswith("slider.L = 0.14: missing unit")
+def test_numbers_without_unit_are_in_SI_everywhere():
+    """In files as in Python; text has a unit, unless the number has none."""
+    bare = GOOD.replace('"140 mm"', "0.14").replace('"3500 N"', "3500").replace("0.45", '"45 %"')
+    assert (
+        Scene.from_toml(bare)
+        == Scene.from_toml(GOOD)
+        == Scene.from_toml(GOOD).replace(L=0.14, F_N="3.5 kN", mu_k="0.45")
+    )
+    assert str(refused(changed("140 mm", "0.14"))).startswith("slider.L = '0.14': missing unit")
+    assert str(refused(lambda: setup1(L="0.14"))).startswith("slider.L = '0.14': missing unit")
     assert str(refused(lambda: setup1(L=-0.14))).startswith("slider.L = -0.14 m: too small")
 
 
@@ -987,12 +999,19 @@ def test_a_quantity_never_loses_its_unit(field, value):
 
 
 @pytest.mark.parametrize("part", [Scene, Interface, Options])
-def test_annotations_show_what_they_allow(part):
-    """The reference shows them; an address in memory says nothing."""
-    hints = typing.get_type_hints(part, include_extras=True).values()
-    marks = [repr(mark) for hint in hints for mark in getattr(hint, "__metadata__", ())]
-    assert marks
-    assert not any(" at 0x" in mark for mark in marks)
+def test_help_of_a_part_reads_like_its_documentation(part):
+    text = pydoc.plain(pydoc.render_doc(part))
+    assert part.__doc__.strip().splitlines()[0] in text
+    assert not any(word in text for word in ("Annotated[", "Quantity(", " at 0x"))
+    assert all(isinstance(mark, Annotation) for mark in annotations(part).values())
+
+
+@pytest.mark.parametrize("part", [Slider, Driver, Interface, Material, Options])
+def test_types_of_fields_are_plain(part):
+    shown = inspect.signature(part)
+    assert shown.parameters.keys() >= annotations(part).keys()
+    types = {field.name: field.type for field in dataclasses.fields(part)}
+    assert types == {name: given.annotation for name, given in shown.parameters.items()}
 
 
 @pytest.mark.parametrize(

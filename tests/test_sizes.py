@@ -57,8 +57,41 @@ def test_rounded_magnitudes_need_their_bin():
     rounded = np.round(m / 0.2) * 0.2
     with_bin = analysis.b_value(rounded, -7.8, bin=0.2)
     without = analysis.b_value(rounded, -7.8)
-    assert abs(with_bin[0] - 1.0) < 3 * with_bin[1] + 0.01  # Utsu's is of first order in the bin
+    assert abs(with_bin[0] - 1.0) < 3 * with_bin[1]
     assert without[0] - 1.0 > 20 * without[1]
+
+
+@pytest.mark.parametrize("least", [1, 3, 20])
+@pytest.mark.parametrize("b", [0.5, 1.0, 1.5])
+def test_b_of_counts_is_within_its_error(b, least):
+    """Whole parts of numbers of which a share (k/least)^-b is above k."""
+    off, errors = [], []
+    for seed in range(200):
+        counts = np.floor(least * np.random.default_rng(seed).random(500) ** (-1 / b))
+        found, error = analysis.b_value(np.log10(counts), np.log10(least))
+        off.append((found - b) / error)
+        errors.append(error)
+    off = np.array(off)
+    assert 0.60 < (np.abs(off) < 1).mean() < 0.76
+    assert 0.84 < (np.abs(off) < 1.645).mean() < 0.95
+    assert np.mean(off * errors) == pytest.approx(0.0, abs=4 * b / np.sqrt(500 * 200))
+
+
+def test_b_of_many_counts_is_that_of_a_power_law_of_counts():
+    """Numbers of k as k^-2 (SciPy's zeta law): far from 1 their sums fall as 1/k."""
+    counts = np.random.default_rng(1).zipf(2.0, 200_000).astype(float)
+    b, error = analysis.b_value(np.log10(counts), np.log10(20.0))
+    assert abs(b - 1.0) < 2 * error < 0.03
+
+
+def test_counts_in_two_classes_by_hand():
+    """One event of one block and one of two: (1 - x)(x - x^c) is largest, x = 2^-b."""
+    b, _ = analysis.b_value(np.log10([1.0, 2.0]))
+    tried = np.linspace(b - 0.01, b + 0.01, 21)
+    likelihood = (1 - 2.0**-tried) * (2.0**-tried - 3.0**-tried)
+    assert np.argmax(likelihood) == 10
+    large, exact = (analysis.b_value(np.log10([x, 2 * x]))[0] for x in (1e6, 1e6 + 1 / 3))
+    assert large == pytest.approx(exact, rel=1e-5)
 
 
 def test_events_below_completeness_do_not_count():

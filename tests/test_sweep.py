@@ -228,7 +228,6 @@ def test_bad_sweeps_are_refused(text, changes):
     [
         ("start", {"start": 2.0}),
         ("start", {"start": 0.0, "scale": "log"}),
-        ("start", {"start": "1 mm"}),
         ("scale", {"scale": "cubic"}),
         ("step", {"step": 0.0}),
         ("n", {"n": 1}),
@@ -239,6 +238,19 @@ def test_bad_sweeps_are_refused(text, changes):
 )
 def test_bad_ranges_are_refused(field, changes):
     refused(lambda: Span(**{"start": 1.0, "stop": 2.0} | changes), field)
+
+
+def test_ranges_of_text_have_the_unit_of_their_field():
+    found = swept(over={"h": Span(start="2.5 mm", stop=5e-3, n=2)}).over
+    assert found == {"driver.h": [2.5e-3, 5e-3]}
+    by_steps = Span(start="2.5 mm", stop="7.5 mm", step="2.5 mm")
+    assert swept(over={"h": by_steps}).over == {"driver.h": [2.5e-3, 5e-3, 7.5e-3]}
+    for span, field in (
+        (Span(start="2.5 N", stop=5e-3, n=2), "over.driver.h.start"),
+        (Span(start="5 mm", stop=2e-3, n=2), "start"),
+        (Span(start="0 mm", stop=2e-3, n=2, scale="log"), "start"),
+    ):
+        refused(lambda span=span: swept(over={"h": span}), field)
 
 
 # --- runs ----------------------------------------------------------------------------------------
@@ -393,13 +405,13 @@ def test_a_scene_in_the_file_names_files_beside_it(file):
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
-        ('"2.5 mm", to', "2.5, to", "missing unit"),
-        ("0.3, 0.4", '"a"', "a number is needed"),
+        ('"2.5 mm", to', '"2.5", to', "missing unit"),
+        ("0.3, 0.4", '"a"', "not a number"),
         ("[options]", "[option]", "did you mean 'options'"),
         ("fidelity", "fidelty", "fidelty"),
         ("step =", "stepp =", "did you mean 'step'"),
         ('"2.5 mm", to', '"9 mm", to', "over.driver.h.from"),
-        ('"1.2 ms"', "1.2", "missing unit"),
+        ('"1.2 ms"', '"1.2"', "missing unit"),
         ("scene.toml", "nothing.toml", "cannot be read"),
         ("[over]", "[over", "not TOML"),
         ("[over]", "[over]\ninterface.mu_k = [0.3]", "each field once"),

@@ -16,30 +16,71 @@ from pyfric.sweeps.workers import InThisProcess, Workers
 
 pytestmark = pytest.mark.skipif(shutil.which("ps") is None, reason="needs ps")
 
-SCRIPT = """
+NOTED = """
 import os
+from pyfric import Job
+
+class Noted(Job):
+    def made(self, progress):
+        print(f"running {os.getpid()}\\n", end="", flush=True)  # in one piece, buffered or not
+        return super().made(progress)
+"""
+SCRIPT = """
+import pathlib
 import sys
-from pyfric import Job, run_all, setup1
-from pyfric.sweeps import runs
+
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+from noted import Noted
+from pyfric import run_all, setup1
 
 def tiny(h):
     return setup1(L=0.02, H=0.0125, V=0.5, h=h)
 
-def noted(scene, t_end, *arguments, **options):
-    print(f"running {os.getpid()}\\n", end="", flush=True)  # in one piece, buffered or not
-    return simulate(scene, t_end, *arguments, **options)
-
-simulate, runs.simulate = runs.simulate, noted  # in the workers too, which read this file
-
-if __name__ == "__main__":
-    endless = [
-        Job(scene=tiny(h), t_end=1e3, options={"fidelity": "dynamic"}) for h in (5e-3, 7.5e-3)
-    ]
-    short = [Job(scene=tiny(h), t_end=1e-5, options=endless[0].options) for h in (2.5e-3, 10e-3)]
-    run_all(short[:1], cache=sys.argv[1])
-    for found in run_all([*endless, *short], 2, sys.argv[1], errors="return"):
-        print("found", found.status if hasattr(found, "status") else found, flush=True)
+endless = [
+    Noted(scene=tiny(h), t_end=1e3, options={"fidelity": "dynamic"}) for h in (5e-3, 7.5e-3)
+]
+short = [Noted(scene=tiny(h), t_end=1e-5, options=endless[0].options) for h in (2.5e-3, 10e-3)]
+run_all(short[:1], cache=sys.argv[1])
+for found in run_all([*endless, *short], 2, sys.argv[1], errors="return"):
+    print("found", found.status if hasattr(found, "status") else found, flush=True)
 """
+PLAIN = """
+import os
+import sys
+
+import pyfric
+
+print("begins", flush=True)
+
+class Noted(pyfric.Job):
+    def made(self, progress):
+        print("made", os.getpid() == own, flush=True)
+        return super().made(progress)
+
+own, tiny = os.getpid(), pyfric.setup1(L=0.02, H=0.0125, V=0.5)
+if sys.argv[1] == "sweep":
+    how = {"options": {"fidelity": "quasistatic"}}
+    sweep = pyfric.Sweep(tiny, 1e-4, {"mu_s": [0.6, 0.65, 0.7]}, **how)
+    print(sweep.run(workers=2, cache=False).table["status"].tolist())
+else:
+    jobs = [Noted(tiny.replace(mu_s=mu), 1e-4, {"fidelity": "quasistatic"}) for mu in (0.6, 0.7)]
+    print([record.status for record in pyfric.run_all(jobs, workers=2, cache=False)])
+"""
+
+
+@pytest.mark.parametrize(
+    ("what", "printed"),
+    [
+        ("sweep", ["begins", "['complete', 'complete', 'complete']"]),
+        ("jobs", ["begins", "made True", "made True", "['complete', 'complete']"]),
+    ],
+)
+def test_no_worker_runs_a_script_again_that_guards_nothing(what, printed, tmp_path):
+    """Jobs of a class of the script itself are made in its own process."""
+    path = tmp_path / "plain.py"
+    path.write_text(PLAIN)
+    done = subprocess.run([sys.executable, "-P", path, what], capture_output=True, text=True)
+    assert done.stdout.splitlines() == printed, done.stderr
 
 
 @pytest.fixture
@@ -47,6 +88,7 @@ def sweeping(tmp_path):
     """The script, which has kept one run and makes two that do not end, and its workers' ids."""
     path = tmp_path / "script.py"
     path.write_text(SCRIPT)
+    (tmp_path / "noted.py").write_text(NOTED)
     script = subprocess.Popen(
         [sys.executable, "-P", str(path), str(tmp_path / "kept")],
         stdout=subprocess.PIPE,

@@ -7,6 +7,7 @@ traceback. SIGTERM and other signals act as Ctrl-C does. Commands are in `pyfric
 from __future__ import annotations
 
 import errno
+import re
 import warnings
 from typing import TYPE_CHECKING, Any
 
@@ -18,12 +19,21 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
 
-class _Listed:
-    """A command in a section of a list, which shows its whole first paragraph."""
+EXTRA = re.compile(r"extra arguments? \(([^\s)]+)")
+"""What click says of arguments that a command does not take."""
 
-    def __init__(self, *given: Any, section: str = "Commands", **more: Any) -> None:
+
+class _Listed:
+    """A command in a section of a list, which shows its whole first paragraph.
+
+    `example` is a line that it understands, for those who leave something out.
+    """
+
+    def __init__(
+        self, *given: Any, section: str = "Commands", example: str = "", **more: Any
+    ) -> None:
         super().__init__(*given, **more)
-        self.section = section
+        self.section, self.example = section, example
 
     def get_short_help_str(self, limit: int = 0) -> str:
         return " ".join((self.help or "").partition("\n\n")[0].split())
@@ -31,6 +41,43 @@ class _Listed:
 
 class Command(_Listed, click.Command):
     """A command of `Commands`."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        def with_hyphens(word: str) -> str:
+            """Return an option, which may be written with underscores as in Python."""
+            name, sign, value = str(word).partition("=")
+            other = name.replace("_", "-")
+            known = name.startswith("--") and name not in names and other in names
+            return f"{other}{sign}{value}" if known else word
+
+        names = {name for param in self.get_params(ctx) for name in param.opts}
+        return super().parse_args(ctx, [*map(with_hyphens, args)])
+
+    def make_context(self, *given: Any, **more: Any) -> click.Context:
+        try:
+            return super().make_context(*given, **more)
+        except click.UsageError as error:
+            hint = self._hint(error)
+            if not hint:
+                raise
+            if isinstance(error, click.NoSuchOption):
+                error.possibilities = None
+            text = f"{error.format_message().rstrip('.')}. {hint}"
+            raise click.UsageError(text, error.ctx) from None
+
+    def _hint(self, error: click.UsageError) -> str:
+        """Return the line to write instead of one that was not understood."""
+        from pyfric.cli import hints
+
+        if isinstance(error, click.NoSuchOption):
+            hint = hints.of_option(error.option_name, self)
+            return hint or f"Write: {self.example}" * bool(self.example)
+        if isinstance(error, click.MissingParameter):
+            return f"Write: {self.example}" if self.example else ""
+        extra = EXTRA.search(error.message)
+        if not extra:
+            return ""
+        return hints.of_extra(extra[1], self) or f"Write: {self.example}" * bool(self.example)
 
 
 class Commands(_Listed, click.Group):
@@ -42,6 +89,16 @@ class Commands(_Listed, click.Group):
     def __init__(self, *given: Any, sections: Sequence[str] = ("Commands",), **more: Any) -> None:
         super().__init__(*given, **more)
         self.sections = sections
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        name = args[0].replace("_", "-")
+        args = [name, *args[1:]] if name in self.commands else args
+        if self.get_command(ctx, name) is None and not name.startswith("-"):
+            from pyfric.cli import hints
+
+            if hint := hints.of_command(args[0], self.commands):
+                ctx.fail(f"No such command {args[0]!r}. {hint}")
+        return super().resolve_command(ctx, args)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of the commands: run, which most people look for, and the others."""
@@ -76,7 +133,10 @@ class Commands(_Listed, click.Group):
                 code = _code(error)
                 if code is None:
                     raise
-                stop(code, f"Error: {str(error) or 'out of memory'}")
+                from pyfric.cli.hints import in_shell
+
+                said = in_shell(str(error), self.commands.get(ctx.invoked_subcommand or ""))
+                stop(code, f"Error: {said or 'out of memory'}")
 
 
 def _once() -> Callable[..., None]:
@@ -116,7 +176,8 @@ def main() -> None:
     """Simulate how an elastic block starts to slide on a frictional surface.
 
     A command that writes one file, or files named after one stem, replaces existing files only with
-    --overwrite. A command that writes into a folder makes the folder and replaces files with the
+    --overwrite, as Record.save does with overwrite=True; a run that goes on replaces its earlier
+    part. A command that writes into a folder makes the folder and replaces files with the
     same names. --json prints the result as JSON, and --quiet prints errors only. Progress is shown
     only in a terminal.
     """

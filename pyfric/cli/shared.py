@@ -129,6 +129,9 @@ def scene_of(name: str, changes: tuple[str, ...]) -> Scene:
     """
     from pyfric.scene import as_scene
 
+    if name.lower().endswith(".nc"):
+        goes_on = f"pyfric run SCENE --t-end TIME --resume {name} continues it"
+        raise click.UsageError(f"{name} is a record: {goes_on}, and pyfric show {name} draws it.")
     return as_scene(name, changes_of(changes))
 
 
@@ -152,10 +155,13 @@ def record_of(path: str) -> Record:
         RecordError: there is none.
     """
     import pyfric
+    from pyfric.scene import PRESETS
 
     try:
         return pyfric.Record.load(path)
     except FileNotFoundError as error:
+        if path in PRESETS:
+            raise click.UsageError(f"{path} is a scene: pyfric scene {path} prints it.") from None
         raise pyfric.RecordError(str(error)) from None
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from pyfric.core.packing import check_driven
 from pyfric.display import html
-from pyfric.scene import read_at_most, sealed, slipped, unsealed, write
+from pyfric.scene import check_free, read_at_most, sealed, slipped, unsealed, write
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -335,15 +335,17 @@ class State:
             if (self.y[-1, 0] != X).any() or (self.y[-1, 1] != Z + phi * scene.x).any():
                 raise StateError("state: the top row is not where the rod carries it")
 
-    def save(self, path: str | os.PathLike[str]) -> Path:
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
         """Write the state to a NumPy archive (.npz), exactly and atomically.
 
         The last line of the file is the SHA-256 of all bytes before it.
 
         Raises:
             OSError: the file cannot be written; it names path and reason.
-            SceneError: the name ends in the suffix of another format.
+            SceneError: the file exists, and `overwrite` is not True; or the name ends in the
+                suffix of another format.
         """
+        check_free(path, overwrite)
         content = io.BytesIO()
         np.savez(content, **self.values())
         return write(path, sealed(content.getbuffer()), ".npz")

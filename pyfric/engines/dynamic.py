@@ -302,7 +302,7 @@ class Run:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Save the run so far; if that fails, warn and go on."""
         try:
-            self.record("interrupted").save(path)
+            self.record("interrupted").save(path, overwrite=True)
         except OSError as error:
             if not self.unsaved:
                 said = f"checkpoint {path} was not written: {error}"

@@ -41,6 +41,7 @@ from pyfric.engines.step_sizes import (
 )
 from pyfric.record import Method
 from pyfric.scene import (
+    SETTABLE,
     Annotation,
     Geometry,
     NotNegative,
@@ -279,6 +280,9 @@ class Options:
     )
 
     _section: ClassVar[str] = ""
+    _elsewhere: ClassVar[dict[str, str]] = dict.fromkeys(
+        SETTABLE, 'a field of the scene, as in scene.replace(F_N="2 kN")'
+    )
 
     if TYPE_CHECKING:  # what may be given; the fields hold numbers in SI units
 

@@ -6,11 +6,15 @@ leaves no global state and needs no display. Colours are from the Okabe-Ito set,
 distinguishable under colour blindness; markers or line widths differ as well.
 """
 
+import sys
+from typing import Any
+
 from pyfric.figures.fitted import fit_page, tornado
 from pyfric.figures.interface import fig3a, fig3b, fig4a, fig4b
 from pyfric.figures.lengths import fig2a, fig2b
-from pyfric.figures.loading import fig1b, figure_caption, slip_segments
+from pyfric.figures.loading import fig1a, fig1b, figure_caption, slip_segments
 from pyfric.figures.phases import phase_map
+from pyfric.figures.results import curve_figure, resolution_figure, sweep_figure
 from pyfric.figures.sizes import size_figure
 from pyfric.figures.sketch import sketch
 from pyfric.figures.spacetime import space_time
@@ -30,14 +34,23 @@ from pyfric.figures.style import panels as panels
 from pyfric.figures.view import drawing as drawing
 from pyfric.figures.view import record_page
 from pyfric.figures.view import template as template
+from pyfric.scene import no_attribute
+
+
+def __getattr__(name: str) -> Any:
+    """Say what draws what no function of this name draws."""
+    raise no_attribute("figures", name, sys.modules[__name__], known=__all__)
+
 
 __all__ = [
     "FIGURES",
     "DataFigure",
     "PaperFigure",
+    "curve_figure",
     "event_frames",
     "event_movie",
     "event_strip",
+    "fig1a",
     "fig1b",
     "fig2a",
     "fig2b",
@@ -50,10 +63,12 @@ __all__ = [
     "has_ffmpeg",
     "phase_map",
     "record_page",
+    "resolution_figure",
     "save_figure",
     "size_figure",
     "sketch",
     "slip_segments",
     "space_time",
+    "sweep_figure",
     "tornado",
 ]

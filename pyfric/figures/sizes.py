@@ -16,7 +16,7 @@ from pyfric.figures.style import (
     single,
     time_unit,
 )
-from pyfric.record import Record, held_in, sizes
+from pyfric.record import Record, Sizes, held_in, sizes
 
 
 def size_figure(record: Record, size: str = "potency", complete: float | None = None) -> DataFigure:
@@ -29,8 +29,13 @@ def size_figure(record: Record, size: str = "potency", complete: float | None = 
         SceneError: see `pyfric.analysis.sizes`.
     """
     single(record)
-    found = sizes(record, size, complete)
-    unit = held_in("events")[size].unit
+    fig = sizes_drawn(sizes(record, size, complete), size, held_in("events")[size].unit)
+    fig.caption = caption(record, fig.caption)
+    return fig
+
+
+def sizes_drawn(found: Sizes, size: str = "size", unit: str = "SI") -> DataFigure:
+    """Draw sizes of events by this name, in this unit; see `size_figure`."""
     fig, (above, below) = panels(4.2, (1.3, 1))
     counts, m_c = found.counts, 10**found.m_c
     above.loglog(counts["size"], counts["number"], ls="", marker=".", ms=3, color=BLUE)
@@ -52,10 +57,9 @@ def size_figure(record: Record, size: str = "potency", complete: float | None = 
     below.set_ylim(0, 1.02)
     below.set_xlim(left=0)
     fig.tables = {"events": found.events, "counts": counts}
-    what = (
+    fig.caption = (
         f"Number of events of at least a {size.replace('_', ' ')} (a) and waiting times between "
         f"complete ones (b). b = {found.b:.3f}, standard error {found.b_error:.3f}, from "
         f"{found.n} of {len(found.events)} finished events."
     )
-    fig.caption = caption(record, what)
     return fig

@@ -13,7 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from pyfric.record import Record
+from pyfric.display import Shown
+from pyfric.record import Record, check_record
 from pyfric.scene import (
     PREFIXES,
     Scene,
@@ -21,6 +22,7 @@ from pyfric.scene import (
     figure_stem,
     laws,
     prefix_power,
+    usage,
     write_all,
 )
 
@@ -79,6 +81,7 @@ def figure(title: str, *, runs: str, precursor: int | None = None) -> Callable[[
     """Enter the function below as a figure of the paper, under its own name."""
 
     def enter(draw: Draw) -> Draw:
+        draw = usage()(draw)
         FIGURES[draw.__name__] = PaperFigure(title, runs, draw, precursor)
         return draw
 
@@ -158,9 +161,11 @@ def colour_bar(
     bar.set_label(text, fontsize=SMALL)
 
 
-def save_figure(fig: DataFigure, path_stem: str | os.PathLike[str]) -> list[Path]:
+@usage('save_figure(record.plot(), "name")')
+def save_figure(fig: DataFigure | Shown, path_stem: str | os.PathLike[str]) -> list[Path]:
     """Write the figure as PNG (300 dpi) and PDF, its caption as text and its data as CSV.
 
+    ``fig`` may also be what has a picture, such as a record.
     ``path_stem`` is a path whose suffix, .png or .pdf, may be left out; the files are stem.png,
     stem.pdf, stem.txt and stem_<table>.csv. Returns the paths.
 
@@ -170,6 +175,7 @@ def save_figure(fig: DataFigure, path_stem: str | os.PathLike[str]) -> list[Path
     """
     from matplotlib.backends.backend_pdf import FigureCanvasPdf  # slow to import
 
+    fig = fig.plot() if isinstance(fig, Shown) else fig
     stem = figure_stem(path_stem)
     png, pdf = io.BytesIO(), io.BytesIO()
     dpi, layout = fig.dpi, fig.get_layout_engine()
@@ -214,8 +220,7 @@ def listed(records: Iterable[Record]) -> list[Record]:
 
 def single(record: Record) -> None:
     """Raise SceneError unless this is one record, and no list of records."""
-    if not hasattr(record, "curve"):
-        raise SceneError("record", type(record).__name__, "", "one record", "not a record")
+    check_record(record)
 
 
 def caption(records: Record | Sequence[Record], *texts: str) -> str:

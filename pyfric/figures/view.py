@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
+from pyfric.figures.fitted import fit_page, tornado
 from pyfric.figures.lengths import growth
 from pyfric.figures.loading import (
     CURVE_BINS,
@@ -25,11 +26,16 @@ from pyfric.figures.loading import (
     fig1b,
     slip_segments,
 )
+from pyfric.figures.phases import phase_map
+from pyfric.figures.results import curve_figure, resolution_figure, sweep_figure
+from pyfric.figures.sizes import sizes_drawn
 from pyfric.figures.sketch import sketch
 from pyfric.figures.style import DataFigure
-from pyfric.record import GROUPS, Record, held_in, main_blocks, summary
-from pyfric.scene import Scene
-from pyfric.sweeps import Sweep
+from pyfric.fitting import Fit, Sensitivity
+from pyfric.measured import Curve
+from pyfric.record import GROUPS, Record, Sizes, held_in, main_blocks, summary
+from pyfric.scene import Scene, as_scene
+from pyfric.sweeps import PhaseDiagram, Resolution, Results, Sweep
 
 if TYPE_CHECKING:
     import jinja2
@@ -43,16 +49,29 @@ MOST_EVENTS = 3000
 
 
 def drawing(shown: Any) -> DataFigure | None:
-    """Return the loading curve of a record (of a prediction, length against force), a sketch of a
-    scene; None for what has no drawing."""
+    """Return the picture of an object; None for what has none.
+
+    That of a record is its loading curve, or of a prediction length against force.
+    """
     match shown:
         case Record():
             return (growth if "L_p_over_L" in shown.curve else fig1b)(shown)
-        case Scene():
-            return sketch(shown)
         case Sweep():
-            return sketch(shown.scene)
-    return None
+            return sketch(as_scene(shown.scene))
+    return next((draw(shown) for kind, draw in DRAWN.items() if isinstance(shown, kind)), None)
+
+
+DRAWN: Mapping[type, Callable[[Any], DataFigure]] = {
+    Scene: sketch,
+    Curve: curve_figure,
+    Results: sweep_figure,
+    PhaseDiagram: phase_map,
+    Resolution: resolution_figure,
+    Fit: fit_page,
+    Sensitivity: tornado,
+    Sizes: sizes_drawn,
+}
+"""Results -> what draws them."""
 
 
 def record_page(record: Record) -> str:

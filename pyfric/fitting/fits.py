@@ -20,13 +20,27 @@ import pandas as pd
 import scipy
 
 from pyfric.fitting.misfits import Misfit, onset
-from pyfric.fitting.problem import Data, Problem
+from pyfric.fitting.problem import OF_THE_CURVE, Data, Problem
 from pyfric.fitting.profiles import profiled
 from pyfric.fitting.results import DOUBTFUL, Fit, probability
 from pyfric.fitting.search import FOLLOWED, STEP, minima, solved, walked
 from pyfric.fitting.sensors import ARRIVALS, LENGTHS, checked
 from pyfric.measured import COLUMNS, Curve, events
-from pyfric.scene import Scene, SceneError, SceneLike, as_scene, check_number, check_whole
+from pyfric.record import Record
+from pyfric.scene import (
+    Number,
+    Quantity,
+    Scene,
+    SceneError,
+    SceneLike,
+    as_scene,
+    check_number,
+    check_whole,
+    full_name,
+    naming,
+    scene_fields,
+    usage,
+)
 
 TOLERANCES = (0.01, 0.003, 0.0)
 """Standard deviations of forces added while the minimum is searched, over F_N. A policy."""
@@ -43,10 +57,11 @@ SEARCH = "quasistatic"
 """Engine that searches for starts."""
 
 
+@usage('fit(scene, curve, {"mu_k": (0.3, 0.6)}), with curve = pyfric.measured.read("curve.csv")')
 def fit(
     scene: SceneLike | Sequence[SceneLike],
     measured: Curve | pd.DataFrame | Sequence[Curve | pd.DataFrame] | None,
-    vary: Mapping[str, tuple[float, float]],
+    vary: Mapping[str, tuple[Number, Number]],
     *,
     lengths: pd.DataFrame | Sequence[pd.DataFrame | None] | None = None,
     arrivals: pd.DataFrame | Sequence[pd.DataFrame | None] | None = None,
@@ -64,7 +79,8 @@ def fit(
         scene: scene, preset or file, or one for each curve, with everything that is known.
         measured: curve, or its table of events (`pyfric.measured.events`), or several. None: only
             lengths were measured.
-        vary: name of a parameter, as in `Scene.replace`, -> bounds in SI units. Also "offset", a
+        vary: name of a parameter, as in `Scene.replace`, -> bounds in SI units, or as text such as
+            "3 kN". It has to be a number that may have any value between them. Also "offset", a
             force over F_N added to the curve, and "drift", 1/s.
         lengths: of precursors in the first loading, one table for each curve: columns force, which
             is F_T/F_N after arrest, L_p_over_L and error.
@@ -87,7 +103,8 @@ def fit(
 
     Raises:
         SceneError: an argument is refused, a curve has fewer than two events or another normal
-            force than its scene, or no parameters in the bounds have a run.
+            force than its scene, no parameters in the bounds have a run, or none has events of the
+            measurement.
     """
     several = isinstance(measured, Sequence) and not isinstance(measured, str)
     curves = list(measured) if several else [measured]
@@ -99,7 +116,8 @@ def fit(
     model_error = check_number("model_error", model_error, "", ge=0.0)
     seed = check_whole("seed", seed, 0)
     say = progress or (lambda text: None)
-    bounds = _bounds(vary)
+    scenes = [as_scene(each, {}) for each in scenes]
+    bounds = _bounds(scenes, vary)
     options = {"fidelity": "hybrid", "progress": False} | options
     if part not in ("onset", "all"):
         raise SceneError("part", part, "", "'onset' or 'all'")
@@ -111,7 +129,6 @@ def fit(
         _data(curve, part, t_end, **{name: of[n] for name, of in tables.items()})
         for n, curve in enumerate(curves)
     ]
-    scenes = [as_scene(each, {}) for each in scenes]
     if "F_N" not in bounds:
         for known, curve in zip(scenes, curves, strict=True):
             _check_load(known, curve)
@@ -119,7 +136,7 @@ def fit(
     dim = len(bounds)
     spread = scipy.stats.qmc.Sobol(dim, rng=np.random.default_rng(seed)).random(STARTS)
     starts = [np.full(dim, 0.5), *spread]
-    problem.check(starts)
+    problem.check(spread)
     for note in (note for each in data for note in each.table.attrs.get("notes", ())):
         say(note)
     if options["fidelity"] != SEARCH and problem.can(SEARCH):
@@ -135,6 +152,7 @@ def fit(
         reason = f"none has one; the last: {problem.reason}"
         raise SceneError("vary", ", ".join(bounds), "", "bounds with a run", reason)
     u = found[0]
+    problem.check_matched(u)
     if problem.fits(u, TOLERANCES[-2]):  # what is further off is mended by no minimum nearby
         u = walked(problem, u, say)
     u, profiles, intervals = profiled(problem, u, level, say)
@@ -222,6 +240,9 @@ def _check_load(scene: Scene, measured: Curve | pd.DataFrame | None) -> None:
 
 def _table_of(measured: Curve | pd.DataFrame) -> pd.DataFrame:
     """Return a table of events that knows where it ends, and what it resolves."""
+    if isinstance(measured, Record):
+        allowed = 'pyfric.measured.sampled(record, "0.5 ms", noise=1e-3), a curve as measured'
+        raise SceneError("measured", "Record", "", allowed, "a run is no measurement")
     whole = isinstance(measured, Curve) and measured.has_forces
     table = events(measured) if whole else measured
     columns = getattr(table, "columns", ())
@@ -244,24 +265,36 @@ def _table_of(measured: Curve | pd.DataFrame) -> pd.DataFrame:
     return table
 
 
-def _bounds(vary: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
-    """Return checked bounds."""
+def _bounds(
+    scenes: Sequence[Scene], vary: Mapping[str, tuple[Number, Number]]
+) -> dict[str, tuple[float, float]]:
+    """Return checked bounds in SI units."""
     if not vary or not isinstance(vary, Mapping):
         raise SceneError(
             "vary", str(vary), "", 'names and bounds, such as {"mu_k": (0.3, 0.6)}', ""
         )
     found = {}
     for name, ends in vary.items():
-        try:
-            low, high = (check_number(f"vary.{name}", end, "") for end in ends)
-        except (TypeError, ValueError) as error:
-            if isinstance(error, SceneError):
-                raise
-            raise SceneError(f"vary.{name}", str(ends), "", "two bounds", "") from None
+        field, unit = f"vary.{name}", _unit(scenes, name, ends)
+        pair = () if isinstance(ends, str) or not np.iterable(ends) else tuple(ends)
+        if len(pair) != 2:
+            raise SceneError(field, str(ends), "", "two bounds, such as (0.3, 0.6)", "")
+        low, high = (check_number(field, end, unit) for end in pair)
         if not low < high:
-            raise SceneError(f"vary.{name}", str(ends), "", "two bounds, the smaller one first", "")
+            raise SceneError(field, str(ends), "", "two bounds, the smaller one first", "")
         found[name] = low, high
     return found
+
+
+def _unit(scenes: Sequence[Scene], name: str, ends: Any) -> str:
+    """Return the unit of a parameter."""
+    if name in OF_THE_CURVE:
+        return OF_THE_CURVE[name]
+    with naming(f"vary.{name}"):
+        mark = next(scene_fields(scene)[full_name(scene, name, ends)] for scene in scenes)
+    if not isinstance(mark, Quantity):
+        raise SceneError(f"vary.{name}", str(ends), "", "a number of the scene", "it is none")
+    return mark.unit
 
 
 def _compared(problem: Problem, u: np.ndarray, found: Sequence[Misfit]) -> pd.DataFrame:
@@ -274,9 +307,8 @@ def _compared(problem: Problem, u: np.ndarray, found: Sequence[Misfit]) -> pd.Da
         part = table[["t_start", "peak", "valley", "peak_error", "valley_error"]].copy()
         part.insert(0, "event", table.index)
         part.insert(0, "curve", n)
-        with_none = model.reindex(model.index[apart.partner].where(apart.partner >= 0, -1))
         for name in ("peak", "valley"):
-            part[f"model_{name}"] = with_none[name].to_numpy()
+            part[f"model_{name}"] = np.append(model[name], np.nan)[apart.partner]
         half = len(table)
         part["off_peak"], part["off_valley"] = (
             apart.residuals[:half],

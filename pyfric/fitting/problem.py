@@ -19,8 +19,9 @@ from pyfric.planning import check_run, simulate
 from pyfric.scene import SceneError
 from pyfric.statics import EquilibriumError
 
-OF_THE_CURVE = ("offset", "drift")
-"""Parameters of a curve, not of a scene: a force added to it (over F_N), and one per time (1/s)."""
+OF_THE_CURVE = {"offset": "", "drift": "1/s"}
+"""Parameters of a curve, not of a scene, and their units: a force added to it (over F_N), and one
+per time."""
 OTHERS = 4
 """Residuals of a curve that are not of its events."""
 LONGER = 1.1
@@ -48,6 +49,11 @@ class Data:
         """Number of residuals."""
         parts = (len(part) for part in (self.lengths, self.arrivals) if part is not None)
         return (PER_EVENT * len(self.table) + OTHERS if len(self.table) else 0) + sum(parts)
+
+    @property
+    def of_overview(self) -> int:
+        """Number of residuals of the overview."""
+        return 2 * len(self.table) + (0 if self.lengths is None else len(self.lengths))
 
     @property
     def of_fronts(self) -> int:
@@ -96,23 +102,48 @@ class Problem:
         return True
 
     def check(self, starts: Sequence[np.ndarray]) -> None:
-        """Refuse an engine that cannot run the scenes, and parameters of which none is a scene.
+        """Refuse what no run can mend.
+
+        Args:
+            starts: parameters that are not on the bounds, in the middle, or at another round share.
 
         Raises:
-            SceneError: with the reason.
+            SceneError: an engine cannot run the scenes, none of the parameters is a scene, or there
+                are as many parameters as numbers that were measured.
         """
         for scene in self.scenes:
             check_run(scene, Options(fidelity=self.options["fidelity"]))
-        reason = None
+        told = sum((PER_EVENT * len(d.table) + OTHERS) * bool(len(d.table)) for d in self.data)
+        told += sum(each.of_fronts for each in self.data)
+        if told <= len(self.names):
+            names, reason = ", ".join(self.names), f"{told} numbers were measured"
+            raise SceneError("vary", names, "", f"fewer than {told} parameters", reason)
+        reasons = []
         for start in starts:
             try:
                 self.scenes_of(self.values(start))
             except SceneError as error:
-                reason = error
+                reasons.append(str(error).partition("; allowed")[0])
             else:
                 return
-        if reason is not None:
-            raise reason
+        allowed = "bounds between which any value makes a scene"
+        raise SceneError("vary", ", ".join(self.names), "", allowed, f"none does: {reasons[0]}")
+
+    def check_matched(self, u: np.ndarray) -> None:
+        """Refuse parameters at which nothing is compared.
+
+        Raises:
+            SceneError: residuals that tell something are no more than parameters.
+        """
+        if self.dof(u) > 0:
+            return
+        found = self.misfits(u) or []
+        counts = sum(len(each.table) for each in self.data), sum(apart.missing for apart in found)
+        reason = (
+            f"at the best parameters the model has {counts[0] - counts[1]} of {counts[0]} events"
+        )
+        allowed = "bounds within which events of the model are those that were measured"
+        raise SceneError("vary", ", ".join(self.names), "", allowed, reason)
 
     def values(self, u: np.ndarray) -> dict[str, float]:
         """Return the parameters by name."""
@@ -195,7 +226,7 @@ class Problem:
         """Return the overviews of all curves, and residuals of lengths."""
         model = self.model(u)
         if model is None:
-            return np.full(self.size, CAP)
+            return np.full(sum(each.of_overview for each in self.data), CAP)
         off = []
         for scene, each, seen in zip(self.scenes, self.data, model, strict=True):
             if len(each.table):

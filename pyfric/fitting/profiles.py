@@ -76,7 +76,7 @@ def _nearby(
             say(f"profile of {name}")
             sides = (_outwards(problem, u, jacobian, k, side, least + limit) for side in (-1, 1))
             made[name] = [point for points in sides for point in points]
-            best = min(best, *made[name], key=lambda point: point[1])
+            best = min([best, *made[name]], key=lambda point: point[1])
         if best[1] < least - 1e-9:
             polished = solved(problem.residuals, best[0], STEP)
             u = polished if problem.chi2(polished) < best[1] else best[0]

@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 import scipy
 
-from pyfric.display import html
+from pyfric.display import Shown
 
 DOUBTFUL = 0.01
 """Probability of the residuals below which the model is said not to fit. A policy."""
@@ -22,7 +22,7 @@ def probability(chi2: float, dof: int) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fit:
+class Fit(Shown):
     """Parameters that fit measured events, and what is known of them.
 
     Attributes:
@@ -107,8 +107,6 @@ class Fit:
         return "\n".join(lines)
 
     __repr__ = __str__
-
-    _repr_html_ = html
 
 
 def _said(bounds: tuple[float, float]) -> str:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pyfric.display import html
+from pyfric.display import Shown
 from pyfric.planning import simulate
 from pyfric.record import (
     Record,
@@ -22,7 +22,17 @@ from pyfric.record import (
     precursor_lengths,
     system_size_events,
 )
-from pyfric.scene import Number, Scene, SceneError, SceneLike, as_scene, check_number
+from pyfric.scene import (
+    Number,
+    Scene,
+    SceneError,
+    SceneLike,
+    as_scene,
+    check_number,
+    full_name,
+    scene_fields,
+    usage,
+)
 
 STEPS = {"mu_s": 0.01, "mu_k": 0.01, "F_N": "1 %", "V": "1 %", "K": "5 %", "k": "5 %"}
 """Default steps: what is known of parameters in a good experiment. A policy."""
@@ -41,7 +51,7 @@ COUNTS = ("precursors", "system_size")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sensitivity:
+class Sensitivity(Shown):
     """Changes of measured quantities with parameters.
 
     Attributes:
@@ -73,9 +83,8 @@ class Sensitivity:
 
     __repr__ = __str__
 
-    _repr_html_ = html
 
-
+@usage('sensitivity(scene, "1 s", {"mu_k": 0.01, "F_N": "10 N", "K": "5 %"})')
 def sensitivity(
     scene: SceneLike,
     t_end: Number,
@@ -87,7 +96,8 @@ def sensitivity(
     Args:
         scene: a scene, the name of a preset, or the path of a scene file.
         t_end: end of each run, s.
-        steps: name of a parameter -> its change either way, in SI units, or a share such as "5 %".
+        steps: name of a parameter -> its change either way, in SI units, as text such as "10 N", or
+            a share such as "5 %".
             None: mu_s and mu_k by 0.01, F_N and V by 1 %, K and k by 5 %, as far as the scene has
             them.
         options: of the runs, as of `pyfric.simulate`; fidelity = "quasistatic" by default.
@@ -127,18 +137,13 @@ def _steps(scene: Scene, steps: Mapping[str, float | str] | None) -> dict[str, t
             )
         if isinstance(step, str):
             number, sign, rest = step.partition("%")
-            if not sign or rest.strip():
-                raise SceneError(f"steps.{name}", step, "", "a number in SI units, or a share in %")
-            step = abs(value) * 0.01 * check_number(f"steps.{name}", _number(name, number), "")
+            if sign and not rest.strip():
+                step = abs(value) * 0.01 * check_number(f"steps.{name}", number, "")
+            else:
+                unit = scene_fields(scene)[full_name(scene, name)].unit
+                step = check_number(f"steps.{name}", step, unit, note=", or a share in %")
         found[name] = float(value), check_number(f"steps.{name}", step, "", gt=0.0)
     return found
-
-
-def _number(name: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise SceneError(f"steps.{name}", text, "", 'a share such as "5 %"', "no number") from None
 
 
 def _value(scene: Scene, name: str) -> Any:

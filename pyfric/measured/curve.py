@@ -10,10 +10,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from pyfric.display import Shown
 from pyfric.measured.meanings import MEANINGS
 from pyfric.measured.sensors import displacement
 from pyfric.record import T_GAP, Record
-from pyfric.scene import SceneError, check_number, check_whole
+from pyfric.scene import SceneError, check_number, check_whole, usage
 
 FORCES = frozenset({"F_T", "tau", "mu"})
 SIGNALS = FORCES | {"slip"}
@@ -26,8 +27,8 @@ OTHER_SIGN = 0.1
 """Largest force over the size of the smallest one, up to which forces have the other sign."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Curve:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Curve(Shown):
     """A curve as measured. `read` makes one from a file, `Curve.of` one from arrays.
 
     Attributes:
@@ -193,6 +194,8 @@ class Curve:
         ]
         return "\n".join(lines)
 
+    __repr__ = __str__
+
 
 def _refuse_sign(name: str, value: float, wanted: str, reason: str) -> None:
     """Refuse values of the other sign.
@@ -211,6 +214,7 @@ def _above_zero(values: pd.Series) -> np.ndarray:
     return values.where(values > 0).to_numpy()
 
 
+@usage()
 def sampled(
     record: Record,
     step: float | str | None = None,

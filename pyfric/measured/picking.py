@@ -31,7 +31,7 @@ from pyfric.measured.lines import ROUNDED, robust_lines
 from pyfric.measured.noise import check_ends, estimated, outliers
 from pyfric.measured.sensors import slips
 from pyfric.record import Record
-from pyfric.scene import SceneError, check_number, check_whole
+from pyfric.scene import SceneError, check_number, check_whole, usage
 
 COLUMNS = {
     "t_start": ("s", "last time before the fall"),
@@ -90,6 +90,7 @@ def noise_of(curve: Curve) -> float:
     return estimated(t, f)[0]
 
 
+@usage()
 def events(
     of: Curve | Record,
     *,

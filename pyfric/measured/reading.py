@@ -13,11 +13,19 @@ from pyfric.measured.curve import SIGNALS, Curve
 from pyfric.measured.formats import KINDS, contents
 from pyfric.measured.found import Asked, Column, Found, refused
 from pyfric.measured.meanings import AMBIGUOUS, MEANINGS, bare, factor, meaning_of, unit_of_name
-from pyfric.scene import LARGEST, SceneError, check_number, check_whole, parse_quantity
+from pyfric.scene import LARGEST, SceneError, check_number, check_whole, parse_quantity, usage
 
 Restarts = Literal["join"] | int
 NAMED = 6
 """Most columns without use that a note names."""
+GIVEN = {
+    "columns": '{"t": 1, "F_T": "Force"}',
+    "units": '{"t": "s", "F_T": "N"}',
+    "calibration": '{"F_T": "0.12 N"}',
+    "wraps": '{"load_point": 65536}',
+    "valid": '{"F_T": ("-5 kN", "5 kN")}',
+}
+"""Examples of arguments that are dicts."""
 BITS = (12, 14, 16, 24)
 """Of converters and counters."""
 SOME = 1000
@@ -26,6 +34,7 @@ NEAR_END = 0.02
 """Share of the range of a counter within which numbers reach its ends."""
 
 
+@usage('read("curve.csv", units={"t": "s", "F_T": "N"}, F_N="400 N")')
 def read(
     path: str | os.PathLike[str],
     columns: Mapping[str, str | int] | None = None,
@@ -90,7 +99,8 @@ def read(
     given |= {"wraps": wraps, "valid": valid}
     for name, pairs in given.items():
         if not isinstance(pairs, Mapping | None):
-            raise SceneError(name, repr(pairs), "", "a dict with meanings as keys", "no dict")
+            allowed = f"a dict with meanings as keys, such as {name}={GIVEN[name]}"
+            raise SceneError(name, repr(pairs), "", allowed, "no dict")
         if unknown := sorted(set(pairs or ()) - set(MEANINGS)):
             raise SceneError(f"{name}.{unknown[0]}", None, "", ", ".join(MEANINGS), "no meaning")
     for name, unit in (units or {}).items():

@@ -30,7 +30,7 @@ from pyfric.engines import (
 )
 from pyfric.planning.levels import Level, alone, as_full, first_step, levels, of_named
 from pyfric.record import blocks_needed, zone_of_scene
-from pyfric.scene import SceneError, check_number, default_geometry
+from pyfric.scene import SceneError, check_number, default_geometry, usage
 from pyfric.signals import at_once
 from pyfric.statics import EquilibriumError, one_thread_if_small
 
@@ -173,12 +173,13 @@ class Plan:
     _repr_html_ = html
 
 
+@usage('plan(scene, t_end="400 ms", tolerance=0.01)')
 @at_once()
 @one_thread_if_small
 def plan(
     scene: SceneLike,
     want: Want = "precursors",
-    tolerance: float = 0.01,
+    tolerance: Number = 0.01,
     *,
     t_end: Number = 1.0,
     stop_when: str | Sequence[str] | None = None,
@@ -207,6 +208,7 @@ def plan(
         reason = f"a time is given by its name, plan(scene, t_end={want!r})"
         raise SceneError("want", want, "", allowed, reason)
     options = Options(want=want, tolerance=tolerance, stop_when=stop_when).on(scene)
+    tolerance = options.tolerance
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     found = levels(scene, options)
     for level in found:

@@ -44,8 +44,10 @@ from pyfric.scene import (
     check_number,
     check_whole,
     check_writable,
+    density_notes,
     followed_by,
     naming,
+    usage,
 )
 from pyfric.signals import forget, raise_if_asked
 from pyfric.statics import (
@@ -76,6 +78,7 @@ SHORT = 10.0
 LOGGER = logging.getLogger("pyfric")
 
 
+@usage('simulate(scene, t_end="400 ms")')
 @one_thread_if_small
 def simulate(
     scene: SceneLike,
@@ -143,7 +146,8 @@ def simulate(
         raise SceneError("t_end", None, "s", 'a time, as in simulate(scene, "900 ms")', "missing")
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     if not isinstance(options, Options | None):
-        raise SceneError("options", options, "", "Options or None")
+        allowed = 'Options, or keywords as in simulate(scene, t_end, fidelity="hybrid")'
+        raise SceneError("options", options, "", allowed)
     given = {**(options or Options()).given(), **keywords}
     if isinstance(initial, Record):
         engine = initial.method.engine
@@ -262,7 +266,10 @@ def _run(
         if made * SLOWEST > LONG:
             said = _said(scene, engine.name, made * machine_speed(), progress)
     how: dict[str, Any] = {"initial": initial, "progress": progress, "enough": enough}
-    return _with_notes(engine.run(scene, t_end, options, **how), *said)
+    record = engine.run(scene, t_end, options, **how)
+    if engine.steps and (last := density_notes(scene)):  # statics know no density
+        record = record.replace(notes=(*(n for n in record.notes if n not in last), *last))
+    return _with_notes(record, *said)
 
 
 def _short_steps(asked: Asked, progress: object) -> list[str]:

@@ -25,7 +25,14 @@ from pyfric.record.catalogue import (
 from pyfric.record.classes import SLOW, creeps_to_rest
 from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS, LastSlip
 from pyfric.record.errors import Differences, differences, statistics
-from pyfric.record.held import GROUPS, RecordError, block_array, event_column, held_in
+from pyfric.record.held import (
+    GROUPS,
+    RecordError,
+    block_array,
+    check_record,
+    event_column,
+    held_in,
+)
 from pyfric.record.history import History
 from pyfric.record.measured import Errors
 from pyfric.record.method import T_GAP, Method, provenance, versions

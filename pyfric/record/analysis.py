@@ -16,7 +16,8 @@ Source: PRL 107, 074301 (2011).
 from __future__ import annotations
 
 import os
-from typing import Literal, NamedTuple, get_args
+import sys
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 import pandas as pd
@@ -26,9 +27,10 @@ from numpy.typing import ArrayLike
 from pyfric.record.balance import extent, potency_history
 from pyfric.record.data import RecordData
 from pyfric.record.growth import energy_release, griffith_length, nucleations
+from pyfric.record.held import of_record
 from pyfric.record.recurrence import Sizes, b_value, sizes
 from pyfric.record.rupture import front_speed
-from pyfric.scene import Scene, SceneError, check_number, check_whole
+from pyfric.scene import Scene, SceneError, check_number, check_whole, no_attribute
 
 __all__ = [
     "Beside",
@@ -55,6 +57,12 @@ __all__ = [
     "stress_profile",
     "system_size_events",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Say what does what no function of this name does."""
+    raise no_attribute("analysis", name, sys.modules[__name__], known=__all__)
+
 
 When = Literal["before", "after"]
 
@@ -159,6 +167,7 @@ class Collapse(NamedTuple):
 # --- events --------------------------------------------------------------------------------------
 
 
+@of_record
 def precursors(record: RecordData) -> pd.DataFrame:
     """Return the precursors: finished main events with 0 < L_p < L, at any time of the run.
 
@@ -170,12 +179,14 @@ def precursors(record: RecordData) -> pd.DataFrame:
     return _chosen(record, events["is_main"] & events["finished"] & events["is_precursor"])
 
 
+@of_record
 def system_size_events(record: RecordData) -> pd.DataFrame:
     """Return the finished main events with L_p = L; columns as in `precursors`."""
     events = record.events
     return _chosen(record, events["is_main"] & events["finished"] & (events["L_p_over_L"] == 1))
 
 
+@of_record
 def precursor_lengths(record: RecordData) -> pd.DataFrame:
     """Return length against force of the precursors, as in the paper's Fig. 2.
 
@@ -194,6 +205,7 @@ def precursor_lengths(record: RecordData) -> pd.DataFrame:
 # --- stresses ------------------------------------------------------------------------------------
 
 
+@of_record
 def stress_profile(
     record: RecordData, event: int | None = None, when: When = "before"
 ) -> pd.DataFrame:
@@ -243,6 +255,7 @@ def stress_profile(
 # --- fronts --------------------------------------------------------------------------------------
 
 
+@of_record
 def front(record: RecordData, event: int) -> pd.DataFrame:
     """Return the rupture front of one event, as in the paper's Fig. 4.
 
@@ -265,6 +278,7 @@ def front(record: RecordData, event: int) -> pd.DataFrame:
     return _fronts(record, np.array([record.row(event)])).drop(columns="event")
 
 
+@of_record
 def fronts(record: RecordData) -> pd.DataFrame:
     """Return the fronts of all finished main events: ``event`` and the columns of `front`."""
     events = record.events
@@ -387,6 +401,7 @@ def _check_measured(t: np.ndarray, F_T: np.ndarray) -> None:
 # --- numbers -------------------------------------------------------------------------------------
 
 
+@of_record
 def friction_coefficients(record: RecordData) -> FrictionCoefficients:
     """Return the friction coefficients of the slider as a whole.
 
@@ -448,6 +463,7 @@ def _mean_load(scene: Scene, what: str, begin: float, end: float) -> float:
     return (last - first) / (end - begin)
 
 
+@of_record
 def mean_force(record: RecordData, begin: float, end: float) -> float:
     """Return the mean of F_T between two times (s) of a run, in N; F_T is linear between samples.
 

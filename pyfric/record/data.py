@@ -13,10 +13,19 @@ import numpy as np
 import pandas as pd
 
 from pyfric.core import State
-from pyfric.record.held import EDGES, LOGS, TABLES, RecordError, checked, found_arrays, table
+from pyfric.record.held import (
+    EDGES,
+    LOGS,
+    TABLES,
+    RecordError,
+    checked,
+    found_arrays,
+    held_in,
+    table,
+)
 from pyfric.record.measured import Errors
 from pyfric.record.method import Method
-from pyfric.scene import Scene, SceneError
+from pyfric.scene import Scene, SceneError, meant, nearest, no_attribute
 
 if TYPE_CHECKING:
     from pyfric.scene import Number
@@ -25,12 +34,42 @@ COPY_ON_WRITE = int(pd.__version__.partition(".")[0]) >= 3
 """Whether a shallow copy of a table is copied where it is written to, as from pandas 3 on."""
 
 
-class Events(pd.DataFrame):
-    """The table of events of a record, a data frame. Called, it is that by another criterion."""
+class Table(pd.DataFrame):
+    """A table of a record, a data frame that says which column a word means."""
 
     @property
     def _constructor(self) -> type[pd.DataFrame]:
         return pd.DataFrame  # a part of the table is any data frame
+
+    def __getitem__(self, key: Any) -> Any:
+        try:
+            return super().__getitem__(key)
+        except KeyError:
+            raise KeyError(self._said(key)) from None
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            return super().__getattr__(name)
+        except AttributeError:
+            found = "" if name.startswith("_") else meant(name, self.columns)
+            if not found:
+                raise
+            raise AttributeError(f"no column {name!r}; write {found!r} in brackets") from None
+
+    def _said(self, key: Any) -> str:
+        """Return what to write for a column that there is not."""
+        found = nearest(key, self.columns) if isinstance(key, str) else ""
+        hint = f"; did you mean {found!r}?" if found else ""
+        return f"{key!r} is no column{hint}; columns: {', '.join(map(str, self.columns))}"
+
+
+class Events(Table):
+    """The table of events of a record. Called, it is that by another criterion."""
+
+    def _said(self, key: Any) -> str:
+        if isinstance(key, int):
+            return f"{key} is no column; record.events.loc[1] is event 1, record.events.iloc[0] too"
+        return super()._said(key)
 
     def __call__(
         self, threshold: Number | None = None, t_gap: Number | None = None
@@ -56,8 +95,8 @@ class _Guarded:
         kept = record.__dict__[self.name]
         shallow = COPY_ON_WRITE and isinstance(kept, pd.DataFrame)
         own = kept.copy(deep=False) if shallow else copy.deepcopy(kept)
-        if self.field == "events":
-            own = Events(own)
+        if self.field in TABLES:
+            own = Events(own) if self.field == "events" else Table(own)
             object.__setattr__(own, "_record", record)
         return own
 
@@ -109,7 +148,19 @@ class RecordData:
         """Return the array over events and blocks of that name."""
         if name in self.__dict__.get("arrays", ()):
             return self.arrays[name]
-        raise AttributeError(f"a record has no {name!r}", name=name, obj=self)
+        instead = "" if name.startswith("_") else self._place(name)
+        raise no_attribute("record", name, self, instead, dir(type(self)))
+
+    def __getitem__(self, name: str) -> Any:
+        """Say that what a record holds are attributes."""
+        raise TypeError(f"a record has attributes; write record.{name}")
+
+    def _place(self, name: str) -> str:
+        """Return what to write for a name that is a column of a table, or of the scene."""
+        for group in TABLES:
+            if name in held_in(group):
+                return f'record.{group}["{name}"]'
+        return f"record.scene.{name}" if hasattr(type(self.scene), name) else ""
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self.arrays]

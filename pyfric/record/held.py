@@ -10,13 +10,19 @@ over blocks from left to right, whichever side is driven.
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
 import pandas as pd
+
+from pyfric.scene import SceneError, usage
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 Find = Callable[[Any], Any]
 Enter = Callable[[Find], Find]
@@ -24,6 +30,26 @@ Enter = Callable[[Find], Find]
 
 class RecordError(ValueError):
     """A file is not a record that this version can read, or a record does not fit together."""
+
+
+def check_record(record: Any) -> None:
+    """Raise SceneError for what is no record, such as a list of records or the name of a file."""
+    if not hasattr(record, "curve"):
+        what = record if isinstance(record, str) else type(record).__name__
+        allowed = 'one record, of pyfric.simulate(scene, "400 ms") or pyfric.load("run.nc")'
+        raise SceneError("record", what, "", allowed, "not a record")
+
+
+def of_record(function: Callable[P, T]) -> Callable[P, T]:
+    """Refuse what is no record as the first argument of the function below."""
+
+    @usage()
+    @functools.wraps(function)
+    def called(*args: P.args, **keywords: P.kwargs) -> T:
+        check_record(args[0] if args else keywords.get("record"))
+        return function(*args, **keywords)
+
+    return called
 
 
 TABLES = ("curve", "events", "episodes")

@@ -10,8 +10,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self
 
-from pyfric.display import drawing, html, page
+from pyfric.display import Shown, page
 from pyfric.record import layout
+from pyfric.record.analysis import __all__ as ANALYSES
 from pyfric.record.catalogue import build_catalogue
 from pyfric.record.classes import rupture_class
 from pyfric.record.data import RecordData
@@ -19,7 +20,15 @@ from pyfric.record.held import RecordError, found_arrays, held_in
 from pyfric.record.netcdf import file_image, read_image
 from pyfric.record.rates import SAMPLED, fast_slip
 from pyfric.record.report import summary, text
-from pyfric.scene import check_number, write, write_all
+from pyfric.scene import (
+    check_folder_name,
+    check_free,
+    check_number,
+    followed_by,
+    usage,
+    write,
+    write_all,
+)
 from pyfric.signals import held_back
 from pyfric.statics import StaticSolver
 
@@ -29,11 +38,18 @@ if TYPE_CHECKING:
     from pyfric.record.catalogue import Catalogue
     from pyfric.scene import Number
 
+READERS = {
+    ".nc": "",
+    ".toml": "; pyfric.Scene.from_toml reads scenes",
+    ".npz": "; pyfric.State.load reads states",
+    "": "; pyfric.measured.read reads measured curves",
+}
+"""Ends of names of files -> what reads them."""
 UNSEALED = "the file was changed after pyfric wrote it: what it holds need not be what a run made"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Record(RecordData):
+class Record(RecordData, Shown):
     """A finished, interrupted or failed run.
 
     Arrays over blocks run from left to right. Events are counted from 1, and arrays over events
@@ -136,6 +152,9 @@ class Record(RecordData):
         method = dataclasses.replace(self.method, threshold=threshold, t_gap=t_gap)
         return self.replace(**made, **fast, method=method, notes=notes).with_late_columns()
 
+    def _place(self, name: str) -> str:
+        return f"pyfric.analysis.{name}(record)" if name in ANALYSES else super()._place(name)
+
     def _solver(self) -> StaticSolver | None:
         """Return what finds static states of the record; None where there are none."""
         if not self.scene.has_rests:
@@ -164,12 +183,6 @@ class Record(RecordData):
 
     __repr__ = summary
 
-    def plot(self) -> Any:
-        """Return a figure of the loading curve; of a prediction curve, of length against force."""
-        return drawing(self)
-
-    _repr_html_ = html
-
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Record):
             return NotImplemented
@@ -191,20 +204,38 @@ class Record(RecordData):
 
     # --- files -----------------------------------------------------------------------------------
 
+    @usage('record.save("run.nc")')
     @held_back()
-    def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write one netCDF file, atomically: a file of that name is replaced whole or not at all.
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+        """Write one netCDF file, whole or not at all.
 
-        HDF5 writes to memory only, because it does not survive a full disk.
+        A file that holds the same run, up to this time or an earlier one, is replaced. Any other
+        one is replaced if `overwrite` is True. HDF5 writes to memory only, because it does not
+        survive a full disk.
 
         Raises:
             OSError: the file cannot be written; it names path and reason.
-            SceneError: the name ends like that of another format, such as .csv.
+            SceneError: the file exists and holds something else; or the name ends like that of
+                another format, such as .csv.
         """
+        if not (overwrite or self._goes_on_from(path)):
+            check_free(path, overwrite, "something else than an earlier part of this run")
         variables, attributes = layout.variables(self), layout.attributes(self)
         values = {name: array for name, (_, array, _) in variables.items()}
         sealed = attributes | {layout.SEAL: layout.seal(values, attributes)}
         return write(path, file_image(variables, sealed), ".nc")
+
+    def _goes_on_from(self, path: str | os.PathLike[str]) -> bool:
+        """Whether a file holds this run, up to the same or an earlier time."""
+        try:
+            before = Record.load(path, unsealed=True)
+        except (OSError, RecordError):
+            return False
+        (begin, end), (t_begin, t) = (record.curve["t"].iloc[[0, -1]] for record in (self, before))
+        if t > end or t_begin != begin or self.method != before.method:
+            return False
+        found = followed_by(before.scene, self.scene, float(t))
+        return found is not None and found[0] == self.scene
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, unsealed: bool = False) -> Self:
@@ -224,13 +255,19 @@ class Record(RecordData):
             raise RecordError(f"record: a path is needed, not {type(path).__name__}")
         path = Path(os.path.expanduser(path))
         if not os.path.exists(path):  # also where no file can have this name
-            raise FileNotFoundError(f"no record at {path}")
+            full = f"{path}.nc"
+            raise FileNotFoundError(
+                f"no record at {path}" + f"; write {full}" * os.path.isfile(full)
+            )
         if not path.is_file():
             raise RecordError(f"{path}: not a pyfric record (not a regular file)")
         try:
             attributes, values = read_image(memoryview(path.read_bytes()))
         except Exception as error:  # whatever the HDF5 layers make of a foreign file
-            raise RecordError(f"{path}: damaged, or not a pyfric record ({error})") from error
+            reader = READERS.get(path.suffix, READERS[""])
+            raise RecordError(
+                f"{path}: damaged, or not a pyfric record ({error}){reader}"
+            ) from error
         schema = attributes.get("pyfric_schema")
         if schema is None:
             raise RecordError(f"{path}: not a pyfric record (no attribute pyfric_schema)")
@@ -266,6 +303,7 @@ class Record(RecordData):
         """
         return layout.datatree(self)
 
+    @usage('record.to_html("run.html")')
     def to_html(self, path: str | os.PathLike[str]) -> Path:
         """Write one self-contained page about the record, at most 2 MB, and return its path.
 
@@ -278,6 +316,7 @@ class Record(RecordData):
         """
         return write(path, page(self).encode(), ".html")
 
+    @usage('record.to_mat("run.mat")')
     @held_back()
     def to_mat(self, path: str | os.PathLike[str]) -> Path:
         """Write a MATLAB file (version 5), which Octave reads, too; return its path.
@@ -292,6 +331,7 @@ class Record(RecordData):
         """
         return write(path, layout.mat(self), ".mat")
 
+    @usage('record.to_csv("tables")')
     def to_csv(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write the tables as CSV into ``folder`` (made if missing) and return the paths.
 
@@ -299,8 +339,13 @@ class Record(RecordData):
         blocks, one row per event and block; interface.csv has the loaded interface; columns.csv
         gives unit and meaning of every column. Floats are written with all digits that distinguish
         them.
+
+        Raises:
+            OSError: a file cannot be written.
+            SceneError: the name ends like that of a file.
         """
         folder = Path(os.path.expanduser(folder))
+        check_folder_name(folder)
         folder.mkdir(parents=True, exist_ok=True)
         tables = layout.csv_tables(self)
         return write_all(
@@ -308,4 +353,7 @@ class Record(RecordData):
         )
 
 
+Record.__init__ = usage('pyfric.load("run.nc"), or pyfric.simulate(scene, "400 ms")')(
+    Record.__init__
+)
 load = Record.load

@@ -1,39 +1,54 @@
 """Sizes of events and how they recur: counts, b-value, waiting times.
 
 The magnitude of an event is m = log10 of its size. In a catalogue that is complete from m_c on,
-with numbers of events above m that fall as 10^(-b m), the b-value and its standard error are
+with numbers of events above m that fall as 10^(-b m), the b-value has the largest likelihood, and
 
-    b = log10(e) / (mean m - (m_c - bin/2)) ,
+    b = log10(e) / (mean m - m_c) ,
     sigma_b = ln(10) b^2 [ sum (m - mean m)^2 / (n (n - 1)) ]^(1/2) ,
 
-over the n events with m >= m_c. `bin` is the width in which magnitudes are rounded, 0 if they are
-not. With the potency as size, b is the exponent of its cumulative distribution; the b-value of the
-moment magnitude is 3/2 of it.
+over the n events with m >= m_c. Sizes that are whole numbers are counts, as of blocks: k stands for
+all sizes from k to k + 1, and m_c is the magnitude of the smallest count. Likewise a magnitude that
+was rounded to bins stands for all of its bin. Of an event that may have magnitudes from m to m + w,
+the likelihood is 10^(-b m) - 10^(-b (m + w)), so that the score and its derivative are
+
+    s = m_c - m + w/(10^(b w) - 1) ,   ds/db = -ln(10) w^2 10^(b w)/(10^(b w) - 1)^2 ,
+
+the sum of s vanishes, and sigma_b = [sum s^2 n/(n - 1)]^(1/2) / |sum ds/db|. For w = 0 these are
+the equations above. With the potency as size, b is the exponent of its cumulative distribution; the
+b-value of the moment magnitude is 3/2 of it.
 
 The smallest events are those of single blocks, so that l and L bound the range. If m_c is left
 open, it is the lower end of the most frequent bin of magnitudes (of the maximum curvature).
 
-Source: K. Aki, Bull. Earthq. Res. Inst. 43, 237 (1965), b; T. Utsu, Geophys. Bull. Hokkaido Univ.
-13, 99 (1965), magnitudes in bins; Y. Shi and B. A. Bolt, Bull. Seismol. Soc. Am. 72, 1677 (1982),
-its error; S. Wiemer and M. Wyss, Bull. Seismol. Soc. Am. 90, 859 (2000), completeness.
+Source: K. Aki, Bull. Earthq. Res. Inst. 43, 237 (1965), b; Y. Shi and B. A. Bolt, Bull. Seismol.
+Soc. Am. 72, 1677 (1982), its error; S. Tinti and F. Mulargia, Bull. Seismol. Soc. Am. 77, 2125
+(1987), magnitudes in bins; S. Wiemer and M. Wyss, Bull. Seismol. Soc. Am. 90, 859 (2000),
+completeness.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import ArrayLike
 
+from pyfric.display import Shown, html
 from pyfric.record.data import RecordData
-from pyfric.record.held import held_in
+from pyfric.record.held import held_in, of_record
 from pyfric.scene import SceneError, check_number
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 BIN = 0.1
 """Width of bins of magnitude in which the most frequent one is looked for: a policy."""
 FEWEST = 2
 """Fewest events of a b-value with an error."""
+WHOLE = 1e-9
+"""Distance of a size from a whole number, over the size, up to which it is a count."""
 
 
 class Sizes(NamedTuple):
@@ -61,6 +76,9 @@ class Sizes(NamedTuple):
     recurrence: float
     variation: float
 
+    plot = Shown.plot
+    _repr_html_ = html
+
 
 def b_value(
     magnitudes: ArrayLike, m_c: float | None = None, *, bin: float = 0.0
@@ -68,9 +86,9 @@ def b_value(
     """Return the b-value of magnitudes and its standard error; see the module.
 
     Args:
-        magnitudes: shape (n,), without NaN.
+        magnitudes: shape (n,), without NaN. If all sizes 10^m are whole numbers, they are counts.
         m_c: magnitude from which they are complete; None is the smallest one.
-        bin: width in which they are rounded, 0 if they are not.
+        bin: width in which they are rounded, 0 if they are not. The bin of m_c is complete.
 
     Raises:
         SceneError: an argument is refused, there are fewer than two magnitudes from m_c on, or all
@@ -86,14 +104,51 @@ def b_value(
     if m.size < FEWEST:
         allowed = f"a magnitude below which {FEWEST} or more events are left out"
         raise SceneError("m_c", m_c, "", allowed.replace("below", "above"), f"{m.size} events")
-    above = float(m.mean()) - (m_c - bin / 2)
-    if not above > 0:
+    low, width, m_c = _ranges(m, m_c, bin)
+    above = float(low.mean()) - m_c
+    if not (above > 0 and (m > m.min()).any()):
         raise SceneError("magnitudes", m_c, "", "events of different size", "all are equal")
     b = float(np.log10(np.e)) / above
-    spread = float(np.sqrt(((m - m.mean()) ** 2).sum() / (m.size * (m.size - 1))))
-    return b, float(np.log(10)) * b**2 * spread
+    if width.any():
+        b = _root(lambda at: float(_scores(low, width, m_c, at)[0].sum()), b)
+    score, falls = _scores(low, width, m_c, b)
+    return b, float(np.sqrt((score**2).sum() * m.size / (m.size - 1)) / falls.sum())
 
 
+def _ranges(m: np.ndarray, m_c: float, bin: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return where the magnitudes that each event may have begin, their widths, and their least."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        count = np.rint(10.0**m)
+        counts = count.min() >= 1 and (np.abs(10.0**m - count) <= WHOLE * count).all()
+    if bin or not counts:
+        return m - bin / 2, np.full(m.shape, bin), m_c - bin / 2
+    least = np.ceil(10.0**m_c * (1 - WHOLE))
+    return np.log10(count), np.log1p(1 / count) / np.log(10), float(np.log10(least))
+
+
+def _scores(
+    low: np.ndarray, width: np.ndarray, m_c: float, b: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return derivatives of log10 likelihoods by b, and of these, negative; see the module."""
+    half, scale = np.log(10) * b * width / 2, np.log(10) * b
+    wide = np.where(half > 0, half, 1.0)
+    with np.errstate(over="ignore"):
+        mean = np.where(half > 0, 2 * wide / np.expm1(2 * wide), 1.0) / scale
+        falls = np.where(half > 0, (wide / np.sinh(wide)) ** 2, 1.0) / (scale * b)
+    return m_c - low + mean, falls
+
+
+def _root(of: Callable[[float], float], near: float) -> float:
+    """Return where a falling function of a positive number is zero."""
+    low = high = near
+    while of(low) < 0:
+        low /= 2
+    while of(high) > 0:
+        high *= 2
+    return low if low == high else float(scipy.optimize.brentq(of, low, high, xtol=1e-12 * low))
+
+
+@of_record
 def sizes(record: RecordData, size: str = "potency", complete: float | None = None) -> Sizes:
     """Return sizes of the finished events of a record, and how they recur; see the module.
 

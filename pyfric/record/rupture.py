@@ -20,7 +20,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pyfric.scene import Scene, SceneError
+from pyfric.scene import Scene, SceneError, check_number, usage
 
 AVERAGED = 4
 """Blocks that a front passes in the time of which its speed is the average, as in the paper."""
@@ -68,12 +68,13 @@ def rupture_front(first_slips: np.ndarray, n_of_i: np.ndarray, link_time: float)
     return front
 
 
+@usage("front_speed(record.rupture_times, record.scene.slider.l); analysis.front(record, event)")
 def front_speed(rupture_times: np.ndarray, l: float, d: int = 1) -> np.ndarray:
     """Front speed at each block, averaged over five blocks: v_c(i) = 4 l/(t_{i+2} - t_{i-2}).
 
     Args:
         rupture_times: (..., N_x), s, columns from left to right.
-        l: lattice spacing, m.
+        l: lattice spacing, m, or text such as "2.5 mm".
         d: +1 for fronts that run to the right (driven from the left), -1 for the left.
 
     Returns:
@@ -82,7 +83,7 @@ def front_speed(rupture_times: np.ndarray, l: float, d: int = 1) -> np.ndarray:
         latter as ``n_not_increasing``.
 
     Raises:
-        SceneError: a record is given instead of times.
+        SceneError: a record is given instead of times, or l is refused.
 
     Source: the paper, Fig. 4 (v_c as an average over five blocks).
 
@@ -94,6 +95,7 @@ def front_speed(rupture_times: np.ndarray, l: float, d: int = 1) -> np.ndarray:
             "times, shape (..., N_x); analysis.front(record, event) has the speeds of an event"
         )
         raise SceneError("rupture_times", type(rupture_times).__name__, "", allowed)
+    l = check_number("l", l, "m", gt=0.0)
     t = np.asarray(rupture_times, dtype=float)[..., ::d]
     v_c, half = np.full(t.shape, np.nan), AVERAGED // 2
     if t.shape[-1] > AVERAGED:

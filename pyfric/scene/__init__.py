@@ -3,6 +3,7 @@
 from importlib.metadata import version
 
 from pyfric.scene import laws
+from pyfric.scene.calls import usage
 from pyfric.scene.change import followed_by, full_name, once, scene_fields
 from pyfric.scene.checked import (
     Annotation,
@@ -19,6 +20,8 @@ from pyfric.scene.consistency import Geometry, check_geometry, check_push, defau
 from pyfric.scene.ends import Conditions, condition
 from pyfric.scene.errors import SceneError, naming, unknown
 from pyfric.scene.files import (
+    check_folder_name,
+    check_free,
     check_writable,
     clean_drafts,
     figure_stem,
@@ -42,10 +45,12 @@ from pyfric.scene.parts import (
 )
 from pyfric.scene.presets import (
     PRESETS,
+    SETTABLE,
     Number,
     SceneLike,
     as_scene,
     chain,
+    density_notes,
     paper_step,
     preset,
     presets,
@@ -55,7 +60,7 @@ from pyfric.scene.presets import (
     slab,
 )
 from pyfric.scene.profile import Profile
-from pyfric.scene.protocol import Leg, Push, legs
+from pyfric.scene.protocol import Leg, Push, legs, thinned
 from pyfric.scene.restless import RateStateLaw
 from pyfric.scene.scene import Scene
 from pyfric.scene.spread import Spread
@@ -82,5 +87,6 @@ from pyfric.scene.units import (
     prefix_power,
     spoken,
 )
+from pyfric.scene.words import LINES, line, meant, nearest, no_attribute, plain
 
 __version__ = version("pyfric")

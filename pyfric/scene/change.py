@@ -7,15 +7,20 @@ from collections.abc import Iterable, Mapping
 from operator import attrgetter
 from typing import Any, TypeVar
 
-from pyfric.scene.checked import Annotation, annotations
+import numpy as np
+
+from pyfric.scene.checked import Annotation, Positive, annotations
 from pyfric.scene.composed import Composed
 from pyfric.scene.errors import SceneError, naming, unknown
 from pyfric.scene.laws import FrictionLaw
 from pyfric.scene.parts import PARTS, DistributedLoad, Interface, PrescribedLoad, Rod
 from pyfric.scene.protocol import followed
+from pyfric.scene.units import check_number
 
 Parts = Composed | Mapping[str, Any]
 S = TypeVar("S", bound=Composed)
+PRESET_OF = {Rod: "setup1", DistributedLoad: "setup2", PrescribedLoad: "chain"}
+"""Tops, and a preset with each."""
 PROTOCOLS = (
     ("driver.V", "driver.protocol"),
     ("top.F_N", "top.protocol"),
@@ -26,6 +31,8 @@ PROTOCOLS = (
 
 def scene_fields(scene: Parts) -> dict[str, Annotation]:
     """Return all fields of a scene that can be changed, as in a scene file, and their annotations.
+
+    A prescribed load has a field F_N, too, the sum of its p.
 
     Examples are "name", "top", "driver.h", "interface.law.t_c", and "interface.mu_s.seed" if mu_s
     is a `Spread`.
@@ -39,6 +46,8 @@ def scene_fields(scene: Parts) -> dict[str, Annotation]:
         found[name] = PARTS[name]
         if dataclasses.is_dataclass(type(part)):
             found |= _inside(part, name, annotations(type(part)))
+        if isinstance(part, PrescribedLoad):
+            found["top.F_N"] = Positive("N")
     return found
 
 
@@ -74,15 +83,19 @@ def full_name(scene: Parts, name: str, value: Any = None, more: Iterable[str] = 
     if found:
         raise SceneError(name, value, "", " or ".join(found), "is in several parts")
     ends = list(dict.fromkeys([*known, *(full.partition(".")[2] or full for full in known)]))
-    for top in (Rod, DistributedLoad, PrescribedLoad):  # a correct word in a wrong place
-        if name.removeprefix("top.") in {field.name for field in dataclasses.fields(top)}:
+    for top, preset in PRESET_OF.items():  # a correct word in a wrong place
+        end = name.removeprefix("top.")
+        if end in {field.name for field in dataclasses.fields(top)}:
             reason = f"unknown here, a field of {top.__name__}"
-            raise SceneError(name, value, "", f"one of {', '.join(ends)}", reason)
+            raise SceneError(name, value, "", f'a scene with one, such as "{preset}"', reason)
     raise unknown(name, value, name, ends)
 
 
 def changed(scene: S, changes: Mapping[str, Any]) -> S:
-    """Return the scene with changed values; see `Scene.replace`."""
+    """Return the scene with changed values; see `Scene.replace`.
+
+    F_N of a prescribed load scales its p.
+    """
     parts = {name: changes.get(name, getattr(scene, name)) for name in PARTS}
     names = once((full_name(parts, name, value), value) for name, value in changes.items())
     known = scene_fields(parts) if any(name.count(".") > 1 for name in names) else {}
@@ -101,7 +114,15 @@ def changed(scene: S, changes: Mapping[str, Any]) -> S:
             follows = new or (end is not None and getattr(interface, mu) == end)
             if follows and not any(name.startswith(f"interface.{mu}") for name in names):
                 names[f"interface.{mu}"] = None  # the law holds it
-    return _with(scene, {tuple(name.split(".")): value for name, value in names.items()})
+    prescribed = isinstance(names.get("top", scene.top), PrescribedLoad)
+    F_N = names.pop("top.F_N", None) if prescribed else None
+    paths = {tuple(name.split(".")): value for name, value in names.items()}
+    if F_N is not None:
+        F_N = check_number("top.F_N", F_N, "N", gt=0.0)
+        unchecked = Composed(**{name: getattr(scene, name) for name in annotations(Composed)})
+        now = _with(unchecked, paths)
+        paths["top", "p"] = np.multiply(now.top.p, F_N / now.F_N).tolist()
+    return _with(scene, paths)
 
 
 def once(changes: Iterable[tuple[str, Any]]) -> dict[str, Any]:

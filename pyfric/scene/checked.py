@@ -16,13 +16,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pyfric.scene.errors import SceneError, naming, numbered, unknown
+from pyfric.scene.errors import SceneError, naming, numbered, show, unknown
 from pyfric.scene.units import (
     as_list,
     check_number,
     check_whole,
     in_si,
-    parse_quantity,
     range_text,
 )
 
@@ -91,8 +90,7 @@ class Quantity(Annotation):
         return range_text(self.unit, **self._limits) + self.note
 
     def check(self, value: Any, written: Written | None = None) -> Any:
-        if not written:
-            value = in_si("", value, self.unit, allowed=self.allowed)
+        value = in_si("", value, self.unit, allowed=self.allowed)
         if value is None and self.optional:
             return None
         if isinstance(value, self.drawn):
@@ -107,8 +105,6 @@ class Quantity(Annotation):
             return numbered(self.each, lambda entry: number.check(entry, written), value)
         if self.endless and isinstance(value, float | str) and value in FOR_EVER:
             return math.inf
-        if written and self.unit:
-            value = parse_quantity("", value, self.unit, allowed=self.allowed)
         return check_number("", value, self.unit, **self._limits, note=self.note)
 
     def _drawn(self, values: Mapping[str, Any], written: Written | None) -> Any:
@@ -248,9 +244,13 @@ class OneOf(Annotation):
     def check(self, value: Any, written: Written | None = None) -> Any:
         if isinstance(value, self.classes):
             return value
+        if isinstance(value, str) and self.kinds:
+            return self._named(value)
         if not written:
             reason = f"{type(value).__name__} is something else"
-            raise SceneError("", value, "", self.allowed, reason)
+            fields = isinstance(value, Mapping) and ", ".join(f"{name}=..." for name in value)
+            by_name = f", or its fields by their names, {fields}" if fields else ""
+            raise SceneError("", value, "", self.allowed + by_name, reason)
         if not isinstance(value, dict):
             reason = "missing" if value is None else "not a table"
             raise SceneError(self.section, value, "", f"a table [{self.section}]", reason)
@@ -262,15 +262,31 @@ class OneOf(Annotation):
         make = getattr(cls, "from_file", functools.partial(from_entries, cls))
         return make(entries, written.folder)
 
+    def _named(self, kind: str) -> Any:
+        """Return the part of a kind that needs no parameters."""
+        if kind not in self.kinds:
+            raise unknown("", kind, kind, self.kinds)
+        cls = self.kinds[kind]
+        try:
+            return cls()
+        except SceneError as error:
+            missing = ", ".join(f"{each.field.rpartition('.')[2]}=..." for each in error.flat())
+            allowed = f"{cls.__name__}({missing}), or a table with its kind in a file"
+            raise SceneError("", kind, "", allowed, "it has parameters") from None
+
     def written(self, value: Any) -> Any:
         return table(value)
+
+
+HINTS: dict[type, dict[str, Any]] = {}
+"""Types of the fields of each part, with their annotations."""
 
 
 @functools.cache
 def annotations(cls: type) -> dict[str, Annotation]:
     """Return the annotations of the fields of a part; a `Literal` stands for its `Words`."""
     found = {}
-    for name, hint in typing.get_type_hints(cls, include_extras=True).items():
+    for name, hint in HINTS[cls].items():
         inside = typing.get_args(hint)
         for mark in (hint, *inside):
             if isinstance(mark, Annotation):
@@ -316,20 +332,45 @@ def part(cls: type) -> type:
     """Make a frozen keyword-only dataclass that checks its values with `SceneError`."""
     cls = dataclasses.dataclass(frozen=True, kw_only=True)(cls)
     plain = cls.__init__
+    _move_hints(cls, plain)
 
     @functools.wraps(plain)
     def __init__(self: Any, /, *args: Any, **given: Any) -> None:
         plain(self, **_checked(cls, args, given))
 
-    cls.__init__ = __init__
+    def __setattr__(self: Any, name: str, value: Any) -> None:
+        field = f"{cls._section}.{name}".lstrip(".")
+        instead = f'scene.replace({{"{field}": {show(value)}}}) returns a scene with this value'
+        raise dataclasses.FrozenInstanceError(f"{name} of a {cls.__name__} stays; {instead}")
+
+    cls.__init__, cls.__setattr__ = __init__, __setattr__
     return cls
+
+
+def _move_hints(cls: type, init: Any) -> None:
+    """Move what fields may be to `HINTS`, so that the help of a part shows plain types."""
+    own = typing.get_type_hints(cls, include_extras=True)
+    of_bases = [HINTS[base] for base in reversed(cls.__mro__) if base in HINTS]
+    inherited = {name: hint for hints in of_bases for name, hint in hints.items()}
+    HINTS[cls] = own | {n: hint for n, hint in inherited.items() if n not in cls.__annotations__}
+    plain = typing.get_type_hints(cls)
+    cls.__annotations__ = {name: plain[name] for name in cls.__annotations__}
+    init.__annotations__ = {name: plain.get(name, t) for name, t in init.__annotations__.items()}
+    for field in dataclasses.fields(cls):
+        field.type = plain[field.name]
 
 
 def _checked(cls: type, args: tuple[Any, ...], given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the checked values of the fields of a part; the error lists all that is wrong."""
     prefix, marks = f"{cls._section}." if cls._section else "", annotations(cls)
     fields = {field.name: field.default for field in dataclasses.fields(cls)}
-    wrong = [SceneError(cls.__name__, value, "", "keyword arguments") for value in args]
+    positions = [name for name in getattr(cls, "_positions", ()) if name not in given]
+    given = dict(zip(positions, args, strict=False)) | dict(given)
+    named = f"keyword arguments, as in {cls.__name__}({', '.join(f'{n}=...' for n in fields)})"
+    if len(args) > len(positions):
+        allowed = getattr(cls, "_example", named)
+        raise SceneError(cls.__name__, args[len(positions)], "", allowed, "not understood")
+    wrong: list[SceneError] = []
     strange, elsewhere = [n for n in given if n not in fields], getattr(cls, "_elsewhere", {})
     wrong += [unknown(prefix + n, given[n], n, fields) for n in strange if n not in elsewhere]
     known = [SceneError(prefix + n, given[n], "", elsewhere[n]) for n in strange if n in elsewhere]
@@ -346,7 +387,12 @@ def _checked(cls: type, args: tuple[Any, ...], given: Mapping[str, Any]) -> dict
             try:
                 found[name] = mark.check(inside, written)
             except SceneError as error:
-                wrong.append(error if error.field else error.at(prefix + name))
+                error = error if error.field else error.at(prefix + name)
+                others = (n for n, m in marks.items() if value in getattr(m, "words", ()))
+                if isinstance(value, str) and (other := next(others, "")):
+                    allowed = f"{error.allowed}; {other}={value!r} exists"
+                    error = SceneError(error.field, value, "", allowed, error.reason)
+                wrong.append(error)
     if wrong:
         raise SceneError.joined(wrong)
     return found

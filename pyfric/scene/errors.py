@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import difflib
 import reprlib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+
+from pyfric.scene.words import line, meant, nearest
 
 NO_UNIT = "missing unit"
 _SHORT = reprlib.Repr()
@@ -100,18 +101,11 @@ def show(value: Any) -> str:
         return f"<a very large {type(value).__name__}>"
 
 
-def nearest(key: str, known: Iterable[str]) -> str:
-    """Return the entry of `known` most similar to `key`, or ``""`` if none is similar enough."""
-    key, names = key[:64], {name.casefold(): name for name in known}
-    if found := difflib.get_close_matches(key.casefold(), names, n=1):
-        return names[found[0]]
-    begins = (name for name in known if key.startswith(name) or name.startswith(key))
-    return next(begins, "") if key else ""  # "Length" means L
-
-
 def unknown(field: str, value: Any, key: str, known: Iterable[str]) -> SceneError:
-    """Return the error for a `key` that is not in `known`, with the most similar known name."""
+    """Return the error for a `key` that is not in `known`, with the line to write instead."""
     known = list(known)
+    if not meant(key, known) and (instead := line(key)):
+        return SceneError(field, value, "", instead, "unknown here")
     guess = nearest(key, known)
     hint = f", did you mean {guess!r}?" if guess else ""
     return SceneError(field, value, "", f"one of {', '.join(known)}", f"unknown{hint}")

@@ -69,6 +69,34 @@ def check_suffix(path: str | os.PathLike[str], own: str) -> None:
         raise SceneError("path", os.fspath(path), "", f"a name that ends in {own}{tables}", reason)
 
 
+def check_free(path: str | os.PathLike[str], overwrite: bool, held: str = "") -> None:
+    """Refuse to replace the file of a run, unless one says so.
+
+    Args:
+        path: the file.
+        overwrite: whether it may be replaced.
+        held: what it holds, for the message.
+
+    Raises:
+        SceneError: the file exists.
+    """
+    if not overwrite and os.path.isfile(os.path.expanduser(path)):
+        allowed = "another name; overwrite=True replaces it"
+        reason = "the file exists" + f" and holds {held}" * bool(held)
+        raise SceneError("path", os.fspath(path), "", allowed, reason)
+
+
+def check_folder_name(folder: Path) -> None:
+    """Refuse the name of a file where several files are written into a folder.
+
+    Raises:
+        SceneError: its suffix is one of `FORMATS`.
+    """
+    if folder.suffix.lower() in FORMATS and not folder.is_dir():
+        allowed = f'a folder for several files, such as "{folder.stem}"'
+        raise SceneError("folder", str(folder), "", allowed, "the name of a file")
+
+
 def figure_stem(path: str | os.PathLike[str]) -> Path:
     """Return a path without the suffix .png or .pdf: the files of a figure are named after it.
 

@@ -85,6 +85,7 @@ class Material:
     plane: Literal["stress", "strain"] = "stress"
 
     _section: ClassVar[str] = "slider.material"
+    _positions: ClassVar[tuple[str, ...]] = ("name",)
 
     def __post_init__(self) -> None:
         if self.name and self.name not in MATERIALS:

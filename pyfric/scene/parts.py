@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 
+from pyfric.scene.calls import usage
 from pyfric.scene.checked import (
     NotNegative,
     OneOf,
@@ -46,6 +47,11 @@ FIELDS = ("mu_s", "mu_k", "d_c", "alpha", "k_f", *OPTIONAL)
 """Names of the fields of an interface; those that few interfaces have."""
 A_LAW = "a friction law, such as pyfric.laws.Ageing, or [interface.law] in a scene file"
 CHAIN_NOTE = ", or 0 for a chain under a prescribed load"
+
+
+A_SLIDER = (
+    'Slider, such as Slider.of_material("PMMA", width="6 mm", L="140 mm", H="75 mm", l="2.5 mm")'
+)
 
 
 def steps_in(length: float, l: float) -> int | None:
@@ -100,11 +106,12 @@ class Slider:
     )
 
     @classmethod
+    @usage('of_material("PMMA", width="6 mm", L="140 mm", H="75 mm", l="2.5 mm")')
     def of_material(
         cls,
-        name: str = "",
+        name: str | Material = "",
         *,
-        width: float | str,
+        width: float | str | None = None,
         E: float | str | None = None,
         density: float | str | None = None,
         viscosity: float | str | None = None,
@@ -118,7 +125,7 @@ class Slider:
         edges="half".
 
         Args:
-            name: a key of `pyfric.MATERIALS`, for values that are not given.
+            name: a key of `pyfric.MATERIALS`, for values that are not given, or a `Material`.
             width, E, density, viscosity, plane: see `Material`. Which waves decay as the viscosity
                 says depends on `dashpots`.
             **fields: L, H, l and other fields of the slider, except k and M.
@@ -127,8 +134,18 @@ class Slider:
         >>> pyfric.Slider.of_material(E="3 GPa", width="6 mm", density=1200.0, **slab).k
         13500000.0
         """
-        values = {"E": E, "density": density, "viscosity": viscosity, "plane": plane}
-        return cls._of(Material(name=name, width=width, **values), fields)
+        values = {"width": width, "E": E, "density": density, "viscosity": viscosity}
+        given = {key: value for key, value in values.items() if value is not None}
+        given |= {} if plane == "stress" else {"plane": plane}
+        for field in ("L", "H", "l"):
+            if field not in fields:
+                raise SceneError(f"slider.{field}", None, "m", A_SLIDER, "missing")
+        material = name
+        if not isinstance(material, Material):
+            material = Material(name=material, **given)
+        elif given:
+            material = dataclasses.replace(material, **given)
+        return cls._of(material, fields)
 
     @classmethod
     def _of(cls, material: Material, fields: Mapping[str, Any]) -> Self:
@@ -489,7 +506,7 @@ def _mean(field: Field) -> float:
 
 
 PARTS = {
-    "slider": OneOf(Slider),
+    "slider": OneOf(Slider, allowed=A_SLIDER),
     "top": OneOf(Rod, DistributedLoad, PrescribedLoad),
     "driver": OneOf(Driver),
     "interface": OneOf(Interface),

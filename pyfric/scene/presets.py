@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypedDict, Unpack
 
+from pyfric.scene.calls import usage
 from pyfric.scene.change import changed, full_name, joined, once, scene_fields
 from pyfric.scene.errors import SceneError, naming, unknown
 from pyfric.scene.laws import FrictionLaw, Junctions, RateAndState
@@ -27,6 +28,7 @@ from pyfric.scene.profile import Profile
 from pyfric.scene.scene import Scene
 from pyfric.scene.spread import Spread
 from pyfric.scene.units import check_number
+from pyfric.scene.words import GO_ON
 
 Number = float | str
 """A number in SI units, text with a unit such as "5 mm", or a quantity of a unit library."""
@@ -87,6 +89,8 @@ class Fields(TypedDict, total=False):
     stop_when: str | Sequence[str]
 
 
+SETTABLE = tuple(Fields.__annotations__)
+"""Names of all fields that some scene has."""
 Changes = Mapping[str, Any] | None
 """Names of fields to values; a name that several parts share needs its part: "driver.protocol"."""
 Rule = Callable[[Slider], Any]
@@ -203,7 +207,8 @@ def setup1(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
 
     If L is changed and M is not given, M is 0.54 kg/m times L: 108 g at L = 200 mm. The caption of
     the paper gives 75.6 g. This mass leads to the paper's wave speeds (1677 and 968 m/s) only at
-    L = 140 mm; therefore the density is kept. M=0.0756 gives the mass of the caption at every L.
+    L = 140 mm; therefore the density is kept. M=0.0756 gives the mass of the caption at every L. If
+    H is changed and M is not given, M stays, and the density changes; records say so.
 
     Changes and errors are those of `preset`.
 
@@ -302,7 +307,7 @@ def chain(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
 
     Each block represents a column of setup 1. The defaults are:
 
-    - p = 3500 N / N_x, the normal force of setup 1, spread evenly;
+    - p = 3500 N / N_x, the normal force of setup 1, spread evenly; F_N="2 kN" spreads another one;
     - k = E B H / l = 1.35 MN / l, which is 540 MN/m at l = 2.5 mm. A uniform stretch then takes the
       same force as in setup 1, where E B = 4 k/3 with k = 13.5 MN/m, and H = 75 mm;
     - M = 0.54 kg/m times L, as in `setup1`.
@@ -487,6 +492,7 @@ PRESETS: MappingProxyType[str, Preset] = MappingProxyType(
 """Named scenes, as functions that take changes."""
 
 
+@usage('preset("fig1", F_N="2 kN", mu_s=0.6)')
 def preset(name: str, changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     """Return the named scene, with changes.
 
@@ -519,6 +525,29 @@ def presets() -> dict[str, str]:
     return {name: scene.about for name, scene in PRESETS.items()}
 
 
+UNSAID = 0.05
+"""Change of the density, over it, that needs no note: a policy."""
+
+
+def density_notes(scene: Scene) -> tuple[str, ...]:
+    """Return a note on a scene with the name of a preset and another density than this has.
+
+    Mass per area decides: a height that is changed alone leaves M as it is.
+    """
+    if scene.name not in PRESETS:
+        return ()
+    own, now = PRESETS[scene.name]().slider, scene.slider
+    areas = [s.L * (s.H or 1.0) for s in (own, now)]
+    kept = own.M * areas[1] / areas[0]
+    if bool(own.H) != bool(now.H) or math.isclose(now.M, kept, rel_tol=UNSAID):
+        return ()
+    ratio = now.M / kept
+    return (
+        f"M = {now.M:.6g} kg makes the density {ratio:.3g} times that of {scene.name}, and waves "
+        f"{ratio**-0.5:.3g} times as fast for the same k; M = {kept:.6g} kg keeps it",
+    )
+
+
 def settings(name: str) -> list[str]:
     """Return the names of the fields of a preset, without the part if the name is unique."""
     names = [full for full in scene_fields(PRESETS[name]()) if full.count(".") == 1]
@@ -546,11 +575,16 @@ def as_scene(scene: SceneLike, changes: Changes = None) -> Scene:
         SceneError: not a scene, no such preset or file, a file without a scene, or a refused
             change.
     """
+    named = isinstance(scene, str | os.PathLike)
     if isinstance(scene, str) and not names_file(scene):
         return preset(scene, changes)
-    if isinstance(scene, str | os.PathLike):
+    if named and os.fspath(scene).endswith(".nc"):
+        raise SceneError("scene", os.fspath(scene), "", GO_ON, "a record is no scene")
+    if named:
         scene = Scene.from_toml(scene)
     if not isinstance(scene, Scene):
+        if hasattr(scene, "scene"):
+            raise SceneError("scene", type(scene).__name__, "", GO_ON, "a record is no scene")
         allowed = f"a Scene, a scene file, or one of {', '.join(PRESETS)}"
         raise SceneError("scene", scene, "", allowed)
     return scene.replace(changes) if changes else scene

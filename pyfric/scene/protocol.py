@@ -12,11 +12,16 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import numpy as np
 
 from pyfric.scene.checked import FOR_EVER, Annotation, Quantity, Whole, Written
 from pyfric.scene.errors import SceneError, numbered
-from pyfric.scene.units import as_list
+from pyfric.scene.units import as_list, check_number, check_unmasked
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 MOST = 1000
 """Largest number of breakpoints of one protocol, and of pushes of one scene."""
@@ -127,19 +132,65 @@ def legs(course: Sequence[Piece], t_end: float) -> list[Leg]:
 
 
 def _rows(
-    of: Annotation, what: tuple[str, str], value: Any, check: Callable[[Any], Any]
+    of: Protocol | Pushes, what: tuple[str, str], value: Any, check: Callable[[Any], Any]
 ) -> tuple[Any, ...]:
     """Return the checked rows of a list; `what` names a row and a list of them."""
     value = as_list(value)
-    if not isinstance(value, list | tuple) or len(value) > MOST:
-        reason = f"not a list of {what[1]}, or more than {MOST}"
-        raise SceneError("", value, of.unit, of.allowed, reason)
+    if not isinstance(value, list | tuple):
+        raise SceneError("", value, of.unit, of.allowed, f"not a list of {what[1]}")
+    if len(value) > MOST:
+        allowed = f"at most {MOST} {what[1]}{of.fewer}"
+        raise SceneError("", len(value), "", allowed, "too many")
     return numbered(what[0], check, value)
+
+
+def thinned(corners: ArrayLike, error: float) -> Corners:
+    """Return breakpoints of a protocol that many others follow within an error.
+
+    A measured speed may have many samples, and steps of time end at each breakpoint. Jumps, where
+    two times are the same, are kept. The displacement of a driver is then right within `error`
+    times the time.
+
+    Args:
+        corners: pairs of a time (s) and a value, in SI units, shape (n, 2), in order of time.
+        error: largest difference of a value from the line between those that are kept, > 0, in the
+            unit of the values.
+
+    Raises:
+        SceneError: an argument is refused.
+
+    Source: D. H. Douglas, T. K. Peucker, Cartographica 10, 112 (1973): a line between two points is
+    divided at the point furthest from it.
+    """
+    check_unmasked("corners", corners)
+    try:
+        pairs = np.asarray(corners, dtype=float)
+    except (TypeError, ValueError):
+        pairs = np.empty(0)
+    fits = pairs.ndim == 2 and pairs.shape[1] == 2 and len(pairs) and np.isfinite(pairs).all()
+    if not fits or (np.diff(pairs[:, 0]) < 0).any():
+        shown = f"shape {pairs.shape}" if pairs.size else type(corners).__name__
+        raise SceneError("corners", shown, "", "pairs of finite numbers in order of time")
+    error = check_number("error", error, "", gt=0.0)
+    t, y = pairs.T
+    kept = np.append(np.diff(t) == 0, True) | np.append(True, np.diff(t) == 0)
+    todo = list(itertools.pairwise(np.flatnonzero(kept).tolist()))
+    while todo:
+        a, b = todo.pop()
+        inside = slice(a, b + 1)
+        off = np.abs(y[inside] - np.interp(t[inside], [t[a], t[b]], [y[a], y[b]]))
+        if b > a + 1 and off.max() > error:
+            n = a + int(np.argmax(off))
+            kept[n] = True
+            todo += [(a, n), (n, b)]
+    return tuple((float(time), float(value)) for time, value in pairs[kept])
 
 
 @dataclasses.dataclass(frozen=True)
 class Protocol(Quantity):
     """Annotation of breakpoints: pairs of a time in s and a value in `unit`."""
+
+    fewer: ClassVar[str] = "; pyfric.thinned(pairs, error) leaves out those that others tell"
 
     @property
     def _numbers(self) -> tuple[Quantity, Quantity]:
@@ -205,6 +256,7 @@ Pushed = tuple[tuple[float, ...], ...]
 class Pushes(Annotation):
     """Annotation of pushes: lists of a block, a force, and perhaps begin, end and rate."""
 
+    fewer: ClassVar[str] = ""
     unit: str = "N"
     allowed: str = (
         "lists of a block's number, a force in N, and perhaps begin and end in s and a rate in N/s"

@@ -9,23 +9,26 @@ Every refused value raises `SceneError`.
 
 import os
 from collections.abc import Mapping
+from operator import attrgetter
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import tomli_w
 
-from pyfric.display import drawing, html
+from pyfric.display import Shown
 from pyfric.scene import toml
-from pyfric.scene.change import changed, joined
+from pyfric.scene.change import changed, full_name, joined
 from pyfric.scene.checked import from_entries, part, table
 from pyfric.scene.composed import Composed
 from pyfric.scene.consistency import check
+from pyfric.scene.errors import SceneError
 from pyfric.scene.files import write
 from pyfric.scene.text import scene_text
+from pyfric.scene.words import line, no_attribute
 
 
 @part
-class Scene(Composed):
+class Scene(Composed, Shown):
     """The simulated system: slider, top boundary, driver, interface, walls.
 
     A scene is immutable and hashable. `replace` changes values and repeats all checks. Arrays run
@@ -50,17 +53,33 @@ class Scene(Composed):
     Source: PRL 107, 074301 (2011).
     """
 
+    _example: ClassVar[str] = 'pyfric.preset("fig1"), or pyfric.Scene.from_toml("scene.toml")'
+
     def __post_init__(self) -> None:
         check(self)
 
     def __repr__(self) -> str:
         return scene_text(self)
 
-    _repr_html_ = html
+    def __getattr__(self, name: str) -> Any:
+        """Say where an attribute is that a scene has not."""
+        if name.startswith("_"):
+            raise AttributeError(f"a scene has no {name!r}", name=name, obj=self)
+        if instead := line(name, "scene"):
+            raise no_attribute("scene", name, self, instead)
+        try:
+            instead = f"scene.{full_name(self, name)}"
+        except (SceneError, AttributeError):
+            instead = ""
+        raise no_attribute("scene", name, self, instead, dir(type(self)))
 
-    def plot(self) -> Any:
-        """Return a sketch of the scene to scale; see `pyfric.figures.sketch`."""
-        return drawing(self)
+    def __getitem__(self, name: str) -> Any:
+        """Return the value of a field by its name, as in `replace`.
+
+        >>> pyfric.preset("fig1")["driver.h"]
+        0.005
+        """
+        return attrgetter(full_name(self, name))(self)
 
     def replace(self, changes: Mapping[str, Any] | None = None, /, **keywords: Any) -> Self:
         """Return the scene with changed values; all checks are repeated.

@@ -1,4 +1,4 @@
-"""Scene files in TOML. Every number with a unit is written with its unit::
+"""Scene files in TOML. A number is in SI, and text has its unit::
 
     name = "fig1"
     stop_when = ["arrested"]    # conditions that end a run; may be left out
@@ -34,8 +34,8 @@
     t_c = "1 ms"
 
 A law of kind "table" takes lists or CSV files: slide = "friction.csv", relative to the scene file.
-Numbers without unit are bare. Lengths, forces and so on are text with any unit that fits. A field
-that may vary along the interface is a number, a list, or a table, such as
+As in Python, L = "140 mm" and L = 0.14 are the same. Text takes any unit that fits. A field that
+may vary along the interface is a number, a list, or a table, such as
 mu_s = {mean = 0.7, std = 0.02, correlation_length = "10 mm", seed = 1} or mu_s = {file = "mu.csv"}.
 """
 

@@ -36,7 +36,7 @@ UNUSUAL = ("megameter", "gigameter", "megasecond", "gigasecond", "petameter")
 _FACTOR = r"[A-Za-zµμ%]+(?:(?:\^|\*\*)[-−]?[1-9]|[-−][1-9]|[2-9]|⁻?[¹²³])?"
 _QUANTITY = re.compile(
     r"\s*(?P<number>[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|nan|inf(?:inity)?)(?![\d.]))"
-    rf"\s*(?P<unit>(?:{_FACTOR}(?:(?:\s*[*/·⋅]\s*|\s+){_FACTOR})*)?)\s*",
+    rf"\s*(?P<unit>(?:(?:1\s*/\s*)?{_FACTOR}(?:(?:\s*[*/·⋅]\s*|\s+){_FACTOR})*)?)\s*",
     re.IGNORECASE | re.ASCII,
 )
 _LONGEST = 80  # characters in a quantity
@@ -46,6 +46,8 @@ _NAME = re.compile(r"\b[A-Z][A-Za-z]{4,}\b")
 """A unit that is spelled out with a capital. Shorter ones are symbols, as MPa and mPa are."""
 
 
+SHARES = ("1", "F_N", "sqrt(k m)")
+"""What stands for the unit of a pure number."""
 LIMITS = {
     "gt": (">", operator.gt, "too small"),
     "ge": (">=", operator.ge, "too small"),
@@ -70,8 +72,9 @@ def check_number(
 
     Args:
         field: dotted name used in the error.
-        value: a Python or NumPy real scalar, in SI. If there is a unit, also text such as "5 mm" or
-            a quantity of a library of units, see `in_si`. Booleans and arrays are refused.
+        value: a Python or NumPy real scalar, in SI; text such as "5 mm" or, without a unit, "0.7"
+            and "5 %"; or a quantity of a library of units, see `in_si`. Booleans and arrays are
+            refused.
         unit: SI unit, ``""`` for a pure number.
         note: other allowed values, appended to the range in the error.
         limits: gt, ge, le, lt (>, >=, <=, <), in the same unit; None means no limit.
@@ -90,7 +93,8 @@ def check_number(
         return SceneError(field, shown, unit, allowed + size + note, reason)
 
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise refused(f"a number is needed, not {type(value).__name__}")
+        text = f', or text such as "1 {unit}"' if unit else ""
+        raise refused(f"a number is needed, not {type(value).__name__}", size=text)
     try:
         number = float(value) + 0.0
     except (OverflowError, ValueError):
@@ -129,13 +133,15 @@ def check_whole(
 
 
 def in_si(field: str, value: Any, unit: str, *, allowed: str) -> Any:
-    """Convert text with a unit, or a quantity of pint, to SI; return anything else unchanged.
+    """Convert text, or a quantity of pint, to SI; return anything else unchanged.
+
+    Text has a unit, such as "5 mm", or none if the number has none; then it may be in percent.
 
     Raises:
         SceneError: the value has no unit, or a unit of another dimension.
     """
-    if isinstance(value, str) and unit:
-        return parse_quantity(field, value, unit, allowed=allowed)
+    if isinstance(value, str):
+        return parse_quantity(field, value, "" if unit in SHARES else unit, allowed=allowed)
     if not (hasattr(value, "to_base_units") and hasattr(value, "magnitude")):
         return value
     try:
@@ -180,7 +186,8 @@ def parse_quantity(field: str, value: Any, unit: str, *, allowed: str = "") -> f
             another dimension.
     """
     example = f"1 {unit}"
-    allowed = f'{allowed or range_text(unit)}, written with a unit such as "{example}"'
+    allowed = allowed or range_text(unit)
+    allowed += f', written with a unit such as "{example}"' * bool(unit)
     no_unit = f'{NO_UNIT}: write e.g. "{example}"'
 
     def refused(reason: str) -> SceneError:
@@ -192,8 +199,8 @@ def parse_quantity(field: str, value: Any, unit: str, *, allowed: str = "") -> f
         raise refused(f"a quantity in quotes is needed, not {type(value).__name__}")
     match = _QUANTITY.fullmatch(value) if len(value) <= _LONGEST else None
     if match is None:
-        raise refused("not a number followed by a unit")
-    if not match["unit"]:
+        raise refused("not a number" + " followed by a unit" * bool(unit))
+    if unit and not match["unit"]:
         raise refused(no_unit)
     number = float(match["number"])
     if match["unit"] == unit:
@@ -286,7 +293,7 @@ def _factor(name: str, unit: str) -> Fraction:
         instead = f": write {show(small)}" if small != name and _known(small, unit) else ""
         raise ValueError(f"unknown unit {shown}{instead}") from None
     if not same:
-        raise ValueError(f"wrong unit: {shown} does not convert to {unit}")
+        raise ValueError(f"wrong unit: {shown} does not convert to {unit or 'a pure number'}")
     for full, _ in registry.Quantity(1, given).unit_items():
         _, root, _ = registry.parse_unit_name(full)[0]
         if root not in USUAL or full in UNUSUAL:

@@ -290,8 +290,18 @@ class Contact(States):
         return self.values()
 
     def load(self, home: np.ndarray) -> Values:
-        """Find the state after proportional loading; see `States.unmet_in_loading`."""
-        for _ in self.exchange(lambda now: self.unmet_in_loading(now, home)):
+        """Find the state after proportional loading; see `States.unmet_in_loading`.
+
+        A block that hardly touches may lift off where it is held, and sink in where it is free. If
+        it lifts off a second time, it lands as one that slipped to where it is.
+        """
+        self._lifts[:] = 0
+
+        def unmet(now: Values) -> Unmet | None:
+            landed = np.where(self._lifts > 1, np.sign(now.u_x - home), STUCK)
+            return self.unmet_in_loading(now, home, landed.astype(np.int8))
+
+        for _ in self.exchange(unmet):
             pass
         return self.values()
 

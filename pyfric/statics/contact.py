@@ -140,13 +140,15 @@ class States:
             by[i], mode[i] = worst, STUCK
         return Unmet(by, self.tol, mode, home)
 
-    def unmet_in_loading(self, now: Values, home: np.ndarray) -> Unmet | None:
+    def unmet_in_loading(
+        self, now: Values, home: np.ndarray, landed: np.ndarray | int = STUCK
+    ) -> Unmet | None:
         """Return the conditions that the final state of proportional loading violates.
 
         A block that slips during proportional loading does so from the smallest load on, in one
-        direction. A block that sticks is at `home` (m).
+        direction. A block that sticks is at `home` (m). Blocks that land get the state `landed`.
         """
-        found = self.misplaced(now, STUCK, home) or self.turned(now, home)
+        found = self.misplaced(now, landed, home) or self.turned(now, home)
         return found or self.overloaded(now, home)
 
 

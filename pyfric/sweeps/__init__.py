@@ -2,7 +2,7 @@
 
 from pyfric.sweeps.boundaries import boundary, label_map
 from pyfric.sweeps.phases import PhaseDiagram, chain_job, even_scale, phase_diagram
-from pyfric.sweeps.results import Results
+from pyfric.sweeps.results import MEASURED, Results
 from pyfric.sweeps.runs import Job, JobError, run_all, side_by_side
 from pyfric.sweeps.shared import Shared
 from pyfric.sweeps.spacings import Resolution, resolve

@@ -49,9 +49,9 @@ def _span(name: str, ends: Sequence[float], scale: Scale) -> Span:
     if not isinstance(ends, Sequence) or isinstance(ends, str) or len(ends) != 2:
         raise SceneError(name, ends, "", "two numbers, the lower one first")
     try:
-        return Span(start=ends[0], stop=ends[1], scale=scale)
+        return Span(start=ends[0], stop=ends[1], scale=scale).in_si("", "")
     except SceneError as error:
-        raise error.at(f"{name}.{error.field}") from None
+        raise error.at(f"{name}.{error.field.lstrip('.')}") from None
 
 
 def _one(label: Hashable) -> Hashable:

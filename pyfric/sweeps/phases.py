@@ -25,10 +25,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pyfric.display import Shown
 from pyfric.engines import Options
 from pyfric.record import SLOW, Record, pace_limits
 from pyfric.scene import (
     PRESETS,
+    Number,
     SceneError,
     SceneLike,
     as_scene,
@@ -38,16 +40,17 @@ from pyfric.scene import (
     full_name,
     once,
     scene_fields,
+    usage,
 )
 from pyfric.signals import at_once
 from pyfric.sweeps.boundaries import boundary
 from pyfric.sweeps.runs import Job, run_all
 from pyfric.sweeps.shared import Shared, sharing
 from pyfric.sweeps.store import Cache
-from pyfric.sweeps.varied import Scale
+from pyfric.sweeps.varied import Scale, Span
 
 Labels = Mapping[str, Callable[[Record], Hashable]]
-Axis = tuple[str, Sequence[float] | np.ndarray]
+Axis = tuple[str, Sequence[Number] | np.ndarray | Span]
 
 ALPHA = np.logspace(-3, 1, 20)
 """Values of alpha/sqrt(k m) in the paper's diagram of the chain."""
@@ -84,8 +87,8 @@ Row = dict[str, Any]
 """What became of a run: the fields, the labels, and what is said of its front."""
 
 
-@dataclass(frozen=True)
-class PhaseDiagram:
+@dataclass(frozen=True, repr=False)
+class PhaseDiagram(Shown):
     """What became of a scene over two of its fields.
 
     Attributes:
@@ -162,6 +165,7 @@ def chain_job(alpha: float, tau_bar: float, blocks: int = BLOCKS) -> Job:
     )
 
 
+@usage('phase_diagram(scene, x=("mu_s", [0.6, 0.7]), y=("h", ["5 mm", "10 mm"]), t_end="1 s")')
 @at_once()
 def phase_diagram(
     scene: SceneLike | Callable[[float, float], Job] | None = None,
@@ -169,7 +173,7 @@ def phase_diagram(
     x: Axis | None = None,
     y: Axis | None = None,
     label: Callable[[Record], Hashable] | Labels | None = None,
-    t_end: float | None = None,
+    t_end: Number | None = None,
     options: Options | Mapping[str, Any] | None = None,
     changes: Mapping[str, Any] | None = None,
     lines: bool = True,
@@ -183,7 +187,8 @@ def phase_diagram(
         scene: a scene, the name of a preset or the path of a scene file, or a function of x and y
             that returns a `Job`. None means `chain_job`. If a preset is named, each point is
             `preset(name, values)`, so that what follows from l or L in it follows at each point.
-        x, y: each the name of a field, such as "driver.h", and its values, rising. Those of the
+        x, y: each the name of a field, such as "driver.h", and its values, rising, in SI or as text
+            such as "5 mm", or a `Span`. Those of the
             chain are "alpha" and "tau_bar", in either order; None means alpha along x and tau_bar
             along y as in the paper, 20 values each.
         label: a function of a record that labels the run, or several by name. None means kind and
@@ -285,15 +290,28 @@ def _jobs(
 ) -> tuple[Callable[[float, float], Job], tuple[Axis, Axis], tuple[str, str]]:
     """Return the function from x and y to jobs, the axes with checked values, and their units."""
     own = scene is None
+    units: dict[str, str] = {}
+    if not (own or callable(scene)):
+        base = scene if isinstance(scene, str) and scene in PRESETS else as_scene(scene)
+        example = as_scene(base, changes)
+        fields = scene_fields(example)
+        units = {
+            axis[0]: fields[full_name(example, axis[0])].unit
+            for axis in (x, y)
+            if isinstance(axis, tuple) and axis and isinstance(axis[0], str)
+        }
     if own:
         x, y = x or ("alpha", ALPHA), y or ("tau_bar", TAU_BAR)
     checked = []
     for side, axis in (("x", x), ("y", y)):
         if not (isinstance(axis, tuple) and len(axis) == 2 and isinstance(axis[0], str)):
             raise SceneError(side, axis, "", "the name of a field and its values")
-        if not np.iterable(axis[1]) or isinstance(axis[1], str):
-            raise SceneError(side, axis[1], "", "at least two values, rising", "not a list")
-        values = [check_number(f"{side} {axis[0]}", value, "") for value in axis[1]]
+        name, unit, values = f"{side} {axis[0]}", units.get(axis[0], ""), axis[1]
+        if isinstance(values, Span):
+            values = values.in_si(name, unit).values(name)
+        if not np.iterable(values) or isinstance(values, str):
+            raise SceneError(side, values, "", "at least two values, rising", "not a list")
+        values = [check_number(name, value, unit) for value in values]
         if len(values) < 2 or not (np.diff(values) > 0).all():
             raise SceneError(side, axis[1], "", "at least two values, rising")
         checked.append((axis[0], values))
@@ -308,7 +326,6 @@ def _jobs(
                 raise SceneError(name, value, "", "None without a scene: the jobs have their own")
         chains = lambda a, b: chain_job(**{names[0]: a, names[1]: b})  # noqa: E731
         return chains if own else scene, tuple(checked), ("", "")
-    base = scene if isinstance(scene, str) and scene in PRESETS else as_scene(scene)
     if t_end is None:
         raise SceneError("t_end", None, "s", "the end of the runs of a scene", "missing")
 
@@ -317,10 +334,7 @@ def _jobs(
         found = Job(scene=as_scene(base, given), t_end=t_end, options=options or Options())
         return dataclasses.replace(found, options=sharing(found.options))
 
-    example = as_scene(base, changes)
-    fields = scene_fields(example)
-    marks = [fields[full_name(example, name)] for name in names]
-    return job, tuple(checked), tuple(mark.unit for mark in marks)
+    return job, tuple(checked), tuple(units[name] for name in names)
 
 
 def even_scale(values: np.ndarray) -> Scale:

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 import pandas as pd
 
+from pyfric.display import Shown
 from pyfric.planning import level_of
 from pyfric.record import Record, analysis
-from pyfric.scene import SceneError, unknown, write_all
+from pyfric.scene import SceneError, check_folder_name, unknown, write_all
 from pyfric.sweeps.runs import Job, JobError
 from pyfric.sweeps.shared import Shared
 from pyfric.sweeps.varied import varied
@@ -56,8 +57,8 @@ class Points(Protocol):
     def jobs(self) -> tuple[Job | SceneError, ...]: ...
 
 
-@dataclass(frozen=True)
-class Results:
+@dataclass(frozen=True, repr=False)
+class Results(Shown):
     """What became of each point of a sweep: its record, or why there is none.
 
     Attributes:
@@ -161,8 +162,10 @@ class Results:
 
         Raises:
             OSError: a file cannot be written.
+            SceneError: the name ends like that of a file.
         """
         folder = Path(os.path.expanduser(folder))
+        check_folder_name(folder)
         folder.mkdir(parents=True, exist_ok=True)
         files = {folder / "sweep.csv": self.table.to_csv().encode()}
         if find_spec("h5netcdf") is not None:  # comes with xarray

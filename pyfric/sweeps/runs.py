@@ -16,11 +16,12 @@ import dataclasses
 import functools
 import hashlib
 import json
+import pickle
 import secrets
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, overload
@@ -43,6 +44,7 @@ from pyfric.scene import (
     check_number,
     check_whole,
     unknown,
+    usage,
 )
 from pyfric.signals import at_once, saved_first
 from pyfric.sweeps.shared import Point, Shared
@@ -184,6 +186,7 @@ def run_all(
 ) -> list[Record | JobError]: ...
 
 
+@usage("run_all([pyfric.Job(scene, t_end=1.0)], workers=2)")
 @at_once()
 def run_all(
     jobs: Sequence[Job],
@@ -196,8 +199,9 @@ def run_all(
 ) -> Any:
     """Run jobs side by side, in their order, each on one thread of a process of its own.
 
-    Worker processes are spawned: a script that is run as a file needs its calls below
-    ``if __name__ == "__main__":``. Ctrl-C stops all workers; what was finished stays in the cache.
+    Worker processes do not run the script that calls this. Jobs with objects of classes that the
+    script defines, such as a friction law, are therefore made in this process, one by one. Ctrl-C
+    stops all workers; what was finished stays in the cache.
 
     Args:
         jobs: what to run; put long ones first. Equal jobs are run once.
@@ -281,6 +285,9 @@ def run_all(
 def side_by_side(jobs: Sequence[Job | Point], workers: int | None) -> Workers | InThisProcess:
     """Return an executor for jobs and for what is done with their records."""
     count = min(_count(workers), len({job.key for job in jobs}))
+    with suppress(Exception):  # what cannot be sent fails as a job does
+        if count > 1 and b"__main__" in pickle.dumps(jobs):
+            return InThisProcess()
     return Workers(count) if count > 1 else InThisProcess()
 
 

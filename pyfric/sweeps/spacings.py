@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pyfric.display import html
+from pyfric.display import Shown
 from pyfric.engines import Options
 from pyfric.record import Record, analysis
 from pyfric.scene import Number, PrescribedLoad, Scene, SceneError, SceneLike, as_scene, check_whole
@@ -36,7 +36,7 @@ WHY = (
 
 
 @dataclass(frozen=True)
-class Resolution:
+class Resolution(Shown):
     """Results of the same slab for l and finer lattices.
 
     Attributes:
@@ -62,8 +62,6 @@ class Resolution:
         return "\n".join([text, "", *self.notes])
 
     __repr__ = __str__
-
-    _repr_html_ = html
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -138,7 +138,7 @@ class Store:
             return
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            record.save(self.folder / f"{key}.nc")
+            record.save(self.folder / f"{key}.nc", overwrite=True)
             (self.folder / f"{key}{FAILED}").unlink(missing_ok=True)
         except OSError as error:
             log(f"finished runs are not kept in {self.folder}: {error.strerror or error}")

@@ -7,8 +7,8 @@
     results.to_xarray()      # the same with units, on the axes of a grid
     results.mean("n_precursors")  # over seeds, with standard errors
 
-A file of a sweep (docs/sweeps.md) is TOML with the entries `ENTRIES`, and quantities carry their
-units.
+A file of a sweep (docs/sweeps.md) is TOML with the entries `ENTRIES`. Numbers are in SI, and text
+has its unit.
 
 A grid takes all combinations, a list the first values of all fields, then the second ones, and so
 on. The others draw `n` points from ranges, with a `seed`; `scale = "log"` makes a range even in its
@@ -31,7 +31,7 @@ import numpy as np
 import pandas as pd
 import tomli_w
 
-from pyfric.display import html
+from pyfric.display import Shown
 from pyfric.engines import Options
 from pyfric.planning import check_run, expected_cost
 from pyfric.record import Record
@@ -50,6 +50,7 @@ from pyfric.scene import (
     naming,
     parsed,
     unknown,
+    usage,
 )
 from pyfric.sweeps.results import Results
 from pyfric.sweeps.runs import DEFAULTS, Job, JobError, run_all
@@ -86,7 +87,7 @@ class Estimate(NamedTuple):
 
 
 @dataclass(frozen=True, init=False, repr=False)
-class Sweep:
+class Sweep(Shown):
     """One scene at many points.
 
     Args:
@@ -118,12 +119,13 @@ class Sweep:
     max_hours: float | None
     max_GB: float | None
 
+    @usage('Sweep(scene, "1 s", {"mu_s": [0.6, 0.7], "h": ["5 mm", "10 mm"]})')
     def __init__(
         self,
-        *,
         scene: SceneLike,
         t_end: Number,
         over: Mapping[str, Iterable[Any] | Span] | pd.DataFrame,
+        *,
         points: Kind = "grid",
         n: int | None = None,
         seed: int = 0,
@@ -159,8 +161,6 @@ class Sweep:
         name = as_scene(self.scene).name or "a scene"
         return f"Sweep of {name} over {fields}: {self.points}, t_end = {self.t_end:g} s"
 
-    _repr_html_ = html
-
     @property
     def _drawn(self) -> bool:
         return self.points not in ("grid", "list")
@@ -176,6 +176,7 @@ class Sweep:
             if name in listed:
                 raise SceneError(f"over.{given}", values, "", "each field once")
             if isinstance(values, Span):
+                values = values.in_si(f"over.{name}", marks[name].unit)
                 listed[name] = values if self._drawn else values.values(f"over.{name}")
                 continue
             if self._drawn:
@@ -319,6 +320,9 @@ def _read(path: Path) -> dict[str, Any]:
         SceneError: it cannot be read, or a value is refused.
     """
     document, folder = parsed(path, "sweep")
+    if "slider" in document:
+        allowed = f'a file with scene = "{path.name}", t_end = "1 s" and [over] mu_s = [0.6, 0.7]'
+        raise SceneError("sweep", str(path), "", allowed, "this is a scene")
     _check_keys("", document, ENTRIES)
     for key in ("scene", "t_end", "over"):
         if key not in document:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import scipy
 from pyfric.engines import Options
 from pyfric.scene import (
     Annotation,
+    Number,
     Quantity,
     SceneError,
     SceneLike,
@@ -37,7 +39,8 @@ class Span:
     """A range: n values in a grid or list, or the range of drawn points.
 
     Args:
-        start, stop: its ends, in SI, the lower one first.
+        start, stop: its ends, in SI or as text such as "5 mm", the lower one first. Text is read
+            with the unit of the field that varies.
         n: number of values in a grid or list, ends included, at least 2; None with a step.
         step: distance of the values from `start` on; drawn values are rounded to them. If ends and
             step are integers, so are the values.
@@ -47,15 +50,17 @@ class Span:
         SceneError: a value is refused.
     """
 
-    start: float
-    stop: float
+    start: Number
+    stop: Number
     n: int | None = None
-    step: float | None = None
+    step: Number | None = None
     scale: Scale = "linear"
 
     def __post_init__(self) -> None:
         if self.scale not in get_args(Scale):
             raise SceneError("scale", self.scale, "", "'linear' or 'log'")
+        if str in map(type, (self.start, self.stop, self.step)):
+            return  # until the unit is known
         least = 0.0 if self.scale == "log" else None
         for name in ("start", "stop"):
             check_number(name, getattr(self, name), "", gt=least)
@@ -69,6 +74,18 @@ class Span:
                 raise SceneError("scale", self.scale, "", "'linear' with a step")
         if self.n is not None:
             check_whole("n", self.n, 2, MAX_POINTS)
+
+    def in_si(self, name: str, unit: str) -> Span:
+        """Return the range of a field with this name and unit, in SI.
+
+        Raises:
+            SceneError: a value is refused.
+        """
+        ends = {key: getattr(self, key) for key in ("start", "stop", "step")}
+        ends = {key: end for key, end in ends.items() if isinstance(end, str)}
+        found = {key: check_number(f"{name}.{key}", end, unit) for key, end in ends.items()}
+        with naming(where=name):
+            return dataclasses.replace(self, **found) if found else self
 
     def values(self, name: str) -> list[float]:
         """Return the values in a grid or list.

@@ -10,12 +10,14 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from importlib.machinery import ModuleSpec
 from multiprocessing.connection import Connection
-from multiprocessing.context import SpawnContext
+from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.process import BaseProcess
 from types import SimpleNamespace
 from typing import Any
@@ -52,8 +54,8 @@ class Workers(Executor):
             del self._of_thread.worker
             worker.pool.shutdown()
             raise ChildProcessError(
-                f"a worker process ended by itself (exit code {worker.processes[-1].exitcode}: out "
-                'of memory, or a script without if __name__ == "__main__":)'
+                f"a worker process ended by itself (exit code {worker.processes[-1].exitcode}; out "
+                "of memory?)"
             ) from None
 
     @held_back()
@@ -79,9 +81,30 @@ class _Worker(SpawnContext):
         signal.pthread_sigmask(signal.SIG_BLOCK, set(SIGNALS) - {signal.SIGXCPU})
 
     def Process(self, *args: Any, **kwargs: Any) -> BaseProcess:
-        process = super().Process(*args, **kwargs)
+        process = _WithoutScript(*args, **kwargs)
         self.processes.append(process)
         return process
+
+
+class _WithoutScript(SpawnProcess):
+    """A process that does not run the script of this one: it needs no ``__main__``.
+
+    Python would run it again, from its first line on, whether its calls are guarded or not.
+    """
+
+    @staticmethod
+    def _Popen(process: BaseProcess) -> Any:
+        main = sys.modules["__main__"]
+        with _STARTING:
+            own = main.__spec__
+            main.__spec__ = ModuleSpec("__main__", None)  # which a spawned process leaves alone
+            try:
+                return SpawnProcess._Popen(process)
+            finally:
+                main.__spec__ = own
+
+
+_STARTING = threading.Lock()
 
 
 class InThisProcess(Executor):

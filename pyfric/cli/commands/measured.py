@@ -44,15 +44,14 @@ def _columns(texts: tuple[str, ...]) -> dict[str, str | int] | None:
     return {key: int(v) if v.isdigit() else v for key, v in found.items()} or None
 
 
-def _bounds(texts: tuple[str, ...]) -> dict[str, tuple[float, float]]:
-    form = "NAME=LOW:HIGH, such as mu_k=0.3:0.6"
-    found = {}
+def _bounds(texts: tuple[str, ...]) -> dict[str, tuple[float | str, float | str]]:
+    form = "NAME=LOW:HIGH, such as mu_k=0.3:0.6 or 'F_N=3 kN:4 kN'"
+    found: dict[str, tuple[float | str, float | str]] = {}
     for name, text in _pairs("--vary", texts, form).items():
-        low, _, high = text.partition(":")
-        try:
-            found[name] = float(low), float(high)
-        except ValueError:
-            raise click.UsageError(f"--vary {name}={text}: write {form}.") from None
+        low, sign, high = text.partition(":")
+        if not (sign and low.strip() and high.strip()):
+            raise click.UsageError(f"--vary {name}={text}: write {form}.")
+        found[name] = _plain(low), _plain(high)
     return found
 
 
@@ -98,7 +97,10 @@ def _plain(text: str) -> float | str:
         return text
 
 
-@main.command(section="Measure")
+@main.command(
+    section="Measure",
+    example="pyfric fit scene.toml curve.csv --vary mu_k=0.3:0.6 --normal '400 N'",
+)
 @click.argument("scene", type=SceneName())
 @click.argument("curve", metavar="FILE", type=click.Path())
 @click.option(
@@ -106,7 +108,8 @@ def _plain(text: str) -> float | str:
     multiple=True,
     required=True,
     metavar="NAME=LOW:HIGH",
-    help="A parameter and its bounds, in SI units; may be repeated. Also offset and drift.",
+    help="A parameter and its bounds, such as 'F_N=3 kN:4 kN'; numbers without unit are SI; may be "
+    "repeated. Also offset and drift.",
 )
 @click.option(
     "--column",
@@ -121,7 +124,9 @@ def _plain(text: str) -> float | str:
     metavar="MEANING=QUANTITY[@ZERO]",
     help="What 1 in a column stands for, such as F_T='0.12 N', and the number for zero.",
 )
-@click.option("--step", metavar="TIME", help="Time between samples of a file without times.")
+@click.option(
+    "--step", type=_plain, metavar="TIME", help="Time between samples of a file without times."
+)
 @click.option("--group", default="", help="Beginning of the names in a container.")
 @click.option("--head", type=click.IntRange(0), default=0, help="Lines at the top to leave out.")
 @click.option("--decimal", type=click.Choice([".", ","]), help="Decimal mark, if it is not clear.")
@@ -138,11 +143,24 @@ def _plain(text: str) -> float | str:
 @click.option(
     "--restarts", metavar="join|N", help="Where times start anew: join them, or take part N."
 )
-@click.option("--normal", "F_N", metavar="FORCE", help="Normal force, such as '400 N'.")
-@click.option("--area", metavar="AREA", help="Area of the interface, such as '6 cm^2'.")
-@click.option("--noise", type=float, help="Noise of the force over F_N. [default: estimated]")
 @click.option(
-    "--model-error", type=float, default=0.0, help="Error of forces of the model over F_N."
+    "--normal", "F_N", type=_plain, metavar="FORCE", help="Normal force, such as '400 N'."
+)
+@click.option(
+    "--area", type=_plain, metavar="AREA", help="Area of the interface, such as '6 cm^2'."
+)
+@click.option(
+    "--noise",
+    type=_plain,
+    metavar="NUMBER",
+    help="Noise of the force over F_N. [default: estimated]",
+)
+@click.option(
+    "--model-error",
+    type=_plain,
+    metavar="NUMBER",
+    default=0.0,
+    help="Error of forces of the model over F_N.",
 )
 @click.option(
     "--fidelity",
@@ -169,7 +187,7 @@ def fit(
     column: tuple[str, ...],
     unit: tuple[str, ...],
     calibration: tuple[str, ...],
-    step: str | None,
+    step: float | str | None,
     group: str,
     head: int,
     decimal: Any,
@@ -177,10 +195,10 @@ def fit(
     wrap: tuple[str, ...],
     valid: tuple[str, ...],
     restarts: str | None,
-    F_N: str | None,
-    area: str | None,
-    noise: float | None,
-    model_error: float,
+    F_N: float | str | None,
+    area: float | str | None,
+    noise: float | str | None,
+    model_error: float | str,
     fidelity: str,
     part: str,
     changes: tuple[str, ...],
@@ -237,7 +255,7 @@ def fit(
     "--step",
     multiple=True,
     metavar="NAME=STEP",
-    help="A parameter and its change, in SI units or in %. [default: six of them]",
+    help="A parameter and its change: 'F_N=10 N', mu_k=0.01, K=5%. [default: six of them]",
 )
 @click.option(
     "--fidelity",
@@ -267,16 +285,7 @@ def sensitivity(
     stem = out or Path(f"sensitivity_{Path(scene).stem}")
     check_out(stem, overwrite, ends=TORNADO, reads=[scene])
     given = _pairs("--step", step, "NAME=STEP, such as mu_k=0.01 or K=5%")
-    steps = {
-        name: text if text.endswith("%") else _number(name, text) for name, text in given.items()
-    }
+    steps = {name: _plain(text) for name, text in given.items()}
     found = pyfric.sensitivity(scene_of(scene, changes), t_end, steps or None, fidelity=fidelity)
     figures.save_figure(figures.tornado(found), stem)
     tell.table(found.table, lambda table: str(found))
-
-
-def _number(name: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise click.UsageError(f"--step {name}={text}: a number, or a share in %.") from None

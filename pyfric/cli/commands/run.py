@@ -61,7 +61,12 @@ def scene(scene: str, changes: tuple[str, ...], out: Path | None, overwrite: boo
         click.echo(text, nl=False)
 
 
-@main.command(section="Simulate", cls=OptionsCommand, options=("want", "tolerance", "stop_when"))
+@main.command(
+    section="Simulate",
+    cls=OptionsCommand,
+    options=("want", "tolerance", "stop_when"),
+    example="pyfric plan fig1 --t-end '400 ms'",
+)
 @click.argument("scene", type=SceneName())
 @click.option("--t-end", type=Seconds(), default=1.0, help="End time. [default: 1 s]")
 @set_option
@@ -85,7 +90,13 @@ def plan(
     tell.result(dataclasses.asdict(found), lambda: str(found))
 
 
-@main.command(section="Simulate", epilog=EXIT_CODES, cls=OptionsCommand, before="out")
+@main.command(
+    section="Simulate",
+    epilog=EXIT_CODES,
+    cls=OptionsCommand,
+    before="out",
+    example="pyfric run fig1 --t-end '400 ms' --out run.nc",
+)
 @click.argument("scene", type=SceneName())
 @click.option(
     "--t-end", type=Seconds(), required=True, help="End time, such as '900 ms'; a number is in s."
@@ -188,7 +199,7 @@ def _run(
 def _saved(record: Record, out: Path) -> Path:
     """Write the record; where that fails, write it elsewhere, say where, and stop."""
     try:
-        return record.save(out)
+        return record.save(out, overwrite=True)  # the command has asked
     except OSError as error:
         with contextlib.suppress(OSError):
             path = record.save(Path(tempfile.gettempdir(), f"{out.stem}-{secrets.token_hex(4)}.nc"))

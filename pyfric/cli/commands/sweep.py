@@ -32,7 +32,9 @@ if TYPE_CHECKING:
     from pyfric.sweeps import Estimate
 
 
-@main.command(section="Simulate", epilog=EXIT_CODES)
+@main.command(
+    section="Simulate", epilog=EXIT_CODES, example="pyfric sweep sweep.toml --out results"
+)
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
     "--dry-run",
@@ -55,6 +57,20 @@ def sweep(
     tell: Tell,
 ) -> None:
     """Run the scene of FILE (TOML) at many points.
+
+    \b
+    FILE names a scene, the end of its runs, and what varies over which values:
+        scene = "fig1"           # a preset, a scene file, or a table [scene]
+        t_end = "1 s"
+        points = "grid"          # or list; or random, sobol, halton, latin
+                                 # with n = 100 and seed = 1
+        [over]                   # fields of the scene, t_end, or options
+        mu_s = [0.6, 0.7]
+        h = { from = "5 mm", to = "10 mm", step = "2.5 mm" }
+        [options]                # those of pyfric run; may be left out
+        fidelity = "quasistatic"
+        [limits]                 # a larger estimate is refused; may be left out
+        max_hours = 1
 
     Finished runs are kept in the user's cache folder, or in PYFRIC_CACHE. After Ctrl-C, or if
     points are added, the same command continues the sweep. Failed points are listed with reasons.
@@ -111,7 +127,11 @@ def _short(value: object) -> str:
 @main.command("phase-diagram", section="Simulate", epilog=EXIT_CODES)
 @click.argument("scene", type=SceneName(), required=False)
 @set_option
-@click.option("--x", metavar="FIELD=FROM:TO:N[:log]", help="Field along x, with its values in SI.")
+@click.option(
+    "--x",
+    metavar="FIELD=FROM:TO:N[:log]",
+    help="Field along x and its values, such as 'h=5 mm:10 mm:3'; numbers without unit are SI.",
+)
 @click.option("--y", metavar="FIELD=FROM:TO:N[:log]", help="Field along y, likewise.")
 @click.option("--t-end", type=Seconds(), help="End time of the runs of SCENE.")
 @click.option("--stop-when", multiple=True, metavar="CONDITION", help="As in pyfric run.")
@@ -151,20 +171,20 @@ def phase_diagram(
         save_figure(figures.phase_map(found), out / "phases", command_line(), tell)
 
 
-def _axis(side: str, given: str) -> tuple[str, list[float]]:
-    """Return the name of a field and its values, from the text of an option."""
-    from pyfric.scene import SceneError
+def _axis(side: str, given: str) -> tuple[str, Any]:
+    """Return the name of a field and its range, from the text of an option."""
+    from pyfric.scene import SceneError, spoken
     from pyfric.sweeps import Span
 
     name, _, values = given.partition("=")
     parts = values.split(":")
     try:
         start, stop, n, scale = [*parts, *["linear"] * (len(parts) == 3)]
-        start, stop, n = float(start), float(stop), int(n)
+        n = int(n)
     except ValueError:
-        allowed = "FIELD=FROM:TO:N, or FIELD=FROM:TO:N:log, numbers in SI"
+        allowed = "FIELD=FROM:TO:N, or FIELD=FROM:TO:N:log, such as 'h=5 mm:10 mm:3'"
         raise SceneError(side, given, "", allowed, "not a range of this form") from None
-    return name.strip(), Span(start=start, stop=stop, n=n, scale=scale).values(name)
+    return name.strip(), Span(start=spoken(start), stop=spoken(stop), n=n, scale=scale)
 
 
 @main.command(section="Simulate", epilog=EXIT_CODES)

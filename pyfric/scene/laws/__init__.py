@@ -1,5 +1,8 @@
 """Friction laws as data, one module for each family; see docs/laws.md."""
 
+import sys
+from typing import Any
+
 from pyfric.scene.laws.columns import Measured, from_csv
 from pyfric.scene.laws.junctions import Junctions
 from pyfric.scene.laws.kinds import (
@@ -20,6 +23,7 @@ from pyfric.scene.laws.kinds import (
 from pyfric.scene.laws.named import named
 from pyfric.scene.laws.rate_state import RateAndState
 from pyfric.scene.laws.tabulated import TabulatedLaw
+from pyfric.scene.words import no_attribute
 
 __all__ = [
     "KINDS",
@@ -42,3 +46,8 @@ __all__ = [
     "named",
     "sampled",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Say which law is meant by what no law is called."""
+    raise no_attribute("laws", name, sys.modules[__name__], known=__all__)

@@ -442,6 +442,19 @@ def test_saving_replaces_the_file_whole(tmp_path, monkeypatch):
     assert Record.load(path) == old
 
 
+def test_another_run_is_saved_beside_the_file_that_exists(tmp_path):
+    path, old, new = tmp_path / "run.nc", make_record(n_events=1), make_record(n_events=2)
+    old.save(path)
+    for n in (2, 3):
+        with pytest.raises(SceneError, match=rf"the file exists.*the new one is run-{n}\.nc"):
+            new.save(path)
+        assert Record.load(tmp_path / f"run-{n}.nc") == new
+    assert Record.load(path) == old
+    new.save(path, overwrite=True)
+    assert Record.load(path) == new
+    assert len(list(tmp_path.iterdir())) == 3
+
+
 def test_saved_file_has_the_usual_permissions(tmp_path):
     path = make_record(n_events=1).save(tmp_path / "run.nc")
     (tmp_path / "plain").touch()

@@ -342,10 +342,10 @@ class State:
 
         Raises:
             OSError: the file cannot be written; it names path and reason.
-            SceneError: the file exists, and `overwrite` is not True; or the name ends in the
-                suffix of another format.
+            SceneError: the file exists, and `overwrite` is not True, so that the state was saved
+                beside it; or the name ends in the suffix of another format.
         """
-        check_free(path, overwrite)
+        check_free(path, overwrite, self.save)
         content = io.BytesIO()
         np.savez(content, **self.values())
         return write(path, sealed(content.getbuffer()), ".npz")

@@ -210,8 +210,8 @@ class Record(RecordData, Shown):
         """Write one netCDF file, whole or not at all.
 
         A file that holds the same run, up to this time or an earlier one, is replaced. Any other
-        one is replaced if `overwrite` is True. HDF5 writes to memory only, because it does not
-        survive a full disk.
+        one is replaced if `overwrite` is True; else this record is saved beside it. HDF5 writes to
+        memory only, because it does not survive a full disk.
 
         Raises:
             OSError: the file cannot be written; it names path and reason.
@@ -219,7 +219,8 @@ class Record(RecordData, Shown):
                 another format, such as .csv.
         """
         if not (overwrite or self._goes_on_from(path)):
-            check_free(path, overwrite, "something else than an earlier part of this run")
+            held = "something else than an earlier part of this run"
+            check_free(path, overwrite, self.save, held)
         variables, attributes = layout.variables(self), layout.attributes(self)
         values = {name: array for name, (_, array, _) in variables.items()}
         sealed = attributes | {layout.SEAL: layout.seal(values, attributes)}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import hashlib
+import itertools
 import os
 import re
 import secrets
@@ -12,7 +13,7 @@ import shutil
 import socket
 import stat
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -69,20 +70,27 @@ def check_suffix(path: str | os.PathLike[str], own: str) -> None:
         raise SceneError("path", os.fspath(path), "", f"a name that ends in {own}{tables}", reason)
 
 
-def check_free(path: str | os.PathLike[str], overwrite: bool, held: str = "") -> None:
-    """Refuse to replace the file of a run, unless one says so.
+def check_free(
+    path: str | os.PathLike[str], overwrite: bool, save: Callable[[Path], object], held: str = ""
+) -> None:
+    """Refuse to replace the file of a run, unless one says so, and keep the new one beside it.
 
     Args:
         path: the file.
         overwrite: whether it may be replaced.
-        held: what it holds, for the message.
+        save: writes a file that does not exist, such as run-2.nc for run.nc.
+        held: what the file holds, for the message.
 
     Raises:
         SceneError: the file exists.
     """
-    if not overwrite and os.path.isfile(os.path.expanduser(path)):
+    known = Path(path).expanduser()
+    if not overwrite and known.is_file():
+        names = (known.with_stem(f"{known.stem}-{n}") for n in itertools.count(2))
+        save(beside := next(name for name in names if not name.exists()))
         allowed = "another name; overwrite=True replaces it"
         reason = "the file exists" + f" and holds {held}" * bool(held)
+        reason += f"; nothing is lost: the new one is {beside.name}"
         raise SceneError("path", os.fspath(path), "", allowed, reason)
 
 

@@ -80,8 +80,8 @@ class Slider:
         edges: "whole", as in the paper: M/(N_x N_z) in each block and springs of full stiffness
             along the edges. "half": blocks along free edges are half blocks, quarters in corners,
             with half of the mass, of the springs along the edge, and of what foundation and loads
-            give to a column. Mass and stiffness then converge to second order in l. Linear geometry
-            only; in a chain it halves both ends.
+            give to a column. Mass and stiffness then converge to second order in l. In a chain it
+            halves both ends. Linear geometry only, and neither a driven top nor junctions.
         g: gravity, m/s^2, >= 0, downward on all blocks and the rod, in addition to F_N.
 
     Source: PRL 107, 074301 (2011), model section.

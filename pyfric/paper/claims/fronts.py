@@ -43,7 +43,11 @@ def _front_of_fig4a(runs: Runs, speeds: Speeds = lambda points: points) -> Itera
     converged, *_, as_the_paper = SPEEDS.values()
     how = "v_c of the 11th main precursor, Fig. 1 scene, "
     backwards = to.each("times from block to block in reverse order", to.fronts_backwards)
-    for letters, what in (("ab", converged), ("de", as_the_paper)):
+    why = (
+        "fronts of the paper's steps, which switch late, and of a mass per area, with which waves "
+        "are slower, are within the band: 12d, 12e"
+    )
+    for letters, what, reason in (("ab", converged, why), ("de", as_the_paper, "")):
         yield Claim(
             f"12{letters[0]}",
             f"fronts start at about 2400 m/s near the trailing edge: {what}",
@@ -51,6 +55,7 @@ def _front_of_fig4a(runs: Runs, speeds: Speeds = lambda points: points) -> Itera
             Band(2350, 2450, ABOUT, "m/s"),
             f"{how}largest at x < L/4; {listed(first, '.0f')}",
             [backwards],
+            reason,
         )
         yield Claim(
             f"12{letters[1]}",
@@ -59,6 +64,7 @@ def _front_of_fig4a(runs: Runs, speeds: Speeds = lambda points: points) -> Itera
             Band(350, 450, ABOUT, "m/s"),
             f"{how}the last one; {listed(last, '.0f')}",
             [backwards],
+            reason,
         )
     points = speeds(_up_to_sliding(runs["fig4a"]))
     found = shares(points, "tau_over_p")

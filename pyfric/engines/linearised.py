@@ -189,10 +189,11 @@ class Linearised:
         p[~self.closed] = 0.0
         return load, p
 
-    def interface(self, at: Values, outside: Outside) -> Interface:
+    def interface(self, at: Values, outside: Outside, bends: np.ndarray | float = 0.0) -> Interface:
         """Return the condensed slider about a static state, under driver and loads.
 
-        Includes viscosity while driver and loads move the slider with its interface held.
+        Includes viscosity while driver and loads move the slider with its interface held, and
+        second derivatives of spring forces then, shape (n_q,), in N/s^2.
         """
         N_x, K, push = len(self.closed), self.known.scene.driver.K, self.known.push
         load, p, u = np.zeros((3, N_x, 3))
@@ -202,7 +203,8 @@ class Linearised:
             np.where(self.closed, at.p, -self._k_f * at.u_z),
             at.u_x,
         )
-        for n, force in enumerate(outside.rates()):
+        first, second = outside.rates()
+        for n, force in enumerate((first, second - bends)):
             if np.any(force):
                 q = self.answer(force)
                 rate, drag = self.loads(q, force), self.loads(self.lag(q), -(self.C @ q))

@@ -7,8 +7,8 @@ Elasticity is linear about a static state, and the slider is condensed onto its 
     du_i/dt = v_i ,   d(ln theta_i)/dt by the evolution law ,
 
 2 N_x equations. An implicit method of order 5 advances them, for seconds or years alike
-(pyfric_slow_slip in Fortran). The viscosity of bonds acts to first order. In finite geometry a phase
-ends where loads would bend, and the next one is linear about its own beginning.
+(pyfric_slow_slip in Fortran). The viscosity of bonds acts to first order. In finite geometry a
+phase ends where loads bend, and the next one is linear about its own beginning.
 
 `RateHybridRun` hands over to full dynamics where inertia is no longer small: where the sum over
 columns of M/N_x |dv_i/dt| reaches the accuracy times F_N. It returns where the waves of a rupture
@@ -45,8 +45,8 @@ SLOW_STEPS, SLOW_POINTS, SLOW_WORK = 1000, 1000, 4e8
 """Most slow steps, points of the curve, and steps times N_x^3 between two looks at Ctrl-C."""
 OF_STEP = 0.01
 """Error of a slow step over the accuracy, as some hundred steps lead to an event."""
-BENT = 0.1
-"""Change of loads in a phase that finite geometry leaves out, over the accuracy."""
+BENT = 0.5
+"""What the second derivative of forces in finite geometry does to loads in a phase, over the accuracy."""
 
 
 def values_of(at: Equilibrium) -> Values:
@@ -184,10 +184,11 @@ class RateHybridRun(Run):
     def condensed(self, closed: np.ndarray, outside: Outside) -> tuple[Linearised, Interface, int]:
         """Return the slider about its present static state, condensed, and for how many steps.
 
-        In finite geometry loads bend by 1/2 s^2 times the response to the second derivative of the
-        spring forces along the path. Their sum is `BENT` times the accuracy after these steps.
+        In finite geometry loads bend. The second derivative of the spring forces is included, as it
+        is while the interface is held. What it does to loads reaches `BENT` times the accuracy after
+        these steps.
         """
-        state, known, about = self.state, self.known, self.about(closed)
+        state, known, about, bends = self.state, self.known, self.about(closed), 0.0
         at = known.solve(state.y[0, 0], outside.drive, free=~closed, load=outside.load)
         straight = sys.maxsize
         if known.geometry == "finite":
@@ -197,7 +198,7 @@ class RateHybridRun(Run):
             bent = float(np.abs(about.loads(about.answer(-bends), -bends)[0]).sum())
             if bent:
                 straight = math.ceil(math.sqrt(2 * BENT * self.limit / bent) / state.dt)
-        return about, about.interface(values_of(at), outside), straight
+        return about, about.interface(values_of(at), outside, bends), straight
 
     def limits(self, interface: Interface, end: float, last: float = math.inf) -> core.SlowLimits:
         """Return what ends slow slip, and its errors; times in s."""

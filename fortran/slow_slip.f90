@@ -76,10 +76,13 @@ module pyfric_slow_slip
     real(dp), allocatable :: load(:, :)   !! on each block along +x: value, rate, its rate [N, N/s, N/s2]
     real(dp), allocatable :: load_u(:, :) !! by the displacements [N/m]
     real(dp), allocatable :: load_v(:, :) !! by the velocities of other blocks [N s/m]; its own one counts in alpha of the law
+    real(dp), allocatable :: load_a(:, :) !! by the accelerations [kg]
     real(dp), allocatable :: p(:, :)      !! normal force, alike
     real(dp), allocatable :: p_u(:, :)
     real(dp), allocatable :: p_v(:, :)
+    real(dp), allocatable :: p_a(:, :)
     logical :: viscous                    !! load_v or p_v is not zero
+    logical :: inertial                   !! load_a or p_a is not zero
   end type condensed_t
 
   type :: limits_t
@@ -87,7 +90,7 @@ module pyfric_slow_slip
     real(dp) :: dt              !! grid of times, and the shortest step that is tried again [s]
     real(dp) :: relative        !! error of a step over u and y
     real(dp) :: absolute(2)     !! and in addition: of u [m], of y
-    real(dp) :: inertia         !! largest sum of accelerations [m/s2]
+    real(dp) :: inertia         !! largest sum of loads by inertia [N]
     real(dp) :: speed           !! largest speed [m/s]
     real(dp) :: last            !! time at which the state is asked for: steps end with the first that reaches it [s]
     integer :: steps            !! most steps
@@ -136,18 +139,47 @@ module pyfric_slow_slip
 contains
 
   !> Rates of u and y, and their derivatives at the same load and p. Without an end of turns v is huge.
-  pure subroutine rates_at(s, t, q, f, slopes, p)
+  !>
+  !> Inertia acts to first order: accelerations are those without it, and make loads.
+  pure subroutine rates_at(s, t, q, f, slopes, p, inertia)
     type(condensed_t), intent(in) :: s
     real(dp), intent(in) :: t                 !! [s]
     real(dp), intent(in) :: q(s%nx, 2)        !! u [m], y
     real(dp), intent(out) :: f(s%nx, 2)       !! [m/s], [1/s]
     type(slopes_t), intent(inout) :: slopes
     real(dp), intent(out) :: p(s%nx)          !! [N]
-    real(dp), dimension(s%nx) :: load, load_0, p_0, v, pressed
-    integer :: n
+    real(dp), intent(out), optional :: inertia !! sum of its loads [N]
+    real(dp), dimension(s%nx) :: load, load_0, p_0, a
+    integer :: i
 
     load_0 = s%load(:, 1) + t*(s%load(:, 2) + 0.5_dp*t*s%load(:, 3)) + applied(s%nx, s%load_u, q(:, U))
     p_0 = s%p(:, 1) + t*(s%p(:, 2) + 0.5_dp*t*s%p(:, 3)) + applied(s%nx, s%p_u, q(:, U))
+    call rates_under(s, t, q, load_0, p_0, f, slopes, p)
+    if (present(inertia)) inertia = 0.0_dp
+    if (.not. s%inertial) return
+    a = accelerations(s, f, slopes)
+    load = applied(s%nx, s%load_a, a)
+    p_0 = p_0 + applied(s%nx, s%p_a, a)
+    call rates_under(s, t, q, load_0 + load, p_0, f, slopes, p)
+    if (.not. present(inertia)) return
+    do i = 1, s%nx
+      inertia = inertia + abs(load(i))
+    end do
+  end subroutine rates_at
+
+  !> The same under a load and normal force without viscosity.
+  pure subroutine rates_under(s, t, q, load_0, p_0, f, slopes, p)
+    type(condensed_t), intent(in) :: s
+    real(dp), intent(in) :: t                 !! [s]
+    real(dp), intent(in) :: q(s%nx, 2)        !! u [m], y
+    real(dp), intent(in) :: load_0(s%nx)      !! [N]
+    real(dp), intent(in) :: p_0(s%nx)         !! [N]
+    real(dp), intent(out) :: f(s%nx, 2)       !! [m/s], [1/s]
+    type(slopes_t), intent(inout) :: slopes
+    real(dp), intent(out) :: p(s%nx)          !! [N]
+    real(dp), dimension(s%nx) :: load, v, pressed
+    integer :: n
+
     load = load_0
     p = p_0
     v = 0.0_dp
@@ -162,7 +194,7 @@ contains
     if (n > TURNS) f(:, U) = huge(v)
     call evolution_rates(s%law%rate_state, s%nx, f(:, U), q(:, Y), f(:, Y), slopes%x_v, slopes%x_y)
     slopes%by_t = damped(s, slopes, slopes%by_load*(s%load(:, 2) + t*s%load(:, 3)) + slopes%by_p*(s%p(:, 2) + t*s%p(:, 3)))
-  end subroutine rates_at
+  end subroutine rates_under
 
   !> What viscosity takes from changes of v: (by_load load_v + by_p p_v) x.
   pure function resisted(s, slopes, x) result(y)
@@ -210,15 +242,9 @@ contains
     real(dp), intent(in) :: q(s%nx, 2)        !! u [m], y
     type(slopes_t), intent(inout) :: slopes   !! work space
     logical, intent(out) :: within
-    real(dp) :: f(s%nx, 2), p(s%nx), a(s%nx), inertia
-    integer :: i
+    real(dp) :: f(s%nx, 2), p(s%nx), inertia
 
-    call rates_at(s, t, q, f, slopes, p)
-    a = abs(accelerations(s, f, slopes))
-    inertia = 0.0_dp
-    do i = 1, s%nx
-      inertia = inertia + a(i)
-    end do
+    call rates_at(s, t, q, f, slopes, p, inertia)
     within = inertia <= limits%inertia .and. all(abs(f(:, U)) < limits%speed) .and. all((p > 0.0_dp) .eqv. s%closed)
   end subroutine look
 
@@ -243,23 +269,25 @@ contains
     call new_slopes(nx, w%others, w%complete)
   end function new_work
 
-  pure function new_condensed(nx, law, closed, load, load_u, load_v, p, p_u, p_v) result(s)
+  pure function new_condensed(nx, law, closed, load, load_u, load_v, load_a, p, p_u, p_v, p_a) result(s)
     integer, intent(in) :: nx
     type(law_t), intent(in) :: law
     logical, intent(in) :: closed(nx)      !! in contact
     real(dp), intent(in) :: load(nx, 3)    !! see `condensed_t`
     real(dp), intent(in) :: load_u(nx, nx)
     real(dp), intent(in) :: load_v(nx, nx)
+    real(dp), intent(in) :: load_a(nx, nx)
     real(dp), intent(in) :: p(nx, 3)
     real(dp), intent(in) :: p_u(nx, nx)
     real(dp), intent(in) :: p_v(nx, nx)
+    real(dp), intent(in) :: p_a(nx, nx)
     type(condensed_t) :: s
     integer :: failed, i
 
     s%nx = nx
     s%law = law
     allocate (s%closed(nx), s%unit(nx), s%load(nx, 3), s%load_u(nx, nx), s%load_v(nx, nx), s%p(nx, 3), s%p_u(nx, nx), &
-              s%p_v(nx, nx), stat=failed)
+              s%p_v(nx, nx), s%load_a(nx, nx), s%p_a(nx, nx), stat=failed)
     s%complete = failed == 0
     if (.not. s%complete) return
     s%closed(:) = closed
@@ -275,20 +303,25 @@ contains
       s%load_v(i, i) = 0.0_dp
     end do
     s%p_v(:, :) = p_v
+    s%load_a(:, :) = load_a
+    s%p_a(:, :) = p_a
+    s%inertial = any(abs(load_a) > 0.0_dp) .or. any(abs(p_a) > 0.0_dp)
     s%viscous = any(abs(load_v) > 0.0_dp) .or. any(abs(p_v) > 0.0_dp)
   end function new_condensed
 
-  !> Velocities [m/s].
-  pure subroutine velocities(s, t, q, w, v)
+  !> Velocities [m/s], and accelerations without inertia [m/s2].
+  pure subroutine velocities(s, t, q, w, v, acceleration)
     type(condensed_t), intent(in) :: s
     real(dp), intent(in) :: t                 !! [s]
     real(dp), intent(in) :: q(s%nx, 2)        !! u [m], y
     type(work_t), intent(inout) :: w
     real(dp), intent(out) :: v(s%nx)
+    real(dp), intent(out), optional :: acceleration(s%nx)
     real(dp) :: f(s%nx, 2), p(s%nx)
 
     call rates_at(s, t, q, f, w%others, p)
     v = f(:, U)
+    if (present(acceleration)) acceleration = accelerations(s, f, w%others)
   end subroutine velocities
 
   !> The matrix of a step, decomposed: that for the increments of u, after those of y are eliminated.

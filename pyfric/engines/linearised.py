@@ -25,7 +25,7 @@ from pyfric.scene import FRICTIONLESS
 from pyfric.statics import States, Values, ends, mass
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from pyfric.engines.path import Outside
     from pyfric.scene import RateStateLaw
@@ -145,9 +145,11 @@ class Linearised:
         q[: len(v_x)] = np.where(self.closed, v_x, 0.0)
         return q + self.answer(force - self.K @ q)
 
-    def lag(self, rates: np.ndarray) -> np.ndarray:
-        """Return the displacements l (m) by viscosity at velocities q' (m/s), K l = -C q'."""
-        return -self.answer(self.C @ rates)
+    def resistance(self, rates: np.ndarray | None, gains: np.ndarray | None = None) -> np.ndarray:
+        """Return the forces of viscosity and inertia, -C q' - M q'' (N), (n_q,) or (n_q, n)."""
+        of_v = 0.0 if rates is None else self.C @ rates
+        of_a = 0.0 if gains is None else (self.M * gains.T).T
+        return -of_v - of_a
 
     def loads(self, q: np.ndarray, force: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
         """Return loads and normal forces (N) by displacements (m) and forces (N), (N_x, ...)."""
@@ -180,12 +182,24 @@ class Linearised:
     def by_v(self) -> tuple[np.ndarray, np.ndarray]:
         """Load and normal force over velocities, shape (N_x, N_x), in N s/m.
 
-        The slider moves as static states do, q = G u. Its bonds then take the forces C G v, and its
-        inner coordinates lag. To first order in eta, the load changes by -G' C G v.
+        The slider moves as static states do, q = G u. To first order in eta, the load then changes
+        by -G' C G v.
         """
+        return self._resisted(lambda q: self.resistance(q))
+
+    @functools.cached_property
+    def by_a(self) -> tuple[np.ndarray, np.ndarray]:
+        """The same over accelerations, in kg: to first order the load changes by -G' M G v'."""
+        return self._resisted(lambda q: self.resistance(None, q))
+
+    def _resisted(
+        self, force_of: Callable[[np.ndarray], np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return load and normal force of forces that resist the motion of each block, (N_x, N_x)."""
         load, p = np.zeros((2, len(self.closed), len(self.closed)))
         for part, q in self._shapes():
-            load[:, part], p[:, part] = self.loads(self.lag(q), -(self.C @ q))
+            force = force_of(q)
+            load[:, part], p[:, part] = self.loads(self.answer(force), force)
         p[~self.closed] = 0.0
         return load, p
 
@@ -207,7 +221,8 @@ class Linearised:
         for n, force in enumerate((first, second - bends)):
             if np.any(force):
                 q = self.answer(force)
-                rate, drag = self.loads(q, force), self.loads(self.lag(q), -(self.C @ q))
+                resists = self.resistance(q)
+                rate, drag = self.loads(q, force), self.loads(self.answer(resists), resists)
                 for part, one, other in zip((load, p), rate, drag, strict=True):
                     part[:, n + 1] += one
                     part[:, n] += other
@@ -233,7 +248,7 @@ class Linearised:
         closed, N_x = self.closed, len(self.closed)
         force, F_T = self.known.under(outside.load).forces(at, self.contact, outside.drive)
         static, path = self.answer(force), self.moving(v[:N_x], outside.rates()[0])
-        q, w = -static - self.lag(path), v - path
+        q, w = -static - self.answer(self.resistance(path)), v - path
         w[:N_x][closed] = 0.0
         K_q, K_w, C_q = self.K @ q, self.K @ w, self.C @ q
         faster = K_q[self.inside] ** 2 / self.M[self.inside]

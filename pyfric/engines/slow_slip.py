@@ -45,6 +45,7 @@ SLOW_STEPS, SLOW_POINTS, SLOW_WORK = 1000, 1000, 4e8
 """Most slow steps, points of the curve, and steps times N_x^3 between two looks at Ctrl-C."""
 OF_STEP = 0.01
 """Error of a slow step over the accuracy, as some hundred steps lead to an event."""
+INERTIA = 0.25
 BENT = 0.5
 """What the second derivative of forces in finite geometry does to loads in a phase, over the accuracy."""
 
@@ -204,14 +205,13 @@ class RateHybridRun(Run):
         """Return what ends slow slip, and its errors; times in s."""
         scene, law, N_x = self.scene, self.scene.law, self.scene.N_x
         tolerance, unit = OF_STEP * self.method.accuracy, scene.F_N / N_x
-        of_column = (scene.M_rod + scene.slider.M) / N_x  # kg
         return core.SlowLimits(
             end=end,
             dt=self.state.dt,
             relative=tolerance,
             u=tolerance * unit / float(np.abs(np.diag(interface.load[1])).max()),
             log_theta=tolerance / float(np.max(law.b + law.a)),
-            inertia=self.limit / of_column,
+            inertia=INERTIA * self.limit,
             speed=law.kind.v_slip,
             last=last,
             steps=int(min(max(SLOW_WORK / N_x**3, 10), SLOW_STEPS)),
@@ -221,7 +221,8 @@ class RateHybridRun(Run):
         self, interface: Interface, closed: np.ndarray, limits: core.SlowLimits, **how: Any
     ) -> core.SlowSlip:
         """Return slip without inertia from the present state on."""
-        how |= {"viscous": self.about(closed).by_v, "closed": closed}
+        about = self.about(closed)
+        how |= {"viscous": about.by_v, "inertial": about.by_a, "closed": closed}
         start = np.log(self.state.theta)
         return core.slow_slip(self.model, interface.load, interface.p, start, limits, **how)
 
@@ -310,7 +311,8 @@ class RateHybridRun(Run):
         at = known.solve(u_x, drive, free=~closed, load=load)
         force, gain = outside.rates()
         rates = about.moving(v, force + s * gain)
-        q = known.coordinates(at.u, at.rod) + about.lag(rates)
+        resists = about.resistance(rates, about.moving(found.a, gain))
+        q = known.coordinates(at.u, at.rod) + about.answer(resists)
         state.y[:, :2], state.rod[:3] = known.displacements(q)
         state.y[:, 2:], state.rod[3:] = known.displacements(rates)
         state.y[0, 0, closed], state.y[0, 2, closed] = u_x[closed], v[closed]

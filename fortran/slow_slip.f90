@@ -62,10 +62,11 @@ module pyfric_slow_slip
                          -52.072871366152654_dp, -59.78993625266729_dp, -0.15582684282751913_dp, 4.883087185713722_dp], [STAGES, 3])
 
   !> Step control: safety, least and largest change of the step; halvings that locate a limit; most steps to a passage.
-  !> Turns for v with viscosity at most, and the change of v, over the largest one, after which there are no more.
+  !> Turns for v with viscosity at most, and the change of v, over the largest one, after which there are no more. Turns that
+  !> change v by more than this part of what the last one did are made by Newton's method.
   real(dp), parameter :: SAFE = 0.9_dp, SHORTER = 0.2_dp, LONGER = 6.0_dp
   integer, parameter :: HALVINGS = 40, MOST = 100, TURNS = 200
-  real(dp), parameter :: TURNED = 1e-12_dp
+  real(dp), parameter :: TURNED = 1e-12_dp, SLOWLY = 0.25_dp
 
   type :: condensed_t
     logical :: complete = .false.         !! there was enough memory
@@ -177,17 +178,21 @@ contains
     real(dp), intent(out) :: f(s%nx, 2)       !! [m/s], [1/s]
     type(slopes_t), intent(inout) :: slopes
     real(dp), intent(out) :: p(s%nx)          !! [N]
-    real(dp), dimension(s%nx) :: load, v, pressed
+    real(dp), dimension(s%nx) :: load, v, change, pressed
+    real(dp) :: before
     integer :: n
 
     load = load_0
     p = p_0
     v = 0.0_dp
+    before = huge(before)
     do n = 1, TURNS
       pressed = merge(p, 0.0_dp, s%closed)
       call balanced_speeds(s%law%rate_state, s%nx, load, pressed, q(:, Y), f(:, U), slopes%by_load, slopes%by_p, slopes%by_y)
-      if (.not. s%viscous .or. maxval(abs(f(:, U) - v)) <= TURNED*maxval(abs(f(:, U)))) exit
-      v = f(:, U)
+      change = f(:, U) - v
+      if (.not. s%viscous .or. maxval(abs(change)) <= TURNED*maxval(abs(f(:, U)))) exit
+      call turn(s, slopes, before, change)
+      v = v + change
       load = load_0 + applied(s%nx, s%load_v, v)
       p = p_0 + applied(s%nx, s%p_v, v)
     end do
@@ -212,16 +217,39 @@ contains
     type(condensed_t), intent(in) :: s
     type(slopes_t), intent(in) :: slopes
     real(dp), intent(in) :: free(s%nx)
-    real(dp) :: x(s%nx), before(s%nx)
+    real(dp) :: x(s%nx), change(s%nx), before
     integer :: n
 
     x = free
+    before = huge(before)
     do n = 1, merge(TURNS, 0, s%viscous)
-      before = x
-      x = free + resisted(s, slopes, before)
-      if (maxval(abs(x - before)) <= TURNED*maxval(abs(x))) exit
+      change = free + resisted(s, slopes, x) - x
+      if (maxval(abs(change)) <= TURNED*maxval(abs(x))) exit
+      call turn(s, slopes, before, change)
+      x = x + change
     end do
   end function damped
+
+  !> The change of v or its rate in the next turn, from that which is still left: if turns are slow, of linear equations.
+  pure subroutine turn(s, slopes, before, change)
+    type(condensed_t), intent(in) :: s
+    type(slopes_t), intent(in) :: slopes
+    real(dp), intent(inout) :: before          !! largest change that was left at the last turn
+    real(dp), intent(inout) :: change(s%nx)    !! [m/s] or its rates
+    real(dp) :: matrix(s%nx, s%nx), largest
+    integer :: pivot(s%nx), i
+
+    largest = maxval(abs(change))
+    if (largest > SLOWLY*before) then
+      do i = 1, s%nx
+        matrix(:, i) = -slopes%by_load*s%load_v(:, i) - slopes%by_p*s%p_v(:, i)
+        matrix(i, i) = matrix(i, i) + 1.0_dp
+      end do
+      call decompose(s%nx, matrix, pivot)
+      call solve(s%nx, matrix, pivot, change)
+    end if
+    before = largest
+  end subroutine turn
 
   !> Accelerations [m/s2].
   pure function accelerations(s, f, slopes) result(acceleration)

@@ -233,7 +233,7 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, coun
   real(c_double), intent(in) :: p_u(nx, nx)                  !! by displacements [N/m]
   real(c_double), intent(in) :: p_v(nx, nx)                  !! by velocities [N s/m]
   real(c_double), intent(in) :: p_a(nx, nx)                  !! by accelerations [kg]
-  real(c_double), intent(in) :: limits(8)                    !! see `limits_t` of pyfric_slow_slip
+  real(c_double), intent(in) :: limits(9)                    !! see `limits_t` of pyfric_slow_slip
   integer(c_int), intent(in) :: max_steps                    !! most steps
   real(c_double), intent(in) :: times(n_points)              !! of the points, ascending, since the beginning [s]
   real(c_double), intent(in) :: threshold                    !! of passages, 0: none is looked for [m/s]
@@ -274,7 +274,8 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, coun
   passages%of = passed_i
   passages%at = passed_r
   passages%sums = sums
-  call advance_phase(s, limits_t(limits(1), limits(2), limits(3), limits(4:5), limits(6), limits(7), limits(8), max_steps), &
+  call advance_phase(s, limits_t(limits(1), limits(2), limits(3), limits(4:5), limits(6), limits(7), limits(8), limits(9), &
+                                         max_steps), &
                      n_points, times, w, phase, points(:, :2, :), passages, status)
   h = phase%h
   q = phase%grid

@@ -17,10 +17,11 @@ module pyfric_slow_slip
   implicit none (type, external)
   private
   public :: condensed_t, limits_t, phase_t, passages_t, work_t, new_condensed, new_work, advance_phase, velocities
-  public :: GOES_ON, FINISHED, FAST, ABRUPT
+  public :: GOES_ON, FINISHED, FAST, ABRUPT, SHORT
 
-  !> Why steps ended: their number, the end of the phase, a limit was reached, the error of a shortest step is too large.
-  integer(ip), parameter :: GOES_ON = 0, FINISHED = 1, FAST = 2, ABRUPT = 3
+  !> Why steps ended: their number, the end of the phase, a limit was reached, the error of a shortest step is too large, steps
+  !> are too short.
+  integer(ip), parameter :: GOES_ON = 0, FINISHED = 1, FAST = 2, ABRUPT = 3, SHORT = 4
 
   integer, parameter :: STAGES = 8, U = 1, Y = 2
   real(dp), parameter :: GAMMA = 0.21193756319429014_dp
@@ -62,11 +63,11 @@ module pyfric_slow_slip
                          -52.072871366152654_dp, -59.78993625266729_dp, -0.15582684282751913_dp, 4.883087185713722_dp], [STAGES, 3])
 
   !> Step control: safety, least and largest change of the step; halvings that locate a limit; most steps to a passage.
-  !> Turns for v with viscosity at most, and the change of v, over the largest one, after which there are no more. Turns that
-  !> change v by more than this part of what the last one did are made by Newton's method.
+  !> Turns for v with viscosity at most, and the change of v, over the largest one, after which there are no more. Where a turn
+  !> changes v by more than this part of what the last one did, the next ones are those of Newton's method.
   real(dp), parameter :: SAFE = 0.9_dp, SHORTER = 0.2_dp, LONGER = 6.0_dp
   integer, parameter :: HALVINGS = 40, MOST = 100, TURNS = 200
-  real(dp), parameter :: TURNED = 1e-12_dp, SLOWLY = 0.25_dp
+  real(dp), parameter :: TURNED = 1e-12_dp, SLOWLY = 0.05_dp
 
   type :: condensed_t
     logical :: complete = .false.         !! there was enough memory
@@ -93,6 +94,7 @@ module pyfric_slow_slip
     real(dp) :: absolute(2)     !! and in addition: of u [m], of y
     real(dp) :: inertia         !! largest sum of loads by inertia [N]
     real(dp) :: speed           !! largest speed [m/s]
+    real(dp) :: least           !! shortest step that is worth its work, unless the next one is longer [s]
     real(dp) :: last            !! time at which the state is asked for: steps end with the first that reaches it [s]
     integer :: steps            !! most steps
   end type limits_t
@@ -124,6 +126,9 @@ module pyfric_slow_slip
     real(dp), allocatable :: x_v(:)      !! of X, see `evolution_rates`
     real(dp), allocatable :: x_y(:)
     real(dp), allocatable :: by_t(:)     !! of v by time
+    logical :: factored                  !! the next two are those of the equations of `turn`, at slopes nearby
+    real(dp), allocatable :: lu(:, :)
+    integer, allocatable :: pivot(:)
   end type slopes_t
 
   type :: work_t
@@ -155,10 +160,11 @@ contains
 
     load_0 = s%load(:, 1) + t*(s%load(:, 2) + 0.5_dp*t*s%load(:, 3)) + applied(s%nx, s%load_u, q(:, U))
     p_0 = s%p(:, 1) + t*(s%p(:, 2) + 0.5_dp*t*s%p(:, 3)) + applied(s%nx, s%p_u, q(:, U))
+    slopes%factored = .false.
     call rates_under(s, t, q, load_0, p_0, f, slopes, p)
     if (present(inertia)) inertia = 0.0_dp
     if (.not. s%inertial) return
-    a = accelerations(s, f, slopes)
+    call accelerate(s, f, slopes, a)
     load = applied(s%nx, s%load_a, a)
     p_0 = p_0 + applied(s%nx, s%p_a, a)
     call rates_under(s, t, q, load_0 + load, p_0, f, slopes, p)
@@ -198,7 +204,8 @@ contains
     end do
     if (n > TURNS) f(:, U) = huge(v)
     call evolution_rates(s%law%rate_state, s%nx, f(:, U), q(:, Y), f(:, Y), slopes%x_v, slopes%x_y)
-    slopes%by_t = damped(s, slopes, slopes%by_load*(s%load(:, 2) + t*s%load(:, 3)) + slopes%by_p*(s%p(:, 2) + t*s%p(:, 3)))
+    slopes%by_t = slopes%by_load*(s%load(:, 2) + t*s%load(:, 3)) + slopes%by_p*(s%p(:, 2) + t*s%p(:, 3))
+    call damp(s, slopes, slopes%by_t)
   end subroutine rates_under
 
   !> What viscosity takes from changes of v: (by_load load_v + by_p p_v) x.
@@ -213,14 +220,14 @@ contains
   end function resisted
 
   !> Changes x of v with viscosity from those without: x = free + `resisted` x, by turns.
-  pure function damped(s, slopes, free) result(x)
+  pure subroutine damp(s, slopes, x)
     type(condensed_t), intent(in) :: s
-    type(slopes_t), intent(in) :: slopes
-    real(dp), intent(in) :: free(s%nx)
-    real(dp) :: x(s%nx), change(s%nx), before
+    type(slopes_t), intent(inout) :: slopes
+    real(dp), intent(inout) :: x(s%nx)    !! those without
+    real(dp) :: free(s%nx), change(s%nx), before
     integer :: n
 
-    x = free
+    free = x
     before = huge(before)
     do n = 1, merge(TURNS, 0, s%viscous)
       change = free + resisted(s, slopes, x) - x
@@ -228,39 +235,43 @@ contains
       call turn(s, slopes, before, change)
       x = x + change
     end do
-  end function damped
+  end subroutine damp
 
-  !> The change of v or its rate in the next turn, from that which is still left: if turns are slow, of linear equations.
+  !> The change of v or its rate in the next turn, from that which is still left. If turns are slow it follows from linear
+  !> equations, whose factors serve until turns are slow again.
   pure subroutine turn(s, slopes, before, change)
     type(condensed_t), intent(in) :: s
-    type(slopes_t), intent(in) :: slopes
+    type(slopes_t), intent(inout) :: slopes
     real(dp), intent(inout) :: before          !! largest change that was left at the last turn
     real(dp), intent(inout) :: change(s%nx)    !! [m/s] or its rates
-    real(dp) :: matrix(s%nx, s%nx), largest
-    integer :: pivot(s%nx), i
+    real(dp) :: largest
+    integer :: i
 
     largest = maxval(abs(change))
     if (largest > SLOWLY*before) then
       do i = 1, s%nx
-        matrix(:, i) = -slopes%by_load*s%load_v(:, i) - slopes%by_p*s%p_v(:, i)
-        matrix(i, i) = matrix(i, i) + 1.0_dp
+        slopes%lu(:, i) = -slopes%by_load*s%load_v(:, i) - slopes%by_p*s%p_v(:, i)
+        slopes%lu(i, i) = slopes%lu(i, i) + 1.0_dp
       end do
-      call decompose(s%nx, matrix, pivot)
-      call solve(s%nx, matrix, pivot, change)
+      call decompose(s%nx, slopes%lu, slopes%pivot)
+      slopes%factored = .true.
     end if
+    if (slopes%factored) call solve(s%nx, slopes%lu, slopes%pivot, change)
     before = largest
   end subroutine turn
 
   !> Accelerations [m/s2].
-  pure function accelerations(s, f, slopes) result(acceleration)
+  pure subroutine accelerate(s, f, slopes, acceleration)
     type(condensed_t), intent(in) :: s
     real(dp), intent(in) :: f(s%nx, 2)       !! from `rates_at`
-    type(slopes_t), intent(in) :: slopes
-    real(dp) :: acceleration(s%nx)
+    type(slopes_t), intent(inout) :: slopes
+    real(dp), intent(out) :: acceleration(s%nx)
 
-    acceleration = slopes%by_t + damped(s, slopes, slopes%by_load*applied(s%nx, s%load_u, f(:, U)) &
-                                        + slopes%by_p*applied(s%nx, s%p_u, f(:, U)) + slopes%by_y*f(:, Y))
-  end function accelerations
+    acceleration = slopes%by_load*applied(s%nx, s%load_u, f(:, U)) + slopes%by_p*applied(s%nx, s%p_u, f(:, U)) &
+                   + slopes%by_y*f(:, Y)
+    call damp(s, slopes, acceleration)
+    acceleration = acceleration + slopes%by_t
+  end subroutine accelerate
 
   !> Whether inertia, speeds and contacts allow that a phase goes on.
   pure subroutine look(s, limits, t, q, slopes, within)
@@ -282,7 +293,8 @@ contains
     logical, intent(inout) :: complete
     integer :: failed
 
-    allocate (slopes%by_load(nx), slopes%by_p(nx), slopes%by_y(nx), slopes%x_v(nx), slopes%x_y(nx), slopes%by_t(nx), stat=failed)
+    allocate (slopes%by_load(nx), slopes%by_p(nx), slopes%by_y(nx), slopes%x_v(nx), slopes%x_y(nx), slopes%by_t(nx), &
+              slopes%lu(nx, nx), slopes%pivot(nx), stat=failed)
     complete = complete .and. failed == 0
   end subroutine new_slopes
 
@@ -349,7 +361,7 @@ contains
 
     call rates_at(s, t, q, f, w%others, p)
     v = f(:, U)
-    if (present(acceleration)) acceleration = accelerations(s, f, w%others)
+    if (present(acceleration)) call accelerate(s, f, w%others, acceleration)
   end subroutine velocities
 
   !> The matrix of a step, decomposed: that for the increments of u, after those of y are eliminated.
@@ -514,7 +526,7 @@ contains
       phase%h = next_length(h, error)
       status = ABRUPT
       if (.not. error <= 1.0_dp) then
-        if (h <= limits%dt) return
+        if (h <= max(limits%dt, limits%least)) return
         cycle
       end if
       if (h < planned) phase%h = max(planned, phase%h)
@@ -525,6 +537,8 @@ contains
       if (.not. within) then
         status = FAST
         call share_within(s, limits, phase%t, h, phase%q, w, share)
+      else if (status == GOES_ON .and. h < limits%least .and. phase%h <= h) then
+        status = SHORT
       end if
       if (passages%threshold > 0.0_dp) call find_passages(s, phase, h, share, w, passages)
       call take(s%nx, limits, h, share, w%q_new, w%poly, status == FINISHED, phase, n_points, times, points)

@@ -240,6 +240,8 @@ class SlowLimits(NamedTuple):
         log_theta: error of ln theta in addition.
         inertia: largest sum of accelerations over the interface, in m/s^2.
         speed: speed that no block may reach, in m/s.
+        least: length of a step, in s, below which steps are not worth their work. They end if they
+            are shorter and do not grow.
         last: time at which the state is asked for, in s, on the grid. Steps end with the first that
             reaches it, and none is shortened for it.
         steps: most steps; with a threshold there is room for all of them.
@@ -252,6 +254,7 @@ class SlowLimits(NamedTuple):
     log_theta: float
     inertia: float = np.inf
     speed: float = np.inf
+    least: float = 0.0
     last: float = np.inf
     steps: int = 2**31 - 1
 

@@ -70,8 +70,11 @@ class RateHybridRun(Run):
         self.made |= {"jumps": 0, "steps_spared": 0, "slow_steps": 0}
         self.limit = self.method.accuracy * self.scene.F_N
         scene, geometry, stepper = self.scene, self.method.geometry, self.method.stepper
-        look = work(scene, geometry, {"landings": 1}) / work_of_step(scene, geometry, stepper)
+        step = work_of_step(scene, geometry, stepper)
+        look = work(scene, geometry, {"landings": 1}) / step
         self.look_every = max(LOOK, math.ceil(look / SPENT))
+        self.least = work(scene, geometry, {"slow_steps": 1}) / step * self.state.dt
+        self.pays = self.look_every * self.state.dt
         self.worth = self.state.step  # the step at which waves are looked at next
         if not (self.state.sub or self.state.since):
             self.worth += -self.worth % self.look_every
@@ -119,10 +122,12 @@ class RateHybridRun(Run):
         left = float(waves.amplitude.sum()) / self.limit
         if not waves.effect(v) <= self.limit or (left > 1 and not waves.decay > 0):
             return False
-        if left <= 1:
-            return True
-        interface, lasts = about.interface(waves.rest, outside), 2 * math.log(left) / waves.decay
-        found = self.slow(interface, closed, self.limits(interface, lasts))
+        lasts = max(self.pays, 2 * math.log(left) / waves.decay if left > 1 else 0.0)
+        interface = about.interface(waves.rest, outside)
+        limits = self.limits(interface, lasts)
+        if left > 1 and self.method.threshold:  # no event begins or ends before
+            limits = limits._replace(speed=min(limits.speed, self.method.threshold))
+        found = self.slow(interface, closed, limits)
         faster = np.maximum(np.abs(found.v), v)
         return found.goes_on and found.t == lasts and waves.effect(faster) <= self.limit
 
@@ -213,6 +218,7 @@ class RateHybridRun(Run):
             log_theta=tolerance / float(np.max(law.b + law.a)),
             inertia=INERTIA * self.limit,
             speed=law.kind.v_slip,
+            least=self.least,
             last=last,
             steps=int(min(max(SLOW_WORK / N_x**3, 10), SLOW_STEPS)),
         )

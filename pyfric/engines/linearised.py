@@ -75,6 +75,7 @@ class Waves(NamedTuple):
         impulse: integral of the load over all times to come, shape (N_x,), in N s.
         direct: a p, shape (N_x,), in N.
         stiff: how load and strength change with slip, shape (N_x,), in N/m.
+        pull: amplitude of the force of the driver, in N.
         decay: rate at which their energy decays, in 1/s.
     """
 
@@ -83,7 +84,13 @@ class Waves(NamedTuple):
     impulse: np.ndarray
     direct: np.ndarray
     stiff: np.ndarray
+    pull: float
     decay: float
+
+    @property
+    def largest(self) -> float:
+        """The amplitude of their loads together, or of the force of the driver, in N."""
+        return max(float(self.amplitude.sum()), self.pull)
 
     def effect(self, v: np.ndarray) -> float:
         """Return how much they change loads by slip at speeds v (m/s), shape (N_x,), in N.
@@ -262,4 +269,6 @@ class Linearised:
         amplitude = np.hypot(K_q[:N_x], K_w[:N_x] / math.sqrt(square))
         stiff = np.abs(np.diag(self.by_u[0])) + law.b * p / law.D_c
         of = (np.where(closed, part, 0.0) for part in (amplitude, impulse, law.a * p, stiff))
-        return Waves(rest, *of, decay)
+        push = self.known.push
+        pull = math.hypot(push @ q, push @ w / math.sqrt(square))
+        return Waves(rest, *of, pull, decay)

@@ -45,9 +45,10 @@ SLOW_STEPS, SLOW_POINTS, SLOW_WORK = 1000, 1000, 4e8
 """Most slow steps, points of the curve, and steps times N_x^3 between two looks at Ctrl-C."""
 OF_STEP = 0.01
 """Error of a slow step over the accuracy, as some hundred steps lead to an event."""
-INERTIA = 0.25
-BENT = 0.5
-"""What the second derivative of forces in finite geometry does to loads in a phase, over the accuracy."""
+SLIPPED, WAVES, INERTIA, BENT = 0.5, 0.25, 0.25, 0.25
+"""Shares of the accuracy: what waves left out may do to loads by slip, and their load when an event
+may begin; the load by inertia during slow slip; and what the second derivative of forces in finite
+geometry does to loads in a phase."""
 
 
 def values_of(at: Equilibrium) -> Values:
@@ -119,8 +120,8 @@ class RateHybridRun(Run):
         rates = known.coordinates(state.y[:, 2:], state.rod[3:])
         p = core.evaluate(self.model, state, state.t).p
         waves = about.waves(at, rates, outside, p, self.scene.law)
-        left = float(waves.amplitude.sum()) / self.limit
-        if not waves.effect(v) <= self.limit or (left > 1 and not waves.decay > 0):
+        left, most = waves.largest / (WAVES * self.limit), SLIPPED * self.limit
+        if not waves.effect(v) <= most or (left > 1 and not waves.decay > 0):
             return False
         lasts = max(self.pays, 2 * math.log(left) / waves.decay if left > 1 else 0.0)
         interface = about.interface(waves.rest, outside)
@@ -129,7 +130,7 @@ class RateHybridRun(Run):
             limits = limits._replace(speed=min(limits.speed, self.method.threshold))
         found = self.slow(interface, closed, limits)
         faster = np.maximum(np.abs(found.v), v)
-        return found.goes_on and found.t == lasts and waves.effect(faster) <= self.limit
+        return found.goes_on and found.t == lasts and waves.effect(faster) <= most
 
     def slip(self, last: int) -> bool:
         """Leave out inertia up to step `last` at most; return whether that may go on.
@@ -191,8 +192,8 @@ class RateHybridRun(Run):
         """Return the slider about its present static state, condensed, and for how many steps.
 
         In finite geometry loads bend. The second derivative of the spring forces is included, as it
-        is while the interface is held. What it does to loads reaches `BENT` times the accuracy after
-        these steps.
+        is while the interface is held. What it does to loads reaches its share of the accuracy
+        after these steps.
         """
         state, known, about, bends = self.state, self.known, self.about(closed), 0.0
         at = known.solve(state.y[0, 0], outside.drive, free=~closed, load=outside.load)

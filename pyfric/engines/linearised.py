@@ -76,6 +76,7 @@ class Waves(NamedTuple):
         direct: a p, shape (N_x,), in N.
         stiff: how load and strength change with slip, shape (N_x,), in N/m.
         pull: amplitude of the force of the driver, in N.
+        frequency: their angular frequency, in 1/s.
         decay: rate at which their energy decays, in 1/s.
     """
 
@@ -85,6 +86,7 @@ class Waves(NamedTuple):
     direct: np.ndarray
     stiff: np.ndarray
     pull: float
+    frequency: float
     decay: float
 
     @property
@@ -92,20 +94,28 @@ class Waves(NamedTuple):
         """The amplitude of their loads together, or of the force of the driver, in N."""
         return max(float(self.amplitude.sum()), self.pull)
 
-    def effect(self, v: np.ndarray) -> float:
-        """Return how much they change loads by slip at speeds v (m/s), shape (N_x,), in N.
+    def slip(self, v: np.ndarray) -> np.ndarray:
+        """Return by how much they move blocks at speeds v (m/s), to first order, (N_x,), in m."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(self.direct > 0, v * self.impulse / self.direct, 0.0)
 
-        To first order in f/(a p), slip changes by v/(a p) times the impulse. While waves last, the
-        mean speed is v I_0(amplitude/(a p)), with a Bessel function. Slip changes by no more than
-        what balances the load, the amplitude or the mean of the friction.
+    def effect(self, v: np.ndarray, change: np.ndarray | float = 0.0) -> float:
+        """Return how much they change loads by slip beside that of first order, in N.
+
+        While they last, the mean speed is v I_0(amplitude/(a p)), with a Bessel function. Slip
+        changes by no more than what balances the mean of the friction or the amplitude.
+
+        Args:
+            v: speeds, shape (N_x,), in m/s.
+            change: by how much the speeds change during a wave, shape (N_x,), in m/s.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             over = self.amplitude / self.direct
             mean = np.i0(np.fmin(over, LARGE))
-            by_impulse = self.stiff * v * np.abs(self.impulse) / self.direct
             by_mean = self.stiff * v * (mean - 1) / self.decay
         friction = np.where(over < LARGE, self.direct * np.log(mean), self.amplitude)
-        return float(np.sum(np.fmin(by_impulse, self.amplitude) + np.fmin(by_mean, friction)))
+        at_once = self.stiff * np.abs(self.slip(np.asarray(change)))
+        return float(np.sum(np.fmin(by_mean, friction) + np.fmin(at_once, self.amplitude)))
 
 
 class Linearised:
@@ -271,4 +281,4 @@ class Linearised:
         of = (np.where(closed, part, 0.0) for part in (amplitude, impulse, law.a * p, stiff))
         push = self.known.push
         pull = math.hypot(push @ q, push @ w / math.sqrt(square))
-        return Waves(rest, *of, pull, decay)
+        return Waves(rest, *of, pull, math.sqrt(square), decay)

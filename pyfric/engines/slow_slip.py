@@ -90,7 +90,8 @@ class RateHybridRun(Run):
         state = self.state
         while state.step < last and state.step >= self.worth and not self.ending:
             begin = state.step
-            if not ((state.since or self.is_calm()) and self.slip(last)):
+            moved = np.zeros((2, self.scene.N_x)) if state.since else self.calm()
+            if moved is None or not self.slip(last, moved):
                 state.sub = 0.0
                 self.worth = state.step + self.look_every - state.step % self.look_every
             if state.step > begin:
@@ -107,14 +108,18 @@ class RateHybridRun(Run):
             self.kept = {key: Linearised(self.known, closed)}
         return self.kept[key]
 
-    def is_calm(self) -> bool:
-        """Return whether waves can change loads by no more than the accuracy.
+    def calm(self) -> np.ndarray | None:
+        """Return how waves move the interface before they are gone, or None if that is not known.
 
-        Slip has to stay slow until their load has decayed to the accuracy.
+        It is known where waves can change loads by no more than the accuracy beside it, and slip
+        stays slow until their load has decayed to the accuracy.
+
+        Returns:
+            Changes of u_x (m) and ln theta, shape (2, N_x).
         """
         state, known, closed = self.state, self.known, self.state.mode != OPEN
         if (np.abs(state.mode) == 1).any() or not closed.any():
-            return False
+            return None
         about, outside, v = self.about(closed), self.outside(), np.abs(state.y[0, 2])
         at = known.coordinates(state.y[:, :2], state.rod[:3])
         rates = known.coordinates(state.y[:, 2:], state.rod[3:])
@@ -122,17 +127,30 @@ class RateHybridRun(Run):
         waves = about.waves(at, rates, outside, p, self.scene.law)
         left, most = waves.largest / (WAVES * self.limit), SLIPPED * self.limit
         if not waves.effect(v) <= most or (left > 1 and not waves.decay > 0):
-            return False
+            return None
         lasts = max(self.pays, 2 * math.log(left) / waves.decay if left > 1 else 0.0)
         interface = about.interface(waves.rest, outside)
         limits = self.limits(interface, lasts)
         if left > 1 and self.method.threshold:  # no event begins or ends before
             limits = limits._replace(speed=min(limits.speed, self.method.threshold))
-        found = self.slow(interface, closed, limits)
-        faster = np.maximum(np.abs(found.v), v)
-        return found.goes_on and found.t == lasts and waves.effect(faster) <= most
+        times = np.array([0.0, min(1 / waves.frequency, lasts)])
+        found = self.slow(interface, closed, limits, times=times)
+        if not (found.goes_on and found.t == lasts):
+            return None
+        first, second = found.points[:, 2]
+        faster = np.maximum(np.abs(found.v), np.abs(first))
+        if not waves.effect(faster, second - first) <= most:
+            return None
+        slip = waves.slip(np.abs(first))
+        return np.array([slip, -slip * np.sign(first) * self._weakening(first)])
 
-    def slip(self, last: int) -> bool:
+    def _weakening(self, v: np.ndarray) -> np.ndarray:
+        """Return -d(ln theta)/d|u| at speeds v (m/s), shape (N_x,), in 1/m."""
+        law, x = self.scene.law, np.abs(v) * self.state.theta / self.scene.law.D_c
+        of = 1.0 if law.kind.evolution == "ageing" else 1.0 + np.log(np.maximum(x, 1e-300))
+        return of / law.D_c
+
+    def slip(self, last: int, moved: np.ndarray) -> bool:
         """Leave out inertia up to step `last` at most; return whether that may go on.
 
         No slow step is shortened to end at `last`. A run that goes on from there repeats the slow
@@ -151,6 +169,9 @@ class RateHybridRun(Run):
             return False
         if done:
             self._put_back(state.step - done, phase)
+        before = self._moving()
+        state.y[0, 0] += moved[0]
+        state.theta[:] *= np.exp(moved[1])
         outside = self.outside()
         about, interface, straight = self.condensed(closed, outside)
         first = every - state.step % every
@@ -172,9 +193,11 @@ class RateHybridRun(Run):
         n = round(found.t / state.dt)
         if n < done:  # on a processor that rounds in another way
             self._put_back(state.step + done, cut)
-            return self.slip(last)
+            return self.slip(last, moved)
         self._sample_slip(interface, points, found.points, done)
-        if n:
+        if not n:
+            state.y[0, 0], state.theta[:], _ = before
+        else:
             if self.method.threshold:
                 self._log_passages(interface, found, n, done)
             begin = self._moving()

@@ -33,14 +33,15 @@ from pyfric.engines.dynamic import Run
 from pyfric.engines.integration import just_after
 from pyfric.engines.linearised import Interface, Linearised
 from pyfric.engines.path import Outside
-from pyfric.statics import Values
+from pyfric.statics import Memory, Values
 
 if TYPE_CHECKING:
     from pyfric.statics import Equilibrium
 
-LOOK, SPENT = 200, 1 / 4
-"""Steps of full dynamics between two looks at waves, at least, and the work of a look over theirs,
-at most."""
+SPENT = 1 / 4
+"""Work of a look at waves, over that of the steps of full dynamics up to the next one."""
+KEPT = 4
+"""Sets of contacts about whose loaded state the slider is kept."""
 SLOW_STEPS, SLOW_POINTS, SLOW_WORK = 1000, 1000, 4e8
 """Most slow steps, points of the curve, and steps times N_x^3 between two looks at Ctrl-C."""
 OF_STEP = 0.01
@@ -72,14 +73,13 @@ class RateHybridRun(Run):
         self.limit = self.method.accuracy * self.scene.F_N
         scene, geometry, stepper = self.scene, self.method.geometry, self.method.stepper
         step = work_of_step(scene, geometry, stepper)
-        look = work(scene, geometry, {"landings": 1}) / step
-        self.look_every = max(LOOK, math.ceil(look / SPENT))
+        self.look_every = math.ceil(work(scene, geometry, {"landings": 1}) / (SPENT * step))
         self.least = work(scene, geometry, {"slow_steps": 1}) / step * self.state.dt
         self.pays = self.look_every * self.state.dt
         self.worth = self.state.step  # the step at which waves are looked at next
         if not (self.state.sub or self.state.since):
             self.worth += -self.worth % self.look_every
-        self.kept: dict[bytes, Linearised] = {}
+        self.kept: Memory[Linearised] = Memory(KEPT)
 
     def call_length(self) -> int:
         """Return how many steps may be made before the next look at waves."""
@@ -102,11 +102,8 @@ class RateHybridRun(Run):
         return Outside(self.known, self.state.t, just_after(self.state))
 
     def about(self, closed: np.ndarray) -> Linearised:
-        """Return the slider about its loaded state, which is kept for one set of contacts."""
-        key = closed.tobytes()
-        if key not in self.kept:
-            self.kept = {key: Linearised(self.known, closed)}
-        return self.kept[key]
+        """Return the slider about its loaded state, which is kept for the last sets of contacts."""
+        return self.kept.made(closed.tobytes(), lambda: Linearised(self.known, closed))
 
     def calm(self) -> np.ndarray | None:
         """Return how waves move the interface before they are gone, or None if that is not known.
@@ -156,13 +153,8 @@ class RateHybridRun(Run):
         No slow step is shortened to end at `last`. A run that goes on from there repeats the slow
         steps of this phase, so that it has the bits of the whole run.
         """
-        state, every, closed, cut = (
-            self.state,
-            self.method.sample,
-            self.state.mode != OPEN,
-            self._moving(),
-        )
-        done, phase = state.since, state.phase
+        state, every, cut = self.state, self.method.sample, self._moving()
+        done, phase, closed = state.since, state.phase, state.mode != OPEN
         state.out_of_phase()
         last, text = self._due(self.piece_ends(last))
         if last <= state.step:
@@ -287,11 +279,13 @@ class RateHybridRun(Run):
     ) -> None:
         """Add points of the curve after these numbers of steps of a phase, beyond `done`."""
         state, known = self.state, np.count_nonzero(steps <= done)
+        by_v, _ = self.about(state.mode != OPEN).by_v
         for n, (moved, log_theta, v) in zip(steps[known:].tolist(), points[known:], strict=False):
             load, _, F_T = interface.at(n * state.dt, moved)
             self.history.add(np.array([[state.t0 + (state.step + n) * state.dt, F_T]]))
             u_x, v_x = interface.moving(n * state.dt, moved, v)
-            self.add_motion({"theta": np.exp(log_theta), "u_x": u_x, "v_x": v_x, "f": -load})
+            f = -load - by_v @ v
+            self.add_motion({"theta": np.exp(log_theta), "u_x": u_x, "v_x": v_x, "f": f})
 
     def _log_passages(self, interface: Interface, found: core.SlowSlip, n: int, done: int) -> None:
         """Log passages through the threshold in steps of a phase, and fast slip, up to step n.

@@ -307,6 +307,25 @@ subroutine uniforms(n, key, counter, u)
   u = drawn(words, at, n)
 end subroutine uniforms
 
+!> exp, log, or log(1 + x) by the core's own sums.
+subroutine elementary(n, which, x)
+  use, intrinsic :: iso_c_binding, only: c_double, c_int
+  use pyfric_elementary, only: exponentials, logarithms, logs_of_1_plus
+  implicit none
+  integer(c_int), intent(in) :: n             !! numbers
+  integer(c_int), intent(in) :: which         !! 0: exp, 1: log, 2: log(1 + x)
+  real(c_double), intent(inout) :: x(n)       !! numbers, then values
+
+  select case (which)
+  case (0)
+    call exponentials(n, x)
+  case (1)
+    call logarithms(n, x)
+  case default
+    call logs_of_1_plus(n, x)
+  end select
+end subroutine elementary
+
 !> Additions in registers, for timing.
 subroutine additions(n, width_of_sums, total)
   use, intrinsic :: iso_c_binding, only: c_double, c_int

@@ -14,11 +14,12 @@ from scipy.linalg import expm
 
 import pyfric
 from pyfric import core
-from pyfric.engines.linearised import Linearised, Waves
+from pyfric.engines.cost import work_so_far
+from pyfric.engines.linearised import Linearised
 from pyfric.engines.path import Outside
 from pyfric.engines.slow_slip import values_of
 from pyfric.scene import chain, setup1, setup2
-from pyfric.statics import StaticSolver, damping, loaded_state, stiffness
+from pyfric.statics import StaticSolver, loaded_state
 
 STORED = Path(__file__).parents[1] / "reference_data" / "rated"
 
@@ -130,29 +131,6 @@ def test_blocks_that_lift_off_and_come_down_move_as_in_full_dynamics():
     assert run.counts["steps_spared"] > 0.7 * full.counts["steps"]
     assert np.abs(run.curve["F_T"] - full.curve["F_T"]).max() < 1e-3 * scene.F_N
     np.testing.assert_allclose(run.motion["u_x"], full.motion["u_x"], rtol=0, atol=4e-8)
-
-
-@pytest.mark.parametrize("rows", [0.015, 0.0])
-def test_viscosity_of_slow_slip_is_that_of_slow_oscillations(rows):
-    """Of the lattice with complex stiffness K + i w C, condensed at a small frequency w."""
-    scene = setup1(L=0.03, H=rows, h=0.005, l=0.0025, F_N=200.0) if rows else chain(L=0.02)
-    scene = scene.replace({"interface": rated()})
-    closed, N_x = np.arange(scene.N_x) != (3 if rows else -1), scene.N_x
-    load, p = Linearised(StaticSolver(scene, "linear"), closed).by_v
-    w = 1e-9
-    whole = stiffness(scene, closed=closed).toarray() + 1j * w * damping(scene).toarray()
-    at = np.flatnonzero(closed)
-    inside = np.setdiff1d(np.arange(len(whole)), at)
-    moved = np.zeros((len(whole), len(at)), complex)
-    moved[at, range(len(at))] = 1.0
-    moved[inside] = -np.linalg.solve(whole[np.ix_(inside, inside)], whole[np.ix_(inside, at)])
-    forces = (whole @ moved)[at].imag / w
-    np.testing.assert_allclose(-load[np.ix_(at, at)], forces, rtol=0, atol=1e-12 * forces.max())
-    pressed = -np.outer(scene.k_f * closed, np.ones(len(at))) * moved[N_x : 2 * N_x].imag / w
-    np.testing.assert_allclose(p[:, at], pressed, rtol=0, atol=1e-12 * forces.max())
-    assert not rows or np.abs(p).max() > 0.01 * forces.max()
-    assert not load[~closed].any()
-    assert not load[:, ~closed].any()
 
 
 def creep(**how):
@@ -469,6 +447,77 @@ def test_events_by_slip_rate_are_those_of_full_dynamics(threshold):
         np.testing.assert_allclose(run.events[name], full.events[name], rtol=0.01)
     off = (run.events["F_T_start"] - full.events["F_T_start"]).abs() / scene.F_N
     assert off.max() < 1e-4
+
+
+def plate(geometry, V=4e-3, t_end=0.12, **how):
+    """Return a run of a slider of 13 x 7 blocks: slow events, then fast ones."""
+    size = {"L": 0.06, "H": 0.03, "l": 5e-3, "h": 5e-3, "F_N": 1500.0}
+    scene = pyfric.preset("rate_and_state", {**size, "D_c": 1e-6, "V": V})
+    how = {"geometry": geometry, "progress": False, "sample": 1.2e-4} | how
+    return pyfric.simulate(scene, t_end, **how)
+
+
+def off(run, exact):
+    """Return the largest error of forces at start and arrest of events, over F_N."""
+    assert run.events["n_blocks"].to_list() == exact.events["n_blocks"].to_list()
+    names = ["F_T_start", "F_T_arrest"]
+    return (run.events[names] - exact.events[names]).abs().max().max() / run.scene.F_N
+
+
+@pytest.mark.parametrize("geometry", ["linear", "finite"])
+def test_events_of_a_slider_keep_the_accuracy(geometry):
+    """Down to 1e-6, at no higher price than full dynamics."""
+    exact = plate(geometry, fidelity="dynamic", energies=False)
+    assert len(exact.events) == 6
+    for accuracy in (1e-5, 1e-6):
+        run = plate(geometry, fidelity="hybrid", accuracy=accuracy)
+        assert off(run, exact) < accuracy
+        assert run.counts["steps_spared"] > 0.2 * exact.counts["steps"]
+        assert work_so_far(run) < work_so_far(exact)
+
+
+@pytest.mark.parametrize("geometry", ["linear", "finite"])
+def test_a_driver_faster_than_slip_keeps_the_accuracy(geometry):
+    """Ten times `v_slip`: waves of its start live as long as it takes to the first event."""
+    how = {"V": 1e-2, "t_end": 0.05}
+    exact = plate(geometry, fidelity="dynamic", energies=False, **how)
+    for accuracy in (1e-3, 1e-5):
+        run = plate(geometry, fidelity="hybrid", accuracy=accuracy, **how)
+        assert off(run, exact) < min(accuracy, 1e-4)
+        assert run.counts["steps_spared"] > 0
+
+
+def test_a_slider_has_no_waves_after_slow_slip():
+    """The state that goes on in full dynamics is static, with viscosity and inertia."""
+    run = plate("linear", t_end=0.02, fidelity="hybrid", accuracy=1e-5)
+    state, scene = run.final_state, run.scene
+    known, N_x = StaticSolver(scene, "linear"), scene.N_x
+    assert state.since > 0
+    at = known.coordinates(state.y[:, :2], state.rod[:3])
+    v = known.coordinates(state.y[:, 2:], state.rod[3:])
+    p = core.evaluate(core.model(scene, "linear", state.u_drv0), state, state.t).p
+    about = Linearised(known, np.full(N_x, True))
+    found = about.waves(at, v, Outside(known, state.t), p, scene.law)
+    state.y[1:, 2:], state.rod[3:] = 0.0, 0.0  # a driver that has just begun to move
+    v = known.coordinates(state.y[:, 2:], state.rod[3:])
+    other = about.waves(at, v, Outside(known, state.t), p, scene.law)
+    assert found.amplitude.sum() < 1e-3 * other.amplitude.sum()
+    assert found.largest < 1e-6 * scene.F_N < other.largest
+
+
+@pytest.mark.parametrize("geometry", ["linear", "finite"])
+def test_a_cut_run_of_a_slider_is_the_whole_run(geometry):
+    """While it rings, in slow slip, and between two phases of it in finite geometry."""
+    whole, record = plate(geometry, fidelity="hybrid", accuracy=1e-5), None
+    for t in (0.02, 0.0371, 0.064, 0.0802):
+        if record is None:
+            record = plate(geometry, t_end=t, fidelity="hybrid", accuracy=1e-5)
+        else:
+            record = pyfric.simulate(whole.scene, t, initial=record, progress=False)
+        rest = pyfric.simulate(whole.scene, 0.12, initial=record, progress=False)
+        assert bits(rest.final_state) == bits(whole.final_state)
+        assert rest.events.equals(whole.events)
+        assert rest.curve.equals(whole.curve)
 
 
 def test_a_run_that_goes_on_is_the_whole_run():

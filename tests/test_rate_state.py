@@ -252,8 +252,8 @@ def test_a_state_is_positive_where_steps_do_not_resolve_it(evolution):
     scene = row(V=0.1, evolution=evolution, D_c=1e-9, v_0=None, theta_0=1e-6)
     dt = 0.4 * stability_limit(scene, "imex")[0]
     state, fastest, least = sliding(scene, dt, 0.1), 0.1, np.inf
-    for _ in range(300):
-        advance(scene, "linear", state, 10, **IMEX)
+    for _ in range(100):
+        advance(scene, "linear", state, 1, **IMEX)
         fastest, least = max(fastest, np.abs(state.y[0, 2]).max()), min(least, state.theta.min())
     assert 0.1 * dt > 10 * 1e-9
     assert least > 0.1 * 1e-9 / fastest

@@ -212,7 +212,7 @@ class Linearised:
     def _resisted(
         self, force_of: Callable[[np.ndarray], np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return load and normal force of forces that resist the motion of each block, (N_x, N_x)."""
+        """Return loads and normal forces by what resists the motion of each block, (N_x, N_x)."""
         load, p = np.zeros((2, len(self.closed), len(self.closed)))
         for part, q in self._shapes():
             force = force_of(q)

@@ -36,10 +36,14 @@ from pyfric.engines.path import Outside
 from pyfric.statics import Memory, Values
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pyfric.statics import Equilibrium
 
 SPENT = 1 / 4
 """Work of a look at waves, over that of the steps of full dynamics up to the next one."""
+MOSTLY = 0.5
+"""Integrated share of the time above which the record carries a note."""
 KEPT = 4
 """Sets of contacts about whose loaded state the slider is kept."""
 SLOW_STEPS, SLOW_POINTS, SLOW_WORK = 1000, 1000, 4e8
@@ -55,6 +59,15 @@ geometry does to loads in a phase."""
 def values_of(at: Equilibrium) -> Values:
     """Return the interface in a static state."""
     return Values(at.u[0, 0], at.f, at.u[0, 1], at.p, at.F_T)
+
+
+def mostly_stepped(counts: Mapping[str, int], why: str) -> tuple[str, ...]:
+    """Return a note if most of the time was integrated like in full dynamics."""
+    share = counts["steps"] / max(counts["steps"] + counts["steps_spared"], 1)
+    if share <= MOSTLY or counts["steps"] < 1000:
+        return ()
+    said = f"{100 * share:.0f} % of the time was integrated like in full dynamics"
+    return (f"hybrid: {said} (more than {100 * MOSTLY:.0f} %): {why}",)
 
 
 def is_bursting(fast: np.ndarray) -> bool:
@@ -73,13 +86,23 @@ class RateHybridRun(Run):
         self.limit = self.method.accuracy * self.scene.F_N
         scene, geometry, stepper = self.scene, self.method.geometry, self.method.stepper
         step = work_of_step(scene, geometry, stepper)
-        self.look_every = math.ceil(work(scene, geometry, {"landings": 1}) / (SPENT * step))
+        self.look_every = math.ceil(
+            work(scene, geometry, {"attempts": 1, "landings": 1}) / (SPENT * step)
+        )
         self.least = work(scene, geometry, {"slow_steps": 1}) / step * self.state.dt
         self.pays = self.look_every * self.state.dt
         self.worth = self.state.step  # the step at which waves are looked at next
         if not (self.state.sub or self.state.since):
             self.worth += -self.worth % self.look_every
         self.kept: Memory[Linearised] = Memory(KEPT)
+
+    def notes(self) -> tuple[str, ...]:
+        """Return the notes, with one more if slow slip spared little."""
+        return super().notes() + mostly_stepped(
+            self.counts,
+            "slip was fast, its waves or its inertia were too large for an accuracy of "
+            f"{self.method.accuracy:g} F_N, or slow steps would have taken longer",
+        )
 
     def call_length(self) -> int:
         """Return how many steps may be made before the next look at waves."""

@@ -50,7 +50,7 @@ SLOW_STEPS, SLOW_POINTS, SLOW_WORK = 1000, 1000, 4e8
 """Most slow steps, points of the curve, and steps times N_x^3 between two looks at Ctrl-C."""
 OF_STEP = 0.01
 """Error of a slow step over the accuracy, as some hundred steps lead to an event."""
-SLIPPED, WAVES, INERTIA, BENT = 0.5, 0.25, 0.25, 0.25
+SLIPPED, WAVES, INERTIA, BENT = 0.5, 0.05, 0.1, 0.02
 """Shares of the accuracy: what waves left out may do to loads by slip, and their load when an event
 may begin; the load by inertia during slow slip; and what the second derivative of forces in finite
 geometry does to loads in a phase."""
@@ -188,23 +188,35 @@ class RateHybridRun(Run):
         state.y[0, 0] += moved[0]
         state.theta[:] *= np.exp(moved[1])
         outside = self.outside()
-        about, interface, straight = self.condensed(closed, outside)
+        about, interface, at, straight = self.condensed(closed, outside)
         first = every - state.step % every
         n_end = min(first + (SLOW_POINTS - 1) * every, self.piece_ends(sys.maxsize) - state.step)
         n_end = min(n_end, max(straight, self.look_every))
-        n_last = min(last - state.step, n_end)
-        points = np.arange(first, n_last + 1, every)
         self._follow(just_after(state))
-        found = self.slow(
-            interface,
-            closed,
-            self.limits(interface, n_end * state.dt, n_last * state.dt),
-            times=points * state.dt,
-            h=state.sub,
-            threshold=self.method.threshold or 0.0,
-            fast=self.log.fast[0],
-        )
-        self.made["slow_steps"] += found.steps
+
+        def made(n_last: int) -> core.SlowSlip:
+            found = self.slow(
+                interface,
+                closed,
+                self.limits(interface, n_end * state.dt, n_last * state.dt),
+                times=np.arange(first, n_last + 1, every) * state.dt,
+                h=state.sub,
+                threshold=self.method.threshold or 0.0,
+                fast=self.log.fast[0],
+            )
+            self.made["slow_steps"] += found.steps
+            return found
+
+        found = None
+        while straight < sys.maxsize and self.bent(interface, at, outside, found := made(n_end)):
+            n_end = min(n_end, round(found.t / state.dt)) // 2
+            if n_end < self.look_every:
+                state.y[0, 0], state.theta[:], _ = before
+                return False
+        n_last = min(last - state.step, n_end)
+        if found is None or n_last < n_end:
+            found = made(n_last)
+        points = np.arange(first, n_last + 1, every)
         n = round(found.t / state.dt)
         if n < done:  # on a processor that rounds in another way
             self._put_back(state.step + done, cut)
@@ -226,12 +238,14 @@ class RateHybridRun(Run):
             self.ending = self.stopping.named(text)
         return found.goes_on and n > 0
 
-    def condensed(self, closed: np.ndarray, outside: Outside) -> tuple[Linearised, Interface, int]:
-        """Return the slider about its present static state, condensed, and for how many steps.
+    def condensed(
+        self, closed: np.ndarray, outside: Outside
+    ) -> tuple[Linearised, Interface, Equilibrium, int]:
+        """Return the slider about its present static state, condensed, that state, and for how long.
 
         In finite geometry loads bend. The second derivative of the spring forces is included, as it
         is while the interface is held. What it does to loads reaches its share of the accuracy
-        after these steps.
+        after the number of steps that is returned. What slip does is found by `bent`.
         """
         state, known, about, bends = self.state, self.known, self.about(closed), 0.0
         at = known.solve(state.y[0, 0], outside.drive, free=~closed, load=outside.load)
@@ -241,9 +255,30 @@ class RateHybridRun(Run):
             about = Linearised(known, closed, q)
             bends = known.bends(q, about.answer(outside.rates()[0]))
             bent = float(np.abs(about.loads(about.answer(-bends), -bends)[0]).sum())
+            straight = sys.maxsize - 1
             if bent:
                 straight = math.ceil(math.sqrt(2 * BENT * self.limit / bent) / state.dt)
-        return about, about.interface(values_of(at), outside, bends), straight
+        return about, about.interface(values_of(at), outside, bends), at, straight
+
+    def bent(
+        self, interface: Interface, at: Equilibrium, outside: Outside, found: core.SlowSlip
+    ) -> bool:
+        """Return whether loads at the end of a phase differ too much from those of static states.
+
+        Args:
+            interface: the condensed slider about the static state `at`.
+            at: static state in which the phase begins.
+            outside: driver and loads.
+            found: the phase.
+        """
+        s, u_x = found.t, self.state.y[0, 0] + found.u
+        how = {"free": ~(self.state.mode != OPEN), "load": outside.load_at(s)}
+        end = self.known.solve(u_x, outside.drive_at(s), **how)
+        load, p, _ = interface.at(s, found.u)
+        off = load - interface.load[0][:, 0] + (end.f - at.f)
+        pressed = np.where(how["free"], 0.0, p - interface.p[0][:, 0] - (end.p - at.p))
+        error = np.abs(off) + self.scene.law.mu_s * np.abs(pressed)
+        return float(error.sum()) > BENT * self.limit
 
     def limits(self, interface: Interface, end: float, last: float = math.inf) -> core.SlowLimits:
         """Return what ends slow slip, and its errors; times in s."""

@@ -7,13 +7,15 @@ Elasticity is linear about a static state, and the slider is condensed onto its 
     du_i/dt = v_i ,   d(ln theta_i)/dt by the evolution law ,
 
 2 N_x equations. An implicit method of order 5 advances them, for seconds or years alike
-(pyfric_slow_slip in Fortran). The viscosity of bonds acts to first order. In finite geometry a
-phase ends where loads bend, and the next one is linear about its own beginning.
+(pyfric_slow_slip in Fortran). The viscosity of bonds and inertia act to first order. In finite
+geometry a phase ends where its loads are no longer those of static states, and the next one is
+linear about its own beginning.
 
-`RateHybridRun` hands over to full dynamics where inertia is no longer small: where the sum over
-columns of M/N_x |dv_i/dt| reaches the accuracy times F_N. It returns where the waves of a rupture
-can change loads by no more than that (`Waves.effect`). Both directions keep u, v and theta of the
-interface. The rest of the slider is then in its static state for these u and moves with its rates.
+`RateHybridRun` hands over to full dynamics where the loads by inertia are no longer small. It
+returns where the waves of a rupture move the interface by what is known, and can change loads by
+no more beside it (`Waves.effect`). Both directions keep u, v and theta of the interface. The rest
+of the slider is then in its static state for these u, with the lag of viscosity and inertia, and
+moves with its rates.
 
 Source of the equations: J. R. Rice, J. Geophys. Res. 98, 9885 (1993), without radiation damping.
 """
@@ -22,7 +24,7 @@ from __future__ import annotations
 
 import math
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -40,7 +42,7 @@ if TYPE_CHECKING:
 
     from pyfric.statics import Equilibrium
 
-SPENT = 1 / 4
+SPENT = 1 / 8
 """Work of a look at waves, over that of the steps of full dynamics up to the next one."""
 MOSTLY = 0.5
 """Integrated share of the time above which the record carries a note."""
@@ -50,10 +52,33 @@ SLOW_STEPS, SLOW_POINTS, SLOW_WORK = 1000, 1000, 4e8
 """Most slow steps, points of the curve, and steps times N_x^3 between two looks at Ctrl-C."""
 OF_STEP = 0.01
 """Error of a slow step over the accuracy, as some hundred steps lead to an event."""
-SLIPPED, WAVES, INERTIA, BENT = 0.5, 0.05, 0.1, 0.02
+SLIPPED, WAVES, INERTIA, BENT = 0.5, 0.05, 0.1, 0.03
 """Shares of the accuracy: what waves left out may do to loads by slip, and their load when an event
-may begin; the load by inertia during slow slip; and what the second derivative of forces in finite
-geometry does to loads in a phase."""
+may begin; the load by inertia during slow slip; and by how much loads may differ from those of
+static states at the end of a phase in finite geometry. They are small, as a load that is wrong on
+one block shifts its slip in time, while the driver loads all others."""
+
+
+class Phase(NamedTuple):
+    """Slip without inertia from a static state on.
+
+    Attributes:
+        about: the slider about that state.
+        interface: the same, condensed.
+        at: that state.
+        found: what the core made.
+        points: steps of points of the curve, since the beginning.
+        n_last: steps asked for.
+        n_end: steps up to the end of the phase.
+    """
+
+    about: Linearised
+    interface: Interface
+    at: Equilibrium
+    found: core.SlowSlip
+    points: np.ndarray
+    n_last: int
+    n_end: int
 
 
 def values_of(at: Equilibrium) -> Values:
@@ -141,6 +166,8 @@ class RateHybridRun(Run):
         if (np.abs(state.mode) == 1).any() or not closed.any():
             return None
         about, outside, v = self.about(closed), self.outside(), np.abs(state.y[0, 2])
+        if self.straight(about, outside) < self.look_every:
+            return None
         at = known.coordinates(state.y[:, :2], state.rod[:3])
         rates = known.coordinates(state.y[:, 2:], state.rod[3:])
         p = core.evaluate(self.model, state, state.t).p
@@ -176,107 +203,107 @@ class RateHybridRun(Run):
         No slow step is shortened to end at `last`. A run that goes on from there repeats the slow
         steps of this phase, so that it has the bits of the whole run.
         """
-        state, every, cut = self.state, self.method.sample, self._moving()
-        done, phase, closed = state.since, state.phase, state.mode != OPEN
+        state, cut = self.state, self._moving()
+        done, begin, closed = state.since, state.phase, state.mode != OPEN
         state.out_of_phase()
         last, text = self._due(self.piece_ends(last))
         if last <= state.step:
             return False
         if done:
-            self._put_back(state.step - done, phase)
+            self._put_back(state.step - done, begin)
         before = self._moving()
         state.y[0, 0] += moved[0]
         state.theta[:] *= np.exp(moved[1])
         outside = self.outside()
-        about, interface, at, straight = self.condensed(closed, outside)
+        phase = self.phase(closed, outside, last)
+        n = 0 if phase is None else round(phase.found.t / state.dt)
+        if n < done:  # on a processor that rounds in another way
+            self._put_back(state.step + done, cut)
+            return self.slip(last, moved)
+        if phase is None or not n:
+            state.y[0, 0], state.theta[:], _ = before
+            return False
+        interface, found = phase.interface, phase.found
+        self._sample_slip(interface, phase.points, found.points, done)
+        if self.method.threshold:
+            self._log_passages(interface, found, n, done)
+        begin = self._moving()
+        self._put(phase, outside, n)
+        self.made["steps_spared"] -= done
+        if found.goes_on and n == phase.n_last < phase.n_end:
+            state.phase, state.since = begin, n
+        else:
+            state.sub = found.h
+        if text and state.step == last:
+            self.ending = self.stopping.named(text)
+        return found.goes_on
+
+    def phase(self, closed: np.ndarray, outside: Outside, last: int) -> Phase | None:
+        """Return slip without inertia up to step `last` at most; None if it is not worth its work.
+
+        Its end does not depend on `last`. In finite geometry it is made shorter until its loads
+        are those of static states.
+        """
+        state, every = self.state, self.method.sample
         first = every - state.step % every
         n_end = min(first + (SLOW_POINTS - 1) * every, self.piece_ends(sys.maxsize) - state.step)
-        n_end = min(n_end, max(straight, self.look_every))
+        known, about, bends = self.known, self.about(closed), 0.0
+        at = known.solve(state.y[0, 0], outside.drive, free=~closed, load=outside.load)
+        finite = known.geometry == "finite"
+        if finite:
+            n_end = min(n_end, self.straight(about, outside))
+            q = known.coordinates(at.u, at.rod)
+            about = Linearised(known, closed, q)
+            bends = known.bends(q, about.answer(outside.rates()[0]))
+        interface = about.interface(values_of(at), outside, bends)
         self._follow(just_after(state))
 
-        def made(n_last: int) -> core.SlowSlip:
+        def made(n_last: int) -> Phase:
+            points = np.arange(first, n_last + 1, every)
             found = self.slow(
                 interface,
                 closed,
                 self.limits(interface, n_end * state.dt, n_last * state.dt),
-                times=np.arange(first, n_last + 1, every) * state.dt,
+                times=points * state.dt,
                 h=state.sub,
                 threshold=self.method.threshold or 0.0,
                 fast=self.log.fast[0],
             )
             self.made["slow_steps"] += found.steps
-            return found
+            return Phase(about, interface, at, found, points, n_last, n_end)
 
-        found = None
-        while straight < sys.maxsize and self.bent(interface, at, outside, found := made(n_end)):
-            n_end = min(n_end, round(found.t / state.dt)) // 2
+        while finite and self.bent(phase := made(n_end), outside):
+            n_end = min(n_end, round(phase.found.t / state.dt)) // 2
             if n_end < self.look_every:
-                state.y[0, 0], state.theta[:], _ = before
-                return False
+                return None
         n_last = min(last - state.step, n_end)
-        if found is None or n_last < n_end:
-            found = made(n_last)
-        points = np.arange(first, n_last + 1, every)
-        n = round(found.t / state.dt)
-        if n < done:  # on a processor that rounds in another way
-            self._put_back(state.step + done, cut)
-            return self.slip(last, moved)
-        self._sample_slip(interface, points, found.points, done)
-        if not n:
-            state.y[0, 0], state.theta[:], _ = before
-        else:
-            if self.method.threshold:
-                self._log_passages(interface, found, n, done)
-            begin = self._moving()
-            self._put(found, about, outside, n)
-            self.made["steps_spared"] -= done
-            if found.goes_on and n == n_last < n_end:
-                state.phase, state.since = begin, n
-            else:
-                state.sub = found.h
-        if text and state.step == last:
-            self.ending = self.stopping.named(text)
-        return found.goes_on and n > 0
+        return phase if finite and n_last == n_end else made(n_last)
 
-    def condensed(
-        self, closed: np.ndarray, outside: Outside
-    ) -> tuple[Linearised, Interface, Equilibrium, int]:
-        """Return the slider about its present static state, condensed, that state, and for how long.
+    def straight(self, about: Linearised, outside: Outside) -> int:
+        """Return after how many steps loads bend, while the interface is held.
 
-        In finite geometry loads bend. The second derivative of the spring forces is included, as it
-        is while the interface is held. What it does to loads reaches its share of the accuracy
-        after the number of steps that is returned. What slip does is found by `bent`.
+        The second derivative of the spring forces, in the loaded state, then makes their share of
+        the accuracy, although it is included.
         """
-        state, known, about, bends = self.state, self.known, self.about(closed), 0.0
-        at = known.solve(state.y[0, 0], outside.drive, free=~closed, load=outside.load)
-        straight = sys.maxsize
-        if known.geometry == "finite":
-            q = known.coordinates(at.u, at.rod)
-            about = Linearised(known, closed, q)
-            bends = known.bends(q, about.answer(outside.rates()[0]))
-            bent = float(np.abs(about.loads(about.answer(-bends), -bends)[0]).sum())
-            straight = sys.maxsize - 1
-            if bent:
-                straight = math.ceil(math.sqrt(2 * BENT * self.limit / bent) / state.dt)
-        return about, about.interface(values_of(at), outside, bends), at, straight
+        known = self.known
+        q = known.coordinates(known.loaded.u, known.loaded.rod)
+        bends = known.bends(q, about.answer(outside.rates()[0]))
+        bent = float(np.abs(about.loads(about.answer(-bends), -bends)[0]).sum())
+        lasts = math.sqrt(2 * BENT * self.limit / bent) if bent else math.inf
+        return math.ceil(min(lasts / self.state.dt, sys.maxsize))
 
-    def bent(
-        self, interface: Interface, at: Equilibrium, outside: Outside, found: core.SlowSlip
-    ) -> bool:
-        """Return whether loads at the end of a phase differ too much from those of static states.
+    def bent(self, phase: Phase, outside: Outside) -> bool:
+        """Return whether loads at the end of a phase differ too much from those of a static state.
 
-        Args:
-            interface: the condensed slider about the static state `at`.
-            at: static state in which the phase begins.
-            outside: driver and loads.
-            found: the phase.
+        Slip changes them, too, beside what driver and loads do.
         """
-        s, u_x = found.t, self.state.y[0, 0] + found.u
-        how = {"free": ~(self.state.mode != OPEN), "load": outside.load_at(s)}
-        end = self.known.solve(u_x, outside.drive_at(s), **how)
+        interface, at, found = phase.interface, phase.at, phase.found
+        s, u_x, free = found.t, self.state.y[0, 0] + found.u, self.state.mode == OPEN
+        drive, loads = outside.drive_at(s), outside.load_at(s)
+        end = self.known.solve(u_x, drive, free=free, load=loads, near=at)
         load, p, _ = interface.at(s, found.u)
         off = load - interface.load[0][:, 0] + (end.f - at.f)
-        pressed = np.where(how["free"], 0.0, p - interface.p[0][:, 0] - (end.p - at.p))
+        pressed = np.where(free, 0.0, p - interface.p[0][:, 0] - (end.p - at.p))
         error = np.abs(off) + self.scene.law.mu_s * np.abs(pressed)
         return float(error.sum()) > BENT * self.limit
 
@@ -385,12 +412,13 @@ class RateHybridRun(Run):
         if count > known:
             self._add_logs({"crossings": log.crossings(), "bursts": log.bursts()})
 
-    def _put(self, found: core.SlowSlip, about: Linearised, outside: Outside, n: int) -> None:
+    def _put(self, phase: Phase, outside: Outside, n: int) -> None:
         """Set the state to that after n steps of a phase, in its static state under viscosity."""
+        about, found = phase.about, phase.found
         state, known, closed, v = self.state, self.known, about.closed, found.v
         s, u_x = n * state.dt, state.y[0, 0] + found.u
         drive, load = outside.drive_at(s), outside.load_at(s)
-        at = known.solve(u_x, drive, free=~closed, load=load)
+        at = known.solve(u_x, drive, free=~closed, load=load, near=phase.at)
         force, gain = outside.rates()
         rates = about.moving(v, force + s * gain)
         resists = about.resistance(rates, about.moving(found.a, gain))

@@ -17,7 +17,7 @@ from pyfric import core
 from pyfric.engines.cost import work_so_far
 from pyfric.engines.linearised import Linearised
 from pyfric.engines.path import Outside
-from pyfric.engines.slow_slip import values_of
+from pyfric.engines.slow_slip import RateHybridRun, values_of
 from pyfric.scene import chain, setup1, setup2
 from pyfric.statics import StaticSolver, loaded_state
 
@@ -128,9 +128,9 @@ def test_blocks_that_lift_off_and_come_down_move_as_in_full_dynamics():
     run = pyfric.simulate(scene, 0.024, fidelity="hybrid", accuracy=1e-3, **how)
     lifted = (full.motion["f"] == 0).any(axis=1) & (full.curve["t"] > 0)
     assert 50 < lifted.sum() < 80
-    assert run.counts["steps_spared"] > 0.7 * full.counts["steps"]
+    assert run.counts["steps_spared"] > 0.6 * full.counts["steps"]
     assert np.abs(run.curve["F_T"] - full.curve["F_T"]).max() < 1e-3 * scene.F_N
-    np.testing.assert_allclose(run.motion["u_x"], full.motion["u_x"], rtol=0, atol=4e-8)
+    np.testing.assert_allclose(run.motion["u_x"], full.motion["u_x"], rtol=0, atol=1e-9)
 
 
 def creep(**how):
@@ -466,14 +466,26 @@ def off(run, exact):
 
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
 def test_events_of_a_slider_keep_the_accuracy(geometry):
-    """Down to 1e-6, at no higher price than full dynamics."""
+    """Down to 1e-6, at no higher price than full dynamics, which finite geometry needs there."""
     exact = plate(geometry, fidelity="dynamic", energies=False)
     assert len(exact.events) == 6
-    for accuracy in (1e-5, 1e-6):
+    for accuracy in (1e-3, 1e-4, 1e-5, 1e-6):
         run = plate(geometry, fidelity="hybrid", accuracy=accuracy)
-        assert off(run, exact) < accuracy
-        assert run.counts["steps_spared"] > 0.2 * exact.counts["steps"]
-        assert work_so_far(run) < work_so_far(exact)
+        assert off(run, exact) < 0.7 * accuracy
+        assert work_so_far(run) <= work_so_far(exact)
+        if geometry == "linear" or accuracy >= 1e-4:
+            assert run.counts["steps_spared"] > 0.2 * exact.counts["steps"]
+
+
+def test_phases_are_shorter_where_slip_bends_loads(monkeypatch):
+    """Else events in finite geometry are wrong by more than the accuracy."""
+    exact = plate("finite", t_end=0.06, fidelity="dynamic", energies=False)
+    how = {"t_end": 0.06, "fidelity": "hybrid", "accuracy": 1e-3}
+    run = plate("finite", **how)
+    assert off(run, exact) < 3e-4
+    monkeypatch.setattr(RateHybridRun, "bent", lambda *_: False)
+    monkeypatch.setattr(RateHybridRun, "straight", lambda *_: 10**9)
+    assert off(plate("finite", **how), exact) > 1e-3
 
 
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
@@ -484,7 +496,7 @@ def test_a_driver_faster_than_slip_keeps_the_accuracy(geometry):
     for accuracy in (1e-3, 1e-5):
         run = plate(geometry, fidelity="hybrid", accuracy=accuracy, **how)
         assert off(run, exact) < min(accuracy, 1e-4)
-        assert run.counts["steps_spared"] > 0
+        assert run.counts["steps_spared"] > 0 or (geometry, accuracy) == ("finite", 1e-5)
 
 
 def test_a_slider_has_no_waves_after_slow_slip():

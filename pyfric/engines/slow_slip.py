@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
     from pyfric.statics import Equilibrium
 
-SPENT = 1 / 8
+SPENT = 1 / 4
 """Work of a look at waves, over that of the steps of full dynamics up to the next one."""
 MOSTLY = 0.5
 """Integrated share of the time above which the record carries a note."""
@@ -114,6 +114,7 @@ class RateHybridRun(Run):
         self.look_every = math.ceil(
             work(scene, geometry, {"attempts": 1, "landings": 1}) / (SPENT * step)
         )
+        self.shortest = 2 * self.look_every  # steps of a phase in finite geometry worth its work
         self.least = work(scene, geometry, {"slow_steps": 1}) / step * self.state.dt
         self.pays = self.look_every * self.state.dt
         self.worth = self.state.step  # the step at which waves are looked at next
@@ -166,7 +167,7 @@ class RateHybridRun(Run):
         if (np.abs(state.mode) == 1).any() or not closed.any():
             return None
         about, outside, v = self.about(closed), self.outside(), np.abs(state.y[0, 2])
-        if self.straight(about, outside) < self.look_every:
+        if self.straight(about, outside) < self.shortest:
             return None
         at = known.coordinates(state.y[:, :2], state.rod[:3])
         rates = known.coordinates(state.y[:, 2:], state.rod[3:])
@@ -274,7 +275,7 @@ class RateHybridRun(Run):
 
         while finite and self.bent(phase := made(n_end), outside):
             n_end = min(n_end, round(phase.found.t / state.dt)) // 2
-            if n_end < self.look_every:
+            if n_end < self.shortest:
                 return None
         n_last = min(last - state.step, n_end)
         return phase if finite and n_last == n_end else made(n_last)

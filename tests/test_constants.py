@@ -187,7 +187,7 @@ def test_slow_slip_does_not_depend_on_them(constant, factor, monkeypatch, priced
         monkeypatch.setattr(slow_slip, name, factor * getattr(slow_slip, name))
     full, run = slow_slider("dynamic"), slow_slider.__wrapped__("hybrid")
     assert run.counts["steps_spared"] > 0
-    assert run.events["n_blocks"].to_list() == full.events["n_blocks"].to_list() == [1, 13]
+    assert run.events["n_blocks"].to_list() == full.events["n_blocks"].to_list() == [1, 3]
     limit = 1e-4 * full.scene.F_N
     np.testing.assert_allclose(
         run.events["F_T_start"], full.events["F_T_start"], rtol=0, atol=limit

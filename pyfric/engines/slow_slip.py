@@ -52,11 +52,11 @@ SLOW_STEPS, SLOW_POINTS, SLOW_WORK = 1000, 1000, 4e8
 """Most slow steps, points of the curve, and steps times N_x^3 between two looks at Ctrl-C."""
 OF_STEP = 0.01
 """Error of a slow step over the accuracy, as some hundred steps lead to an event."""
-SLIPPED, WAVES, INERTIA, BENT = 0.5, 0.05, 0.1, 0.03
+SLIPPED, WAVES, INERTIA, BENT = 0.5, 0.05, 0.1, 0.02
 """Shares of the accuracy: what waves left out may do to loads by slip, and their load when an event
 may begin; the load by inertia during slow slip; and by how much loads may differ from those of
-static states at the end of a phase in finite geometry. They are small, as a load that is wrong on
-one block shifts its slip in time, while the driver loads all others."""
+static states at the end of a phase in finite geometry. They are small, as a block that creeps near
+`v_slip` reaches it much sooner or later if the load on it is a little wrong."""
 
 
 class Phase(NamedTuple):

@@ -240,9 +240,9 @@ class Linearised:
                 q = self.answer(force)
                 resists = self.resistance(q)
                 rate, drag = self.loads(q, force), self.loads(self.answer(resists), resists)
-                for part, one, other in zip((load, p), rate, drag, strict=True):
-                    part[:, n + 1] += one
-                    part[:, n] += other
+                for part, faster, lag in zip((load, p), rate, drag, strict=True):
+                    part[:, n + 1] += faster
+                    part[:, n] += lag
                 u[:, n + 1] = q[:N_x]
                 F_T[n + 1] -= push @ q
         of_u = self.by_u

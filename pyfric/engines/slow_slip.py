@@ -173,8 +173,8 @@ class RateHybridRun(Run):
         rates = known.coordinates(state.y[:, 2:], state.rod[3:])
         p = core.evaluate(self.model, state, state.t).p
         waves = about.waves(at, rates, outside, p, self.scene.law)
-        left, most = waves.largest / (WAVES * self.limit), SLIPPED * self.limit
-        if not waves.effect(v) <= most or (left > 1 and not waves.decay > 0):
+        left, allowed = waves.largest / (WAVES * self.limit), SLIPPED * self.limit
+        if not waves.effect(v) <= allowed or (left > 1 and not waves.decay > 0):
             return None
         lasts = max(self.pays, 2 * math.log(left) / waves.decay if left > 1 else 0.0)
         interface = about.interface(waves.rest, outside)
@@ -187,7 +187,7 @@ class RateHybridRun(Run):
             return None
         first, second = found.points[:, 2]
         faster = np.maximum(np.abs(found.v), np.abs(first))
-        if not waves.effect(faster, second - first) <= most:
+        if not waves.effect(faster, second - first) <= allowed:
             return None
         slip = waves.slip(np.abs(first))
         return np.array([slip, -slip * np.sign(first) * self._weakening(first)])

@@ -207,9 +207,9 @@ subroutine curve_point(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t
 end subroutine curve_point
 
 !> Slip without inertia under rate-and-state friction.
-subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, counts, numbers, closed, load, load_u, load_v, p, &
-                     p_u, p_v, limits, max_steps, times, threshold, h, q, v, points, fast, passed_i, passed_r, sums, made, t_end, &
-                     status)
+subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, counts, numbers, closed, load, load_u, load_v, &
+                     load_a, p, p_u, p_v, p_a, limits, max_steps, times, threshold, h, q, v, a, points, fast, passed_i, passed_r, &
+                     sums, made, t_end, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: model_t, new_model
   use pyfric_slow_slip, only: condensed_t, limits_t, phase_t, passages_t, work_t, new_condensed, new_work, advance_phase, &
@@ -228,16 +228,19 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, coun
   real(c_double), intent(in) :: load(nx, 3)                  !! on each block, see pyfric_slow_slip
   real(c_double), intent(in) :: load_u(nx, nx)               !! by displacements [N/m]
   real(c_double), intent(in) :: load_v(nx, nx)               !! by velocities [N s/m]
+  real(c_double), intent(in) :: load_a(nx, nx)               !! by accelerations [kg]
   real(c_double), intent(in) :: p(nx, 3)                     !! normal force, alike
   real(c_double), intent(in) :: p_u(nx, nx)                  !! by displacements [N/m]
   real(c_double), intent(in) :: p_v(nx, nx)                  !! by velocities [N s/m]
-  real(c_double), intent(in) :: limits(8)                    !! see `limits_t` of pyfric_slow_slip
+  real(c_double), intent(in) :: p_a(nx, nx)                  !! by accelerations [kg]
+  real(c_double), intent(in) :: limits(9)                    !! see `limits_t` of pyfric_slow_slip
   integer(c_int), intent(in) :: max_steps                    !! most steps
   real(c_double), intent(in) :: times(n_points)              !! of the points, ascending, since the beginning [s]
   real(c_double), intent(in) :: threshold                    !! of passages, 0: none is looked for [m/s]
   real(c_double), intent(inout) :: h(1)                      !! next step [s]
   real(c_double), intent(inout) :: q(nx, 2)                  !! u [m], ln theta; then those at t_end
   real(c_double), intent(out) :: v(nx)                       !! velocities at t_end [m/s]
+  real(c_double), intent(out) :: a(nx)                       !! accelerations at t_end [m/s2]
   real(c_double), intent(inout) :: points(nx, 3, n_points)   !! u [m], ln theta, velocities [m/s]
   integer(c_int), intent(in) :: fast(nx)                     !! see `passages_t` of pyfric_slow_slip
   integer(c_int), intent(inout) :: passed_i(2, n_passages)   !! `of` there
@@ -257,9 +260,10 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, coun
   made = 0
   t_end = 0
   v = 0
+  a = 0
   model = new_model(counts, numbers)
   if (.not. model%complete) return
-  s = new_condensed(nx, model%law, closed == 1, load, load_u, load_v, p, p_u, p_v)
+  s = new_condensed(nx, model%law, closed == 1, load, load_u, load_v, load_a, p, p_u, p_v, p_a)
   w = new_work(nx)
   if (.not. (s%complete .and. w%complete)) return
   phase%h = h(1)
@@ -270,7 +274,8 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, coun
   passages%of = passed_i
   passages%at = passed_r
   passages%sums = sums
-  call advance_phase(s, limits_t(limits(1), limits(2), limits(3), limits(4:5), limits(6), limits(7), limits(8), max_steps), &
+  call advance_phase(s, limits_t(limits(1), limits(2), limits(3), limits(4:5), limits(6), limits(7), limits(8), limits(9), &
+                                         max_steps), &
                      n_points, times, w, phase, points(:, :2, :), passages, status)
   h = phase%h
   q = phase%grid
@@ -279,7 +284,7 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, coun
   passed_i = passages%of
   passed_r = passages%at
   sums = passages%sums
-  call velocities(s, t_end, q, w, v)
+  call velocities(s, t_end, q, w, v, a)
   do i = 1, phase%n_points
     call velocities(s, times(i), points(:, :2, i), w, points(:, 3, i))
   end do
@@ -301,6 +306,25 @@ subroutine uniforms(n, key, counter, u)
   at = counter
   u = drawn(words, at, n)
 end subroutine uniforms
+
+!> exp, log, or log(1 + x) by the core's own sums.
+subroutine elementary(n, which, x)
+  use, intrinsic :: iso_c_binding, only: c_double, c_int
+  use pyfric_elementary, only: exponentials, logarithms, logs_of_1_plus
+  implicit none
+  integer(c_int), intent(in) :: n             !! numbers
+  integer(c_int), intent(in) :: which         !! 0: exp, 1: log, 2: log(1 + x)
+  real(c_double), intent(inout) :: x(n)       !! numbers, then values
+
+  select case (which)
+  case (0)
+    call exponentials(n, x)
+  case (1)
+    call logarithms(n, x)
+  case default
+    call logs_of_1_plus(n, x)
+  end select
+end subroutine elementary
 
 !> Additions in registers, for timing.
 subroutine additions(n, width_of_sums, total)

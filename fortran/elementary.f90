@@ -1,7 +1,8 @@
 !> exp and log from additions, multiplications and divisions alone: those of libraries choose their code by processor.
 !>
 !> Within 1e-15 of exp(x), relative, for |x| < 700, and within 3e-16 (1 + |log(x)|) of log(x) for normal numbers. They work on
-!> n numbers, so that vectors speed them up.
+!> n numbers, so that vectors speed them up. Integers up to 2^51 are added to and taken from numbers near 2^52, whose last bit
+!> is 1: vectors need no conversions then.
 module pyfric_elementary
   use, intrinsic :: iso_fortran_env, only: int64
   use pyfric_kinds, only: dp
@@ -11,11 +12,15 @@ module pyfric_elementary
 
   !> log(2) in two parts, of which the first has 21 zeros at its end, so that its products with exponents are exact.
   real(dp), parameter :: LOG_2 = real(z'3FE62E42FEE00000', dp), LOG_2_REST = 1.90821492927058770002e-10_dp
-  real(dp), parameter :: LOG_2_INVERSE = 1.4426950408889634074_dp, ROOT_2 = 1.41421356237309504880_dp
+  real(dp), parameter :: LOG_2_INVERSE = 1.4426950408889634074_dp
   !> Terms of exp(r) for |r| < log(2)/2, and of atanh(z)/z for |z| < 0.172 and |z| < 0.24.
-  integer, parameter :: N_EXP = 14, N_LOG = 11, N_LOG_1 = 14
-  !> Bits of the fraction of a number, and the exponent of 1.
-  integer, parameter :: DIGITS_2 = 52, BIAS = 1023
+  integer, parameter :: N_EXP = 13, N_LOG = 9, N_LOG_1 = 12
+  !> Bits of the fraction of a number; the exponent of 1; bits of 1 and of sqrt(1/2).
+  integer, parameter :: DIGITS_2 = 52
+  integer(int64), parameter :: BIAS = 1023_int64, ONE = shiftl(BIAS, DIGITS_2), ROOT_HALF = int(z'3FE6A09E667F3BCD', int64)
+  !> A number whose last bit is 1, and which keeps it if up to 2^51 is added or subtracted; 2^52, and its bits.
+  real(dp), parameter :: WHOLE = 1.5_dp*2.0_dp**DIGITS_2, TWO_52 = 2.0_dp**DIGITS_2
+  integer(int64), parameter :: BITS_52 = shiftl(BIAS + DIGITS_2, DIGITS_2)
   integer :: n
   real(dp), parameter :: INVERSE(0:N_EXP) = [1.0_dp, (1.0_dp/gamma(real(n + 1, dp)), n=1, N_EXP)]  !! 1/n!
   real(dp), parameter :: ODD(0:N_LOG_1) = [(1.0_dp/real(2*n + 1, dp), n=0, N_LOG_1)]
@@ -55,40 +60,37 @@ contains
   !> exp(x) = 2^k exp(r), r = x - k log(2); 0 below -700, and the value at 700 above.
   pure elemental function exponential(x) result(y)
     real(dp), intent(in) :: x
-    real(dp) :: y, r
-    integer :: k, i
+    real(dp) :: y, r, k
 
     r = max(min(x, 700.0_dp), -700.0_dp)
-    k = int(r*LOG_2_INVERSE + sign(0.5_dp, r))
+    k = r*LOG_2_INVERSE + WHOLE
+    y = transfer(shiftl(transfer(k, BIAS) + BIAS, DIGITS_2), y)
+    k = k - WHOLE
     r = (r - k*LOG_2) - k*LOG_2_REST
-    y = INVERSE(N_EXP)
-    !GCC$ unroll 16
-    do i = N_EXP - 1, 0, -1
-      y = y*r + INVERSE(i)
-    end do
-    y = merge(0.0_dp, y*power_of_2(k), x < -700.0_dp)
+    y = merge(0.0_dp, y*sum_of_exp(r), x < -700.0_dp)
   end function exponential
 
-  !> 2^k, for a normal number.
-  pure elemental function power_of_2(k) result(y)
-    integer, intent(in) :: k
-    real(dp) :: y
+  !> 1 + r + r^2/2 + r^3/6 + ..., its terms by twos, fours and eights.
+  pure elemental function sum_of_exp(r) result(y)
+    real(dp), intent(in) :: r
+    real(dp) :: y, r_2, r_4
 
-    y = transfer(shiftl(int(k + BIAS, int64), DIGITS_2), y)
-  end function power_of_2
+    r_2 = r*r
+    r_4 = r_2*r_2
+    y = ((INVERSE(10) + INVERSE(11)*r) + (INVERSE(12) + INVERSE(13)*r)*r_2)*r_4 &
+        + ((INVERSE(6) + INVERSE(7)*r) + (INVERSE(8) + INVERSE(9)*r)*r_2)
+    y = 1.0_dp + (r + r_2*(((INVERSE(2) + INVERSE(3)*r) + (INVERSE(4) + INVERSE(5)*r)*r_2) + y*r_4))
+  end function sum_of_exp
 
   !> log(x) = e log(2) + 2 atanh((m - 1)/(m + 1)), x = m 2^e with m from sqrt(1/2) to sqrt(2).
   pure elemental function logarithm(x) result(y)
     real(dp), intent(in) :: x    !! > 0
-    real(dp) :: y, m
+    real(dp) :: y, m, e
     integer(int64) :: bits
-    integer :: e
 
-    bits = transfer(x, bits)
-    e = int(shiftr(bits, DIGITS_2)) - BIAS
-    m = transfer(bits - shiftl(int(e, int64), DIGITS_2), m)
-    e = merge(e + 1, e, m > ROOT_2)
-    m = merge(0.5_dp*m, m, m > ROOT_2)
+    bits = transfer(x, bits) + (ONE - ROOT_HALF)
+    e = transfer(ior(shiftr(bits, DIGITS_2), BITS_52), e) - (TWO_52 + real(BIAS, dp))
+    m = transfer(iand(bits, shiftl(1_int64, DIGITS_2) - 1_int64) + ROOT_HALF, m)
     y = e*LOG_2 + (e*LOG_2_REST + twice_atanh(N_LOG, (m - 1.0_dp)/(m + 1.0_dp)))
   end function logarithm
 

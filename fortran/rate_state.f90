@@ -5,7 +5,8 @@
 !>
 !> V*/V_c = 0 without a cut-off speed V_c. At given v both laws are linear, dx/dt = source - |v|/D_c x, in x = theta (ageing)
 !> or x = ln(V* theta/D_c) (slip). So an implicit stage knows x for each v, and v is the root of one equation. A block counts
-!> as slipping while |v| >= v_slip. All functions work on the N_x blocks at once, so that vectors speed them up.
+!> as slipping while |v| >= v_slip. All procedures work on `TOGETHER` blocks at once, so that vectors speed them up and work
+!> arrays need no allocation.
 !>
 !> Sources: J. H. Dieterich, J. Geophys. Res. 84, 2161 (1979); A. L. Ruina, J. Geophys. Res. 88, 10359 (1983); the form with
 !> asinh: J. R. Rice, N. Lapusta, K. Ranjith, J. Mech. Phys. Solids 49, 1865 (2001).
@@ -25,6 +26,7 @@ module pyfric_rate_state
   real(dp), parameter :: LOST = 20.0_dp
   !> 1 - exp(-2 y) is a polynomial of degree 3 below this y.
   real(dp), parameter :: SMALL = 1e-5_dp
+  integer, parameter :: TOGETHER = 64
 
   type :: rate_state_t
     logical :: complete = .false.     !! there was enough memory
@@ -64,68 +66,76 @@ contains
   end function new_rate_state
 
   !> The variables x in which evolution is linear, from theta [s].
-  pure function variables_of(of, nx, theta) result(x)
+  pure subroutine variables_of(of, nx, theta, x)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: nx
     real(dp), intent(in) :: theta(nx)
-    real(dp) :: x(nx)
+    real(dp), intent(out) :: x(nx)
 
-    x = theta
-    if (of%evolution /= SLIP_LAW) return
-    x = of%v_ref*theta/of%d_c
-    call logarithms(nx, x)
-  end function variables_of
+    if (of%evolution == AGEING) then
+      x = theta
+    else
+      x = of%v_ref*theta/of%d_c
+      call logarithms(nx, x)
+    end if
+  end subroutine variables_of
 
   !> theta [s] from the variables x.
-  pure function thetas_of(of, nx, x) result(theta)
+  pure subroutine thetas_of(of, nx, x, theta)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: nx
     real(dp), intent(in) :: x(nx)
-    real(dp) :: theta(nx)
+    real(dp), intent(out) :: theta(nx)
 
     theta = x
-    if (of%evolution /= SLIP_LAW) return
+    if (of%evolution == AGEING) return
     call exponentials(nx, theta)
     theta = of%d_c/of%v_ref*theta
-  end function thetas_of
+  end subroutine thetas_of
 
   !> dx/dt.
-  pure function variable_rates(of, nx, v, x) result(rate)
+  pure subroutine variable_rates(of, nx, v, x, rate)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: nx
     real(dp), intent(in) :: v(nx)      !! velocities [m/s]
     real(dp), intent(in) :: x(nx)
-    real(dp) :: rate(nx), eta(nx)
+    real(dp), intent(out) :: rate(nx)
 
     if (of%evolution == AGEING) then
       rate = 1.0_dp - abs(v)/of%d_c*x
     else
-      eta = max(abs(v)/of%v_ref, tiny(1.0_dp))
-      call logarithms(nx, eta)
-      rate = -abs(v)/of%d_c*(x + eta)
+      rate = max(abs(v)/of%v_ref, tiny(1.0_dp))
+      call logarithms(nx, rate)
+      rate = -abs(v)/of%d_c*(x + rate)
     end if
-  end function variable_rates
+  end subroutine variable_rates
 
-  !> psi from x, and its derivative by it.
-  pure subroutine state_effect(of, nx, x, psi, slope)
+  !> psi from x, and its derivative by it, of blocks from number `from` on.
+  pure subroutine state_effect(of, from, n, x, psi, slope)
     type(rate_state_t), intent(in) :: of
-    integer, intent(in) :: nx
-    real(dp), intent(in) :: x(nx)
-    real(dp), intent(out) :: psi(nx)
-    real(dp), intent(out) :: slope(nx)
-    real(dp) :: ratio(nx)
+    integer, intent(in) :: from
+    integer, intent(in) :: n
+    real(dp), intent(in) :: x(n)
+    real(dp), intent(out) :: psi(n)
+    real(dp), intent(out) :: slope(n)
+    real(dp) :: ratio(TOGETHER)
+    integer :: i
 
     if (of%evolution == AGEING) then
-      ratio = of%v_ref*x/of%d_c + of%cut
-      psi = max(ratio, tiny(1.0_dp))
-      call logarithms(nx, psi)
-      slope = of%v_ref/of%d_c/ratio
+      do i = 1, n
+        ratio(i) = of%v_ref*x(i)/of%d_c(from + i - 1) + of%cut
+        psi(i) = max(ratio(i), tiny(1.0_dp))
+        slope(i) = of%v_ref/of%d_c(from + i - 1)/ratio(i)
+      end do
+      call logarithms(n, psi)
     else if (of%cut > 0.0_dp) then
-      ratio = x
-      call exponentials(nx, ratio)
-      psi = ratio + of%cut
-      call logarithms(nx, psi)
-      slope = ratio/(ratio + of%cut)
+      ratio(:n) = x
+      call exponentials(n, ratio)
+      do i = 1, n
+        psi(i) = ratio(i) + of%cut
+        slope(i) = ratio(i)/psi(i)
+      end do
+      call logarithms(n, psi)
     else
       psi = x
       slope = 1.0_dp
@@ -133,29 +143,31 @@ contains
   end subroutine state_effect
 
   !> asinh(exp(q)/2), and its derivative by q.
-  pure subroutine asinh_of_exp(nx, q, value, slope)
-    integer, intent(in) :: nx
-    real(dp), intent(in) :: q(nx)
-    real(dp), intent(out) :: value(nx)
-    real(dp), intent(out) :: slope(nx)
-    real(dp) :: s(nx), root(nx)
+  pure subroutine asinh_of_exp(n, q, value, slope)
+    integer, intent(in) :: n
+    real(dp), intent(in) :: q(n)
+    real(dp), intent(out) :: value(n)
+    real(dp), intent(out) :: slope(n)
+    real(dp) :: s, root
+    integer :: i
 
     value = q
     slope = 1.0_dp
     if (all(q > LOST)) return
-    s = merge(-2.0_dp*q, q, q > 0.0_dp)
-    call exponentials(nx, s)
-    where (q > 0.0_dp)
-      root = sqrt(1.0_dp + 4.0_dp*s)
-      value = 2.0_dp*s/(1.0_dp + root)
-      slope = 1.0_dp/root
-    else where
-      root = sqrt(1.0_dp + 0.25_dp*s*s)
-      value = 0.5_dp*s + 0.25_dp*s*s/(1.0_dp + root)
-      slope = 0.5_dp*s/root
-    end where
-    call logs_of_1_plus(nx, value)
-    value = value + max(q, 0.0_dp)
+    do i = 1, n
+      value(i) = merge(-2.0_dp*q(i), q(i), q(i) > 0.0_dp)
+    end do
+    call exponentials(n, value)
+    do i = 1, n
+      s = value(i)
+      root = sqrt(1.0_dp + merge(4.0_dp*s, 0.25_dp*s*s, q(i) > 0.0_dp))
+      slope(i) = merge(1.0_dp, 0.5_dp*s, q(i) > 0.0_dp)/root
+      value(i) = merge(2.0_dp*s, 0.5_dp*s*(1.0_dp + root + 0.5_dp*s), q(i) > 0.0_dp)/(1.0_dp + root)
+    end do
+    call logs_of_1_plus(n, value)
+    do i = 1, n
+      value(i) = value(i) + max(q(i), 0.0_dp)
+    end do
   end subroutine asinh_of_exp
 
   !> Friction force of each block along +x [N].
@@ -166,15 +178,27 @@ contains
     real(dp), intent(in) :: v(nx)          !! velocities [m/s]
     real(dp), intent(in) :: p(nx)          !! foundation force [N]
     real(dp), intent(out) :: f(nx)         !! [N]
-    real(dp) :: x(nx), eta(nx), psi(nx), slope(nx), value(nx)
+    real(dp), dimension(TOGETHER) :: eta, psi, slope, value
+    integer :: from, n, i, k
 
-    x = variables_of(of, nx, theta)
-    call state_effect(of, nx, x, psi, slope)
-    eta = max(abs(v)/of%v_ref, tiny(1.0_dp))
-    call logarithms(nx, eta)
-    eta = eta + (of%f_ref + of%b*psi)/of%a
-    call asinh_of_exp(nx, eta, value, slope)
-    f = merge(-sign(of%a*value*p, v) - of%alpha*v, 0.0_dp, p > 0.0_dp .and. abs(v) > 0.0_dp)
+    call variables_of(of, nx, theta, f)
+    do from = 1, nx, TOGETHER
+      n = min(TOGETHER, nx - from + 1)
+      call state_effect(of, from, n, f(from), psi, slope)
+      do i = 1, n
+        eta(i) = max(abs(v(from + i - 1))/of%v_ref, tiny(1.0_dp))
+      end do
+      call logarithms(n, eta)
+      do i = 1, n
+        k = from + i - 1
+        eta(i) = eta(i) + (of%f_ref(k) + of%b(k)*psi(i))/of%a(k)
+      end do
+      call asinh_of_exp(n, eta, value, slope)
+      do i = 1, n
+        k = from + i - 1
+        f(k) = merge(-sign(of%a(k)*value(i)*p(k), v(k)) - of%alpha(k)*v(k), 0.0_dp, p(k) > 0.0_dp .and. abs(v(k)) > 0.0_dp)
+      end do
+    end do
   end subroutine rate_forces
 
   !> Velocities and variables x at the end of an implicit stage, which adds h f(v, x)/m and h dx/dt to their values before:
@@ -193,101 +217,150 @@ contains
     real(dp), intent(in) :: near(nx)     !! velocities near the roots [m/s]
     real(dp), intent(inout) :: v(nx)     !! v_0, then the roots [m/s]
     real(dp), intent(out) :: x(nx)
-    real(dp), dimension(nx) :: w, c, inertia, eta, low, high, high_by_friction, left, grows, step, speed
-    logical :: done(nx)
-    integer :: k
+    real(dp), dimension(TOGETHER) :: w, c, inertia, eta, high, speed
+    integer :: from, n, i, k
 
-    w = max(abs(v), tiny(w))
-    c = max(p, 0.0_dp)*(h/m)
-    inertia = of%v_ref*(1.0_dp + merge(of%alpha*(h/m), 0.0_dp, p > 0.0_dp))
-    low = LEAST
-    high = w/inertia
-    call logarithms(nx, high)
-    high = max(high, LEAST)
-    eta = max(abs(near)/of%v_ref, tiny(w))
-    call logarithms(nx, eta)
-    high_by_friction = speed_by_friction(of, nx, h, c, x_0, w)
-    eta = merge(eta, high_by_friction, near*v > 0.0_dp)
-    eta = min(max(eta, low), high)
-    done = .false.
-    do k = 1, MOST
-      call balance(of, nx, h, c, inertia, x_0, eta, left, grows)
-      step = (w - left)/grows
-      where (step > 0.0_dp) low = eta
-      where (step < 0.0_dp) high = eta
-      where (.not. (eta + step >= low .and. eta + step <= high)) step = 0.5_dp*(low + high) - eta
-      eta = merge(eta, eta + step, done)
-      done = done .or. abs(step) < LAST_STEP
-      if (all(done)) exit
+    do from = 1, nx, TOGETHER
+      n = min(TOGETHER, nx - from + 1)
+      do i = 1, n
+        k = from + i - 1
+        w(i) = max(abs(v(k)), tiny(w))
+        c(i) = max(p(k), 0.0_dp)*(h/m(k))
+        inertia(i) = of%v_ref*(1.0_dp + merge(of%alpha(k)*(h/m(k)), 0.0_dp, p(k) > 0.0_dp))
+        high(i) = w(i)/inertia(i)
+        eta(i) = max(abs(near(k))/of%v_ref, tiny(w))
+      end do
+      call logarithms(n, high)
+      call logarithms(n, eta)
+      call speed_by_friction(of, from, n, h, c, x_0(from), w, speed)
+      do i = 1, n
+        k = from + i - 1
+        high(i) = max(high(i), LEAST)
+        eta(i) = min(max(merge(eta(i), speed(i), near(k)*v(k) > 0.0_dp), LEAST), high(i))
+      end do
+      call find_roots(of, from, n, h, c, inertia, x_0(from), w, high, eta)
+      speed(:n) = eta(:n)
+      call exponentials(n, speed)
+      do i = 1, n
+        k = from + i - 1
+        v(k) = merge(sign(of%v_ref*speed(i), v(k)), 0.0_dp, abs(v(k)) > 0.0_dp .and. eta(i) > LEAST)
+        x(k) = stage_variable(of, k, h, x_0(k), eta(i), of%v_ref*speed(i))
+      end do
     end do
-    speed = eta
-    call exponentials(nx, speed)
-    v = merge(sign(of%v_ref*speed, v), 0.0_dp, abs(v) > 0.0_dp .and. eta > LEAST)
-    speed = of%v_ref*speed
-    x = stage_variables(of, nx, h, x_0, eta, speed)
   end subroutine implicit_speeds
 
+  !> Roots of `balance` = w, from eta on, below `high`.
+  pure subroutine find_roots(of, from, n, h, c, inertia, x_0, w, high, eta)
+    type(rate_state_t), intent(in) :: of
+    integer, intent(in) :: from
+    integer, intent(in) :: n
+    real(dp), intent(in) :: h
+    real(dp), intent(in) :: c(n)         !! p h/m [m/s]
+    real(dp), intent(in) :: inertia(n)   !! V* (1 + alpha h/m) [m/s]
+    real(dp), intent(in) :: x_0(n)
+    real(dp), intent(in) :: w(n)         !! [m/s]
+    real(dp), intent(inout) :: high(n)
+    real(dp), intent(inout) :: eta(n)
+    real(dp), dimension(TOGETHER) :: low, left, grows, found
+    real(dp) :: step
+    integer :: i, k
+
+    low(:n) = LEAST
+    found(:n) = 0.0_dp
+    do k = 1, MOST
+      call balance(of, from, n, h, c, inertia, x_0, eta, left, grows)
+      do i = 1, n
+        step = (w(i) - left(i))/grows(i)
+        low(i) = merge(eta(i), low(i), step > 0.0_dp)
+        high(i) = merge(eta(i), high(i), step < 0.0_dp)
+        step = merge(step, 0.5_dp*(low(i) + high(i)) - eta(i), eta(i) + step >= low(i) .and. eta(i) + step <= high(i))
+        eta(i) = merge(eta(i), eta(i) + step, found(i) > 0.0_dp)
+        found(i) = merge(1.0_dp, found(i), abs(step) < LAST_STEP)
+      end do
+      if (all(found(:n) > 0.0_dp)) exit
+    end do
+  end subroutine find_roots
+
   !> ln(|v|/V*), slightly above that at which friction alone balances w.
-  pure function speed_by_friction(of, nx, h, c, x_0, w) result(eta)
+  pure subroutine speed_by_friction(of, from, n, h, c, x_0, w, eta)
     type(rate_state_t), intent(in) :: of
-    integer, intent(in) :: nx
+    integer, intent(in) :: from
+    integer, intent(in) :: n
     real(dp), intent(in) :: h
-    real(dp), intent(in) :: c(nx)      !! p h/m [m/s]
-    real(dp), intent(in) :: x_0(nx)
-    real(dp), intent(in) :: w(nx)      !! [m/s]
-    real(dp) :: eta(nx), x(nx), psi(nx), slope(nx), none(nx), y(nx)
+    real(dp), intent(in) :: c(n)      !! p h/m [m/s]
+    real(dp), intent(in) :: x_0(n)
+    real(dp), intent(in) :: w(n)      !! [m/s]
+    real(dp), intent(out) :: eta(n)
+    real(dp), dimension(TOGETHER) :: x, psi, slope, y
+    integer :: i, k
 
-    none = 0.0_dp
-    x = stage_variables(of, nx, h, x_0, none, none)
-    call state_effect(of, nx, x, psi, slope)
-    y = w/max(c*of%a, tiny(y))   ! asinh(exp(q)/2) >= q; below 1, exp(q) <= 2 sinh(1) y
-    eta = 2.4_dp*y
-    call logarithms(nx, eta)
-    eta = merge(eta, y, y < 1.0_dp) - (of%f_ref + of%b*psi)/of%a
-  end function speed_by_friction
+    do i = 1, n
+      x(i) = stage_variable(of, from + i - 1, h, x_0(i), 0.0_dp, 0.0_dp)
+      y(i) = w(i)/max(c(i)*of%a(from + i - 1), tiny(y))   ! asinh(exp(q)/2) >= q; below 1, exp(q) <= 2 sinh(1) y
+      eta(i) = 2.4_dp*y(i)
+    end do
+    call state_effect(of, from, n, x, psi, slope)
+    call logarithms(n, eta)
+    do i = 1, n
+      k = from + i - 1
+      eta(i) = merge(eta(i), y(i), y(i) < 1.0_dp) - (of%f_ref(k) + of%b(k)*psi(i))/of%a(k)
+    end do
+  end subroutine speed_by_friction
 
-  !> x at the end of an implicit stage of speed v = V* exp(eta).
-  pure function stage_variables(of, nx, h, x_0, eta, v) result(x)
+  !> x of block k at the end of an implicit stage of speed v = V* exp(eta).
+  pure function stage_variable(of, k, h, x_0, eta, v) result(x)
     type(rate_state_t), intent(in) :: of
-    integer, intent(in) :: nx
+    integer, intent(in) :: k
     real(dp), intent(in) :: h
-    real(dp), intent(in) :: x_0(nx)
-    real(dp), intent(in) :: eta(nx)
-    real(dp), intent(in) :: v(nx)      !! speed [m/s]
-    real(dp) :: x(nx)
+    real(dp), intent(in) :: x_0
+    real(dp), intent(in) :: eta
+    real(dp), intent(in) :: v      !! speed [m/s]
+    real(dp) :: x
 
     if (of%evolution == AGEING) then
-      x = (x_0 + h)/(1.0_dp + h*(v/of%d_c))
+      x = (max(x_0, 0.0_dp) + h)/(1.0_dp + h*(v/of%d_c(k)))
     else
-      x = (x_0 - h*(v/of%d_c)*eta)/(1.0_dp + h*(v/of%d_c))
+      x = (x_0 - h*(v/of%d_c(k))*eta)/(1.0_dp + h*(v/of%d_c(k)))
     end if
-  end function stage_variables
+  end function stage_variable
 
   !> The left side of the equation of `implicit_speeds`, and its derivative by eta = ln(|v|/V*).
-  pure subroutine balance(of, nx, h, c, inertia, x_0, eta, left, grows)
+  pure subroutine balance(of, from, n, h, c, inertia, x_0, eta, left, grows)
     type(rate_state_t), intent(in) :: of
-    integer, intent(in) :: nx
+    integer, intent(in) :: from
+    integer, intent(in) :: n
     real(dp), intent(in) :: h            !! [s]
-    real(dp), intent(in) :: c(nx)        !! p h/m [m/s]
-    real(dp), intent(in) :: inertia(nx)  !! V* (1 + alpha h/m) [m/s]
-    real(dp), intent(in) :: x_0(nx)
-    real(dp), intent(in) :: eta(nx)
-    real(dp), intent(out) :: left(nx)    !! [m/s]
-    real(dp), intent(out) :: grows(nx)   !! [m/s]
-    real(dp), dimension(nx) :: x, q, v, speed, rate, x_slope, psi, psi_slope, value, slope
+    real(dp), intent(in) :: c(n)         !! p h/m [m/s]
+    real(dp), intent(in) :: inertia(n)   !! V* (1 + alpha h/m) [m/s]
+    real(dp), intent(in) :: x_0(n)
+    real(dp), intent(in) :: eta(n)
+    real(dp), intent(out) :: left(n)     !! [m/s]
+    real(dp), intent(out) :: grows(n)    !! [m/s]
+    real(dp), dimension(TOGETHER) :: x, q, speed, x_slope, psi, psi_slope, value, slope
+    real(dp) :: rate
+    integer :: i, k
 
-    speed = eta
-    call exponentials(nx, speed)
-    v = of%v_ref*speed
-    x = stage_variables(of, nx, h, x_0, eta, v)
-    rate = h*(v/of%d_c)
-    x_slope = -rate*x/(1.0_dp + rate)
-    if (of%evolution == SLIP_LAW) x_slope = -rate*(x + eta + 1.0_dp)/(1.0_dp + rate)
-    call state_effect(of, nx, x, psi, psi_slope)
-    q = eta + (of%f_ref + of%b*psi)/of%a
-    call asinh_of_exp(nx, q, value, slope)
-    left = inertia*speed + c*of%a*value
-    grows = inertia*speed + c*slope*(of%a + of%b*psi_slope*x_slope)
+    speed(:n) = eta
+    call exponentials(n, speed)
+    do i = 1, n
+      k = from + i - 1
+      rate = h*(of%v_ref*speed(i)/of%d_c(k))
+      x(i) = stage_variable(of, k, h, x_0(i), eta(i), of%v_ref*speed(i))
+      x_slope(i) = x(i)
+      if (of%evolution == SLIP_LAW) x_slope(i) = x(i) + eta(i) + 1.0_dp
+      x_slope(i) = -rate*x_slope(i)/(1.0_dp + rate)
+    end do
+    call state_effect(of, from, n, x, psi, psi_slope)
+    do i = 1, n
+      k = from + i - 1
+      q(i) = eta(i) + (of%f_ref(k) + of%b(k)*psi(i))/of%a(k)
+    end do
+    call asinh_of_exp(n, q, value, slope)
+    do i = 1, n
+      k = from + i - 1
+      left(i) = inertia(i)*speed(i) + c(i)*of%a(k)*value(i)
+      grows(i) = inertia(i)*speed(i) + c(i)*slope(i)*(of%a(k) + of%b(k)*psi_slope(i)*x_slope(i))
+    end do
   end subroutine balance
 
   !> Velocities at which friction balances loads, p a asinh(...) + alpha |v| = |load|, and their derivatives. Blocks without
@@ -302,68 +375,116 @@ contains
     real(dp), intent(out) :: by_load(nx)   !! [m/(s N)]
     real(dp), intent(out) :: by_p(nx)      !! [m/(s N)]
     real(dp), intent(out) :: by_theta(nx)  !! by ln(theta) [m/s]
-    real(dp), dimension(nx) :: x, psi, psi_slope, kappa, w, pressed, eta, value, slope, gain
+    real(dp), dimension(TOGETHER) :: x, psi, psi_slope, kappa, w, pressed, eta, value, slope
+    real(dp) :: gain
+    logical :: touches
+    integer :: from, n, i, k
 
-    x = log_theta
-    call exponentials(nx, x)
-    x = variables_of(of, nx, x)
-    call state_effect(of, nx, x, psi, psi_slope)
-    if (of%evolution == AGEING) psi_slope = psi_slope*x
-    kappa = (of%f_ref + of%b*psi)/of%a
-    w = merge(abs(load), 0.0_dp, p > 0.0_dp)
-    pressed = max(p, tiny(w))
-    eta = min(max(speed_without_damping(of, nx, w, pressed) - kappa, LEAST), -LEAST)
-    if (any(of%alpha > 0.0_dp)) then
-      eta = min(eta, -LEAST)
-      call damp(of, nx, pressed, x, w, eta)
-    end if
-    call asinh_of_exp(nx, eta + kappa, value, slope)
-    v = eta
-    call exponentials(nx, v)
-    v = of%v_ref*v
-    gain = v/(of%alpha*v + pressed*of%a*slope)
-    v = merge(sign(v, load), 0.0_dp, p > 0.0_dp .and. w > 0.0_dp)
-    by_load = merge(gain, 0.0_dp, p > 0.0_dp)
-    by_p = -sign(by_load, load)*of%a*value
-    by_theta = -sign(by_load, load)*pressed*of%b*slope*psi_slope
+    do from = 1, nx, TOGETHER
+      n = min(TOGETHER, nx - from + 1)
+      call log_variables(of, from, n, log_theta(from), x)
+      call state_effect(of, from, n, x, psi, psi_slope)
+      do i = 1, n
+        k = from + i - 1
+        if (of%evolution == AGEING) psi_slope(i) = psi_slope(i)*x(i)
+        kappa(i) = (of%f_ref(k) + of%b(k)*psi(i))/of%a(k)
+        w(i) = merge(abs(load(k)), 0.0_dp, p(k) > 0.0_dp)
+        pressed(i) = max(p(k), tiny(w))
+      end do
+      call speed_without_damping(of, from, n, w, pressed, eta)
+      do i = 1, n
+        eta(i) = min(max(eta(i) - kappa(i), LEAST), -LEAST)
+      end do
+      if (any(of%alpha(from:from + n - 1) > 0.0_dp)) call damp(of, from, n, pressed, x, w, eta)
+      do i = 1, n
+        kappa(i) = eta(i) + kappa(i)
+      end do
+      call asinh_of_exp(n, kappa, value, slope)
+      call exponentials(n, eta)
+      do i = 1, n
+        k = from + i - 1
+        touches = p(k) > 0.0_dp
+        v(k) = of%v_ref*eta(i)
+        gain = v(k)/(of%alpha(k)*v(k) + pressed(i)*of%a(k)*slope(i))
+        v(k) = merge(sign(v(k), load(k)), 0.0_dp, touches .and. w(i) > 0.0_dp)
+        by_load(k) = merge(gain, 0.0_dp, touches)
+        by_p(k) = -sign(by_load(k), load(k))*of%a(k)*value(i)
+        by_theta(k) = -sign(by_load(k), load(k))*pressed(i)*of%b(k)*slope(i)*psi_slope(i)
+      end do
+    end do
   end subroutine balanced_speeds
 
-  !> ln(|v|/V*) + (f* + b psi)/a from p a asinh(...) = w.
-  pure function speed_without_damping(of, nx, w, p) result(q)
+  !> The variables x from ln(theta).
+  pure subroutine log_variables(of, from, n, log_theta, x)
     type(rate_state_t), intent(in) :: of
-    integer, intent(in) :: nx
-    real(dp), intent(in) :: w(nx)   !! [N]
-    real(dp), intent(in) :: p(nx)   !! [N]
-    real(dp) :: q(nx), y(nx)
+    integer, intent(in) :: from
+    integer, intent(in) :: n
+    real(dp), intent(in) :: log_theta(n)   !! ln of theta [s]
+    real(dp), intent(out) :: x(n)
+    integer :: i
 
-    y = w/(p*of%a)
-    q = -2.0_dp*y
-    call exponentials(nx, q)
-    q = merge(2.0_dp*y*(1.0_dp - y*(1.0_dp - y/1.5_dp)), 1.0_dp - q, y < SMALL)
-    q = max(q, tiny(q))
-    call logarithms(nx, q)
-    q = y + q
-  end function speed_without_damping
+    x = log_theta
+    call exponentials(n, x)
+    if (of%evolution == AGEING) return
+    do i = 1, n
+      x(i) = of%v_ref*x(i)/of%d_c(from + i - 1)
+    end do
+    call logarithms(n, x)
+  end subroutine log_variables
+
+  !> ln(|v|/V*) + (f* + b psi)/a from p a asinh(...) = w.
+  pure subroutine speed_without_damping(of, from, n, w, p, q)
+    type(rate_state_t), intent(in) :: of
+    integer, intent(in) :: from
+    integer, intent(in) :: n
+    real(dp), intent(in) :: w(n)   !! [N]
+    real(dp), intent(in) :: p(n)   !! [N]
+    real(dp), intent(out) :: q(n)
+    real(dp) :: y(TOGETHER)
+    integer :: i
+
+    do i = 1, n
+      y(i) = w(i)/(p(i)*of%a(from + i - 1))
+      q(i) = -2.0_dp*y(i)
+    end do
+    call exponentials(n, q)
+    do i = 1, n
+      q(i) = merge(2.0_dp*y(i)*(1.0_dp - y(i)*(1.0_dp - y(i)/1.5_dp)), 1.0_dp - q(i), y(i) < SMALL)
+      q(i) = max(q(i), tiny(q))
+    end do
+    call logarithms(n, q)
+    do i = 1, n
+      q(i) = y(i) + q(i)
+    end do
+  end subroutine speed_without_damping
 
   !> eta = ln(|v|/V*) from that without damping, which is above: Newton's method on a convex function.
-  pure subroutine damp(of, nx, p, x, w, eta)
+  pure subroutine damp(of, from, n, p, x, w, eta)
     type(rate_state_t), intent(in) :: of
-    integer, intent(in) :: nx
-    real(dp), intent(in) :: p(nx)        !! [N]
-    real(dp), intent(in) :: x(nx)
-    real(dp), intent(in) :: w(nx)        !! [N]
-    real(dp), intent(inout) :: eta(nx)
-    real(dp) :: bound(nx), left(nx), grows(nx), step(nx)
-    integer :: k
+    integer, intent(in) :: from
+    integer, intent(in) :: n
+    real(dp), intent(in) :: p(n)         !! [N]
+    real(dp), intent(in) :: x(n)
+    real(dp), intent(in) :: w(n)         !! [N]
+    real(dp), intent(inout) :: eta(n)
+    real(dp), dimension(TOGETHER) :: bound, inertia, left, grows, step
+    integer :: i, k
 
-    bound = max(w, tiny(w))/(of%v_ref*max(of%alpha, tiny(w)*1e200_dp))
-    call logarithms(nx, bound)
-    eta = max(min(eta, bound), LEAST)
+    do i = 1, n
+      inertia(i) = of%v_ref*of%alpha(from + i - 1)
+      bound(i) = max(w(i), tiny(w))/(of%v_ref*max(of%alpha(from + i - 1), tiny(w)*1e200_dp))
+    end do
+    call logarithms(n, bound)
+    do i = 1, n
+      eta(i) = max(min(eta(i), bound(i)), LEAST)
+    end do
     do k = 1, MOST
-      call balance(of, nx, 0.0_dp, p, of%v_ref*of%alpha, x, eta, left, grows)
-      step = max((w - left)/grows, LEAST - eta)
-      eta = eta + step
-      if (all(abs(step) < LAST_STEP)) exit
+      call balance(of, from, n, 0.0_dp, p, inertia, x, eta, left, grows)
+      do i = 1, n
+        step(i) = max((w(i) - left(i))/grows(i), LEAST - eta(i))
+        eta(i) = eta(i) + step(i)
+      end do
+      if (all(abs(step(:n)) < LAST_STEP)) exit
     end do
   end subroutine damp
 
@@ -376,7 +497,6 @@ contains
     real(dp), intent(out) :: rate(nx)
     real(dp), intent(out) :: by_v(nx)      !! [1/m]
     real(dp), intent(out) :: by_theta(nx)  !! [1/s]
-    real(dp) :: logs(nx)
 
     if (of%evolution == AGEING) then
       by_theta = -log_theta
@@ -385,11 +505,11 @@ contains
       by_theta = -by_theta
       by_v = -sign(1.0_dp/of%d_c, v)
     else
-      logs = max(abs(v)/of%d_c, tiny(1.0_dp))
-      call logarithms(nx, logs)
-      rate = -abs(v)/of%d_c*(logs + log_theta)
+      rate = max(abs(v)/of%d_c, tiny(1.0_dp))
+      call logarithms(nx, rate)
+      by_v = -sign((rate + log_theta + 1.0_dp)/of%d_c, v)
       by_theta = -abs(v)/of%d_c
-      by_v = -sign((logs + log_theta + 1.0_dp)/of%d_c, v)
+      rate = by_theta*(rate + log_theta)
     end if
   end subroutine evolution_rates
 end module pyfric_rate_state

@@ -17,10 +17,11 @@ module pyfric_slow_slip
   implicit none (type, external)
   private
   public :: condensed_t, limits_t, phase_t, passages_t, work_t, new_condensed, new_work, advance_phase, velocities
-  public :: GOES_ON, FINISHED, FAST, ABRUPT
+  public :: GOES_ON, FINISHED, FAST, ABRUPT, SHORT
 
-  !> Why steps ended: their number, the end of the phase, a limit was reached, the error of a shortest step is too large.
-  integer(ip), parameter :: GOES_ON = 0, FINISHED = 1, FAST = 2, ABRUPT = 3
+  !> Why steps ended: their number, the end of the phase, a limit was reached, the error of a shortest step is too large, steps
+  !> are too short.
+  integer(ip), parameter :: GOES_ON = 0, FINISHED = 1, FAST = 2, ABRUPT = 3, SHORT = 4
 
   integer, parameter :: STAGES = 8, U = 1, Y = 2
   real(dp), parameter :: GAMMA = 0.21193756319429014_dp
@@ -62,10 +63,11 @@ module pyfric_slow_slip
                          -52.072871366152654_dp, -59.78993625266729_dp, -0.15582684282751913_dp, 4.883087185713722_dp], [STAGES, 3])
 
   !> Step control: safety, least and largest change of the step; halvings that locate a limit; most steps to a passage.
-  !> Turns for v with viscosity at most, and the change of v, over the largest one, after which there are no more.
+  !> Turns for v with viscosity at most, and the change of v, over the largest one, after which there are no more. Where a turn
+  !> changes v by more than this part of what the last one did, the next ones are those of Newton's method.
   real(dp), parameter :: SAFE = 0.9_dp, SHORTER = 0.2_dp, LONGER = 6.0_dp
   integer, parameter :: HALVINGS = 40, MOST = 100, TURNS = 200
-  real(dp), parameter :: TURNED = 1e-12_dp
+  real(dp), parameter :: TURNED = 1e-12_dp, SLOWLY = 0.05_dp
 
   type :: condensed_t
     logical :: complete = .false.         !! there was enough memory
@@ -76,10 +78,13 @@ module pyfric_slow_slip
     real(dp), allocatable :: load(:, :)   !! on each block along +x: value, rate, its rate [N, N/s, N/s2]
     real(dp), allocatable :: load_u(:, :) !! by the displacements [N/m]
     real(dp), allocatable :: load_v(:, :) !! by the velocities of other blocks [N s/m]; its own one counts in alpha of the law
+    real(dp), allocatable :: load_a(:, :) !! by the accelerations [kg]
     real(dp), allocatable :: p(:, :)      !! normal force, alike
     real(dp), allocatable :: p_u(:, :)
     real(dp), allocatable :: p_v(:, :)
+    real(dp), allocatable :: p_a(:, :)
     logical :: viscous                    !! load_v or p_v is not zero
+    logical :: inertial                   !! load_a or p_a is not zero
   end type condensed_t
 
   type :: limits_t
@@ -87,8 +92,9 @@ module pyfric_slow_slip
     real(dp) :: dt              !! grid of times, and the shortest step that is tried again [s]
     real(dp) :: relative        !! error of a step over u and y
     real(dp) :: absolute(2)     !! and in addition: of u [m], of y
-    real(dp) :: inertia         !! largest sum of accelerations [m/s2]
+    real(dp) :: inertia         !! largest sum of loads by inertia [N]
     real(dp) :: speed           !! largest speed [m/s]
+    real(dp) :: least           !! shortest step that is worth its work, unless the next one is longer [s]
     real(dp) :: last            !! time at which the state is asked for: steps end with the first that reaches it [s]
     integer :: steps            !! most steps
   end type limits_t
@@ -120,6 +126,9 @@ module pyfric_slow_slip
     real(dp), allocatable :: x_v(:)      !! of X, see `evolution_rates`
     real(dp), allocatable :: x_y(:)
     real(dp), allocatable :: by_t(:)     !! of v by time
+    logical :: factored                  !! the next two are those of the equations of `turn`, at slopes nearby
+    real(dp), allocatable :: lu(:, :)
+    integer, allocatable :: pivot(:)
   end type slopes_t
 
   type :: work_t
@@ -136,33 +145,68 @@ module pyfric_slow_slip
 contains
 
   !> Rates of u and y, and their derivatives at the same load and p. Without an end of turns v is huge.
-  pure subroutine rates_at(s, t, q, f, slopes, p)
+  !>
+  !> Inertia acts to first order: accelerations are those without it, and make loads.
+  pure subroutine rates_at(s, t, q, f, slopes, p, inertia)
     type(condensed_t), intent(in) :: s
     real(dp), intent(in) :: t                 !! [s]
     real(dp), intent(in) :: q(s%nx, 2)        !! u [m], y
     real(dp), intent(out) :: f(s%nx, 2)       !! [m/s], [1/s]
     type(slopes_t), intent(inout) :: slopes
     real(dp), intent(out) :: p(s%nx)          !! [N]
-    real(dp), dimension(s%nx) :: load, load_0, p_0, v, pressed
-    integer :: n
+    real(dp), intent(out), optional :: inertia !! sum of its loads [N]
+    real(dp), dimension(s%nx) :: load, load_0, p_0, a
+    integer :: i
 
     load_0 = s%load(:, 1) + t*(s%load(:, 2) + 0.5_dp*t*s%load(:, 3)) + applied(s%nx, s%load_u, q(:, U))
     p_0 = s%p(:, 1) + t*(s%p(:, 2) + 0.5_dp*t*s%p(:, 3)) + applied(s%nx, s%p_u, q(:, U))
+    slopes%factored = .false.
+    call rates_under(s, t, q, load_0, p_0, f, slopes, p)
+    if (present(inertia)) inertia = 0.0_dp
+    if (.not. s%inertial) return
+    call accelerate(s, f, slopes, a)
+    load = applied(s%nx, s%load_a, a)
+    p_0 = p_0 + applied(s%nx, s%p_a, a)
+    call rates_under(s, t, q, load_0 + load, p_0, f, slopes, p)
+    if (.not. present(inertia)) return
+    do i = 1, s%nx
+      inertia = inertia + abs(load(i))
+    end do
+  end subroutine rates_at
+
+  !> The same under a load and normal force without viscosity.
+  pure subroutine rates_under(s, t, q, load_0, p_0, f, slopes, p)
+    type(condensed_t), intent(in) :: s
+    real(dp), intent(in) :: t                 !! [s]
+    real(dp), intent(in) :: q(s%nx, 2)        !! u [m], y
+    real(dp), intent(in) :: load_0(s%nx)      !! [N]
+    real(dp), intent(in) :: p_0(s%nx)         !! [N]
+    real(dp), intent(out) :: f(s%nx, 2)       !! [m/s], [1/s]
+    type(slopes_t), intent(inout) :: slopes
+    real(dp), intent(out) :: p(s%nx)          !! [N]
+    real(dp), dimension(s%nx) :: load, v, change, pressed
+    real(dp) :: before
+    integer :: n
+
     load = load_0
     p = p_0
     v = 0.0_dp
+    before = huge(before)
     do n = 1, TURNS
       pressed = merge(p, 0.0_dp, s%closed)
       call balanced_speeds(s%law%rate_state, s%nx, load, pressed, q(:, Y), f(:, U), slopes%by_load, slopes%by_p, slopes%by_y)
-      if (.not. s%viscous .or. maxval(abs(f(:, U) - v)) <= TURNED*maxval(abs(f(:, U)))) exit
-      v = f(:, U)
+      change = f(:, U) - v
+      if (.not. s%viscous .or. maxval(abs(change)) <= TURNED*maxval(abs(f(:, U)))) exit
+      call turn(s, slopes, before, change)
+      v = v + change
       load = load_0 + applied(s%nx, s%load_v, v)
       p = p_0 + applied(s%nx, s%p_v, v)
     end do
     if (n > TURNS) f(:, U) = huge(v)
     call evolution_rates(s%law%rate_state, s%nx, f(:, U), q(:, Y), f(:, Y), slopes%x_v, slopes%x_y)
-    slopes%by_t = damped(s, slopes, slopes%by_load*(s%load(:, 2) + t*s%load(:, 3)) + slopes%by_p*(s%p(:, 2) + t*s%p(:, 3)))
-  end subroutine rates_at
+    slopes%by_t = slopes%by_load*(s%load(:, 2) + t*s%load(:, 3)) + slopes%by_p*(s%p(:, 2) + t*s%p(:, 3))
+    call damp(s, slopes, slopes%by_t)
+  end subroutine rates_under
 
   !> What viscosity takes from changes of v: (by_load load_v + by_p p_v) x.
   pure function resisted(s, slopes, x) result(y)
@@ -176,31 +220,58 @@ contains
   end function resisted
 
   !> Changes x of v with viscosity from those without: x = free + `resisted` x, by turns.
-  pure function damped(s, slopes, free) result(x)
+  pure subroutine damp(s, slopes, x)
     type(condensed_t), intent(in) :: s
-    type(slopes_t), intent(in) :: slopes
-    real(dp), intent(in) :: free(s%nx)
-    real(dp) :: x(s%nx), before(s%nx)
+    type(slopes_t), intent(inout) :: slopes
+    real(dp), intent(inout) :: x(s%nx)    !! those without
+    real(dp) :: free(s%nx), change(s%nx), before
     integer :: n
 
-    x = free
+    free = x
+    before = huge(before)
     do n = 1, merge(TURNS, 0, s%viscous)
-      before = x
-      x = free + resisted(s, slopes, before)
-      if (maxval(abs(x - before)) <= TURNED*maxval(abs(x))) exit
+      change = free + resisted(s, slopes, x) - x
+      if (maxval(abs(change)) <= TURNED*maxval(abs(x))) exit
+      call turn(s, slopes, before, change)
+      x = x + change
     end do
-  end function damped
+  end subroutine damp
+
+  !> The change of v or its rate in the next turn, from that which is still left. If turns are slow it follows from linear
+  !> equations, whose factors serve until turns are slow again.
+  pure subroutine turn(s, slopes, before, change)
+    type(condensed_t), intent(in) :: s
+    type(slopes_t), intent(inout) :: slopes
+    real(dp), intent(inout) :: before          !! largest change that was left at the last turn
+    real(dp), intent(inout) :: change(s%nx)    !! [m/s] or its rates
+    real(dp) :: largest
+    integer :: i
+
+    largest = maxval(abs(change))
+    if (largest > SLOWLY*before) then
+      do i = 1, s%nx
+        slopes%lu(:, i) = -slopes%by_load*s%load_v(:, i) - slopes%by_p*s%p_v(:, i)
+        slopes%lu(i, i) = slopes%lu(i, i) + 1.0_dp
+      end do
+      call decompose(s%nx, slopes%lu, slopes%pivot)
+      slopes%factored = .true.
+    end if
+    if (slopes%factored) call solve(s%nx, slopes%lu, slopes%pivot, change)
+    before = largest
+  end subroutine turn
 
   !> Accelerations [m/s2].
-  pure function accelerations(s, f, slopes) result(acceleration)
+  pure subroutine accelerate(s, f, slopes, acceleration)
     type(condensed_t), intent(in) :: s
     real(dp), intent(in) :: f(s%nx, 2)       !! from `rates_at`
-    type(slopes_t), intent(in) :: slopes
-    real(dp) :: acceleration(s%nx)
+    type(slopes_t), intent(inout) :: slopes
+    real(dp), intent(out) :: acceleration(s%nx)
 
-    acceleration = slopes%by_t + damped(s, slopes, slopes%by_load*applied(s%nx, s%load_u, f(:, U)) &
-                                        + slopes%by_p*applied(s%nx, s%p_u, f(:, U)) + slopes%by_y*f(:, Y))
-  end function accelerations
+    acceleration = slopes%by_load*applied(s%nx, s%load_u, f(:, U)) + slopes%by_p*applied(s%nx, s%p_u, f(:, U)) &
+                   + slopes%by_y*f(:, Y)
+    call damp(s, slopes, acceleration)
+    acceleration = acceleration + slopes%by_t
+  end subroutine accelerate
 
   !> Whether inertia, speeds and contacts allow that a phase goes on.
   pure subroutine look(s, limits, t, q, slopes, within)
@@ -210,15 +281,9 @@ contains
     real(dp), intent(in) :: q(s%nx, 2)        !! u [m], y
     type(slopes_t), intent(inout) :: slopes   !! work space
     logical, intent(out) :: within
-    real(dp) :: f(s%nx, 2), p(s%nx), a(s%nx), inertia
-    integer :: i
+    real(dp) :: f(s%nx, 2), p(s%nx), inertia
 
-    call rates_at(s, t, q, f, slopes, p)
-    a = abs(accelerations(s, f, slopes))
-    inertia = 0.0_dp
-    do i = 1, s%nx
-      inertia = inertia + a(i)
-    end do
+    call rates_at(s, t, q, f, slopes, p, inertia)
     within = inertia <= limits%inertia .and. all(abs(f(:, U)) < limits%speed) .and. all((p > 0.0_dp) .eqv. s%closed)
   end subroutine look
 
@@ -228,7 +293,8 @@ contains
     logical, intent(inout) :: complete
     integer :: failed
 
-    allocate (slopes%by_load(nx), slopes%by_p(nx), slopes%by_y(nx), slopes%x_v(nx), slopes%x_y(nx), slopes%by_t(nx), stat=failed)
+    allocate (slopes%by_load(nx), slopes%by_p(nx), slopes%by_y(nx), slopes%x_v(nx), slopes%x_y(nx), slopes%by_t(nx), &
+              slopes%lu(nx, nx), slopes%pivot(nx), stat=failed)
     complete = complete .and. failed == 0
   end subroutine new_slopes
 
@@ -243,23 +309,25 @@ contains
     call new_slopes(nx, w%others, w%complete)
   end function new_work
 
-  pure function new_condensed(nx, law, closed, load, load_u, load_v, p, p_u, p_v) result(s)
+  pure function new_condensed(nx, law, closed, load, load_u, load_v, load_a, p, p_u, p_v, p_a) result(s)
     integer, intent(in) :: nx
     type(law_t), intent(in) :: law
     logical, intent(in) :: closed(nx)      !! in contact
     real(dp), intent(in) :: load(nx, 3)    !! see `condensed_t`
     real(dp), intent(in) :: load_u(nx, nx)
     real(dp), intent(in) :: load_v(nx, nx)
+    real(dp), intent(in) :: load_a(nx, nx)
     real(dp), intent(in) :: p(nx, 3)
     real(dp), intent(in) :: p_u(nx, nx)
     real(dp), intent(in) :: p_v(nx, nx)
+    real(dp), intent(in) :: p_a(nx, nx)
     type(condensed_t) :: s
     integer :: failed, i
 
     s%nx = nx
     s%law = law
     allocate (s%closed(nx), s%unit(nx), s%load(nx, 3), s%load_u(nx, nx), s%load_v(nx, nx), s%p(nx, 3), s%p_u(nx, nx), &
-              s%p_v(nx, nx), stat=failed)
+              s%p_v(nx, nx), s%load_a(nx, nx), s%p_a(nx, nx), stat=failed)
     s%complete = failed == 0
     if (.not. s%complete) return
     s%closed(:) = closed
@@ -275,20 +343,25 @@ contains
       s%load_v(i, i) = 0.0_dp
     end do
     s%p_v(:, :) = p_v
+    s%load_a(:, :) = load_a
+    s%p_a(:, :) = p_a
+    s%inertial = any(abs(load_a) > 0.0_dp) .or. any(abs(p_a) > 0.0_dp)
     s%viscous = any(abs(load_v) > 0.0_dp) .or. any(abs(p_v) > 0.0_dp)
   end function new_condensed
 
-  !> Velocities [m/s].
-  pure subroutine velocities(s, t, q, w, v)
+  !> Velocities [m/s], and accelerations without inertia [m/s2].
+  pure subroutine velocities(s, t, q, w, v, acceleration)
     type(condensed_t), intent(in) :: s
     real(dp), intent(in) :: t                 !! [s]
     real(dp), intent(in) :: q(s%nx, 2)        !! u [m], y
     type(work_t), intent(inout) :: w
     real(dp), intent(out) :: v(s%nx)
+    real(dp), intent(out), optional :: acceleration(s%nx)
     real(dp) :: f(s%nx, 2), p(s%nx)
 
     call rates_at(s, t, q, f, w%others, p)
     v = f(:, U)
+    if (present(acceleration)) call accelerate(s, f, w%others, acceleration)
   end subroutine velocities
 
   !> The matrix of a step, decomposed: that for the increments of u, after those of y are eliminated.
@@ -453,7 +526,7 @@ contains
       phase%h = next_length(h, error)
       status = ABRUPT
       if (.not. error <= 1.0_dp) then
-        if (h <= limits%dt) return
+        if (h <= max(limits%dt, limits%least)) return
         cycle
       end if
       if (h < planned) phase%h = max(planned, phase%h)
@@ -464,6 +537,8 @@ contains
       if (.not. within) then
         status = FAST
         call share_within(s, limits, phase%t, h, phase%q, w, share)
+      else if (status == GOES_ON .and. h < limits%least .and. phase%h <= h) then
+        status = SHORT
       end if
       if (passages%threshold > 0.0_dp) call find_passages(s, phase, h, share, w, passages)
       call take(s%nx, limits, h, share, w%q_new, w%poly, status == FINISHED, phase, n_points, times, points)

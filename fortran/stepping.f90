@@ -206,7 +206,7 @@ contains
 
   contains
 
-    !> Fronts of RK4 or its opposite, or a step of the table stepper.
+    !> Fronts of a sweep, or a step of the table stepper.
     subroutine sweep(first, last)
       integer, intent(in) :: first
       integer, intent(in) :: last

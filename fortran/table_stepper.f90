@@ -89,7 +89,8 @@ contains
     type(row_t), intent(inout) :: w
     real(dp), intent(out) :: err(2)                   !! largest error of u [m] and of v [m/s] in these rows
     real(dp) :: rod_a(3, MAX_STAGES), rod_stage(6)
-    real(dp) :: friction(s%nx, MAX_STAGES), rate(s%nx, MAX_STAGES), x(s%nx), remembered(s%law%n_memory, s%nx)
+    real(dp) :: friction(s%nx, MAX_STAGES), rate(s%nx, MAX_STAGES), x(s%nx), v(s%nx), shares(s%nx)
+    real(dp) :: remembered(s%law%n_memory, s%nx)
     integer :: stage, last, j
     logical :: implicit
 
@@ -98,10 +99,11 @@ contains
     if (table%implicit) last = last - 1
     implicit = table%implicit .and. s%law%flows
     if (implicit) then
-      x = memory(1, :)
-      x = variables_of(s%law%rate_state, s%nx, x)
-      rate(:, 1) = variable_rates(s%law%rate_state, s%nx, y(s%at(:s%nx), VX, 1), x)
       remembered = memory
+      v = y(s%at(:s%nx), VX, 1)
+      shares = row_share(s, 1)*column_shares(s)
+      call variables_of(s%law%rate_state, s%nx, remembered(1, :), x)
+      call variable_rates(s%law%rate_state, s%nx, v, x, rate(:, 1))
     end if
     do stage = 1, last
       if (stage == 1) then
@@ -112,7 +114,7 @@ contains
                          rod, f, rod_a, q(LB, 1, j), rod_stage)
         end do
         if (implicit .and. j0 == 1) then
-          call implicit_row(s, table, stage, sub, y(LB, 1, 1), x, friction, rate, q(LB, 1, 1), remembered)
+          call implicit_row(s, table, stage, sub, shares, v, x, friction, rate, q(LB, 1, 1), remembered)
         end if
         !$omp barrier
         if (implicit) then
@@ -121,14 +123,14 @@ contains
           call sweep(t + table%c(stage)*sub, q, memory)
         end if
       end if
-      if (implicit .and. j0 == 1) friction(:, stage) = w%f/row_share(s, 1)/column_shares(s)
+      if (implicit .and. j0 == 1) friction(:, stage) = w%f/shares
       !$omp barrier
     end do
     do j = j0, j1
       call stage_row(s, sub, sub, table%bbar, table%b, last, j, y(LB, 1, j), rod, f, rod_a, y_new(LB, 1, j), rod_new)
     end do
     if (implicit .and. j0 == 1) then
-      call implicit_row(s, table, table%stages, sub, y(LB, 1, 1), x, friction, rate, y_new(LB, 1, 1), remembered)
+      call implicit_row(s, table, table%stages, sub, shares, v, x, friction, rate, y_new(LB, 1, 1), remembered)
       w%memory = remembered
     end if
     err = 0.0_dp
@@ -166,33 +168,37 @@ contains
   end subroutine table_step
 
   !> The bottom row at an implicit stage: the part of the table for friction is added, and velocities are solved for.
-  pure subroutine implicit_row(s, table, stage, sub, y, x, friction, rate, q, memory)
+  pure subroutine implicit_row(s, table, stage, sub, shares, v, x, friction, rate, q, memory)
     type(model_t), intent(in) :: s
     type(table_t), intent(in) :: table
     integer, intent(in) :: stage
     real(dp), intent(in) :: sub                        !! length of the step [s]
-    real(dp), intent(in) :: y(LB:s%n + LANES, 4)       !! the row at the start
+    real(dp), intent(in) :: shares(s%nx)               !! of whole blocks, in the row
+    real(dp), intent(in) :: v(s%nx)                    !! velocities at the start [m/s]
     real(dp), intent(in) :: x(s%nx)                    !! state variables at the start, see pyfric_rate_state
     real(dp), intent(in) :: friction(s%nx, MAX_STAGES) !! R of the stages before, over the shares of whole blocks [N]
     real(dp), intent(inout) :: rate(s%nx, MAX_STAGES)  !! X of the stages before; this one is added
     real(dp), intent(inout) :: q(LB:s%n + LANES, 4)    !! the row by the explicit part alone
     real(dp), intent(inout) :: memory(s%law%n_memory, s%nx) !! theta is set [s]
-    real(dp) :: p(s%nx), m(s%nx), v(s%nx), x_0(s%nx), x_1(s%nx)
-    integer :: k
+    real(dp) :: p(s%nx), m(s%nx), v_0(s%nx), x_0(s%nx), x_1(s%nx)
+    integer :: i, k
 
     call foundation(s, q(LB, UZ), p)
-    m = s%m*row_share(s, 1)*column_shares(s)
+    m = s%m*shares
     x_0 = x
     do k = 1, stage - 1
-      q(s%at(:s%nx), UX) = q(s%at(:s%nx), UX) + sub*sub/s%m*table%dbar(stage, k)*friction(:, k)
-      q(s%at(:s%nx), VX) = q(s%at(:s%nx), VX) + sub/s%m*table%d(stage, k)*friction(:, k)
-      x_0 = x_0 + sub*table%s(stage, k)*rate(:, k)
+      do i = 1, s%nx
+        q(s%at(i), UX) = q(s%at(i), UX) + sub*sub/s%m*table%dbar(stage, k)*friction(i, k)
+        q(s%at(i), VX) = q(s%at(i), VX) + sub/s%m*table%d(stage, k)*friction(i, k)
+        x_0(i) = x_0(i) + sub*table%s(stage, k)*rate(i, k)
+      end do
     end do
-    v = q(s%at(:s%nx), VX)
-    call implicit_speeds(s%law%rate_state, s%nx, sub*table%s(stage, stage), m, p, x_0, y(s%at(:s%nx), VX), v, x_1)
-    q(s%at(:s%nx), VX) = v
-    rate(:, stage) = variable_rates(s%law%rate_state, s%nx, v, x_1)
-    memory(1, :) = thetas_of(s%law%rate_state, s%nx, x_1)
+    v_0 = q(s%at(:s%nx), VX)
+    call implicit_speeds(s%law%rate_state, s%nx, sub*table%s(stage, stage), m, p, x_0, v, v_0, x_1)
+    q(s%at(:s%nx), VX) = v_0
+    call variable_rates(s%law%rate_state, s%nx, v_0, x_1, rate(:, stage))
+    call thetas_of(s%law%rate_state, s%nx, x_1, x_0)
+    memory(1, :) = x_0
     call close_state(s, q)
   end subroutine implicit_row
 

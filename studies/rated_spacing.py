@@ -16,7 +16,7 @@ import pandas as pd
 
 import pyfric
 from pyfric import core
-from pyfric.engines.slow_slip import interface_at
+from pyfric.engines.linearised import Linearised
 from pyfric.scene import laws
 from pyfric.statics import StaticSolver, loaded_state
 
@@ -45,8 +45,7 @@ def case(blocks: int, ratio: float) -> tuple[float, ...]:
         "setup2", {**size, "K": 1.0, "h": l, "interface": pyfric.Interface(law=law)}
     )
     known = StaticSolver(scene, "linear")
-    at = known.loaded.u[0, 0]
-    elastic = interface_at(scene, known, at, ~known.loaded.open, 0.0).load[1]
+    elastic, *_ = Linearised(known, ~known.loaded.open).by_u
     x, none = np.arange(columns) * l, np.zeros(columns)
     shares = np.clip((L_B / 2 - np.abs(x - x[-1] / 2)) / l + 0.5, 0.0, 1.0)  # of blocks in the part
     start = np.log(D_c / V) + np.log(0.9) * shares

@@ -23,19 +23,8 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
 
 PRICES = (
-    *(
-        "EVALUATION",
-        "BOTTOM",
-        "BLOCK",
-        "CLOSED",
-        "JUNCTION",
-        "CALL",
-        "ATTEMPT",
-        "LANDING",
-        "SLIDE",
-        "RUN",
-    ),
-    *("RELEASE", "STATIC_EVENT", "UNKNOWN", "MODES", "FLOPS"),
+    *("EVALUATION", "BOTTOM", "BLOCK", "CLOSED", "JUNCTION", "CALL", "ATTEMPT", "LANDING"),
+    *("SLIDE", "RUN", "RATED", "SLOW_STEP", "RELEASE", "STATIC_EVENT", "UNKNOWN", "MODES", "FLOPS"),
 )
 RATE = "FLOPS"
 """Operations per time; all others are times."""
@@ -90,6 +79,10 @@ def cases() -> list[Case]:
         Case(small, 1e-4, "dynamic", "linear", {}),
         Case(preset("fig1", l=0.625e-3), 0.02, "hybrid", "linear", {}),
     ]
+    rated, rod = preset("rate_and_state"), preset("rate_and_state", l=5e-3)
+    for one in (rated, rod):
+        found.append(Case(one, 3e-3, "dynamic", "linear", {}))
+        found.append(Case(one, 0.8, "hybrid", "linear", {"accuracy": 1e-3}))
     return found
 
 

@@ -48,7 +48,7 @@ def slow(scene, start, load, *, load_1=0.0, spring=0.0, variant=None, **how):
     n, state = scene.N_x, loaded_state(scene).state(scene, 1e-7)
     none, p = np.zeros(n), np.where(how.get("closed", np.full(n, True)), 20.0, -20.0)
     limits = {"end": 1.0, "dt": 1e-7, "relative": 1e-10, "u": 1e-18, "log_theta": 1e-10}
-    options = "viscous", "times", "h", "closed", "threshold", "fast"
+    options = "viscous", "inertial", "times", "h", "closed", "threshold", "fast"
     options = {name: how.pop(name) for name in options if name in how}
     return core.slow_slip(
         core.model(scene, "linear", state.u_drv0),

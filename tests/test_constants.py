@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 import pyfric
-from pyfric.engines import cost, hybrid, pauses
+from pyfric.engines import cost, hybrid, pauses, slow_slip
 from pyfric.planning import levels
 from pyfric.record import differences
 from pyfric.scene import preset, setup1
@@ -115,6 +115,9 @@ PRICES = (
     "UNKNOWN",
     "MODES",
 )
+RATED = ("cost.RATED", "cost.SLOW_STEP", "slow_slip.SPENT", "slow_slip.SLIPPED")
+RATED += ("slow_slip.WAVES", "slow_slip.INERTIA", "slow_slip.BENT")
+"""Prices and shares that matter with rate-and-state friction alone."""
 
 
 @pytest.fixture
@@ -162,6 +165,33 @@ def test_stable_slip_does_not_depend_on_them(limit, factor, monkeypatch, priced)
     assert len(a.events) == len(b.events) > 1
     limit = 1e-5 * a.scene.F_N
     np.testing.assert_allclose(b.events["F_T_start"], a.events["F_T_start"], rtol=0, atol=limit)
+
+
+@functools.cache
+def slow_slider(fidelity):
+    """Return a slider of 13 x 7 blocks through two slow events, with rate-and-state friction."""
+    size = {"L": 0.06, "H": 0.03, "l": 5e-3, "h": 5e-3, "F_N": 1500.0}
+    scene = preset("rate_and_state", {**size, "D_c": 1e-6, "V": 4e-3})
+    how = {"accuracy": 4e-4} if fidelity == "hybrid" else {"energies": False}
+    how |= {"fidelity": fidelity, "geometry": "finite", "sample": 1.2e-4, "progress": False}
+    return pyfric.simulate(scene, 0.09, **how)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize("constant", RATED)
+def test_slow_slip_does_not_depend_on_them(constant, factor, monkeypatch, priced):
+    module, _, name = constant.partition(".")
+    if module == "cost":
+        priced(name, factor)
+    else:
+        monkeypatch.setattr(slow_slip, name, factor * getattr(slow_slip, name))
+    full, run = slow_slider("dynamic"), slow_slider.__wrapped__("hybrid")
+    assert run.counts["steps_spared"] > 0
+    assert run.events["n_blocks"].to_list() == full.events["n_blocks"].to_list() == [1, 13]
+    limit = 4e-4 * full.scene.F_N
+    np.testing.assert_allclose(
+        run.events["F_T_start"], full.events["F_T_start"], rtol=0, atol=limit
+    )
 
 
 ADVISE = {
@@ -249,7 +279,7 @@ def test_the_docs_list_them_all():
     page = Path(__file__).parents[1] / "docs" / "explanation" / "numbers.md"
     text = page.read_text(encoding="utf-8")
     chosen = [*PLANS, "routes.SOFTEST"]
-    prices = (f"cost.{name}" for name in PRICES)
+    prices = (*(f"cost.{name}" for name in PRICES), *RATED[:2])
     advice = (constant.partition(".")[2] for constant in ADVISE)
     fitted = (constant for _, constant in FITTED)
     more = ("pauses.DRIVER_SHARE", "pauses.RING_DOWN")

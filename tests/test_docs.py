@@ -39,7 +39,7 @@ def test_procedure_and_oracle_exist(row):
     source, procedure = re.fullmatch(r"`(\w+\.f90|\w+/\w+\.py):(\w+)`", row[1]).groups()
     python = source.endswith(".py")
     text = (ROOT / ("pyfric" if python else "fortran") / source).read_text(encoding="utf-8")
-    begin = rf"^def {procedure}\(" if python else rf"^ *end (subroutine|function) {procedure}$"
+    begin = rf"^ *def {procedure}\(" if python else rf"^ *end (subroutine|function) {procedure}$"
     assert re.search(begin, text, re.MULTILINE)
     file, test = re.fullmatch(r"(?:T: )?`(test_\w+\.py)::(test_\w+)`", row[2]).groups()
     text = (ROOT / "tests" / file).read_text(encoding="utf-8")

@@ -246,6 +246,19 @@ def test_mirrored_scenes_give_mirrored_bits():
     assert (state.mode == 1).any()
 
 
+@pytest.mark.parametrize("evolution", EVOLUTIONS)
+def test_a_state_is_positive_where_steps_do_not_resolve_it(evolution):
+    """A step slips by more than 10 D_c: theta is D_c/v at least, to a factor."""
+    scene = row(V=0.1, evolution=evolution, D_c=1e-9, v_0=None, theta_0=1e-6)
+    dt = 0.4 * stability_limit(scene, "imex")[0]
+    state, fastest, least = sliding(scene, dt, 0.1), 0.1, np.inf
+    for _ in range(100):
+        advance(scene, "linear", state, 1, **IMEX)
+        fastest, least = max(fastest, np.abs(state.y[0, 2]).max()), min(least, state.theta.min())
+    assert 0.1 * dt > 10 * 1e-9
+    assert least > 0.1 * 1e-9 / fastest
+
+
 def test_explicit_steps_are_refused_by_the_core():
     scene = row()
     state = loaded_state(scene).state(scene, 1e-7)

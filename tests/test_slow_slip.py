@@ -14,44 +14,77 @@ from scipy.linalg import expm
 
 import pyfric
 from pyfric import core
-from pyfric.engines.slow_slip import interface_at, viscosity
+from pyfric.engines.cost import work_so_far
+from pyfric.engines.linearised import Linearised
+from pyfric.engines.path import Outside
+from pyfric.engines.slow_slip import RateHybridRun, values_of
 from pyfric.scene import chain, setup1, setup2
-from pyfric.statics import StaticSolver, damping, loaded_state, stiffness
+from pyfric.statics import StaticSolver, loaded_state
 
 STORED = Path(__file__).parents[1] / "reference_data" / "rated"
 
 
+def condensed(known, u_x, closed, t):
+    """Return the condensed slider about its static state at u_x (m) and t (s), and that state."""
+    outside = Outside(known, t)
+    at = known.solve(u_x, outside.drive, free=~closed)
+    bends, q = 0.0, known.coordinates(at.u, at.rod)
+    about = Linearised(known, closed, q if known.geometry == "finite" else None)
+    if known.geometry == "finite":
+        bends = known.bends(q, about.answer(outside.rates()[0]))
+    return about.interface(values_of(at), outside, bends), about
+
+
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
 def test_condensed_loads_are_those_of_static_states(geometry):
-    """Exactly in linear geometry; in finite geometry but for how strains change the stiffness."""
-    scene = setup1(L=0.03, H=0.015, h=0.005, l=0.0025, F_N=200.0).replace({"interface": rated()})
+    """Exactly in linear geometry; in finite geometry to second order in what moves."""
+    scene = setup1(L=0.03, H=0.015, h=0.005, l=0.0025, F_N=200.0, eta=0.0)
+    scene = scene.replace({"interface": rated()})
     known = StaticSolver(scene, geometry)
     closed = ~known.loaded.open
     u_x = known.loaded.u[0, 0] + 1e-7 * np.sin(np.arange(scene.N_x))
-    interface = interface_at(scene, known, u_x, closed, 0.01)
-    moved = 1e-6 * np.cos(np.arange(scene.N_x))
-    s = 1e-6 / scene.driver.V
-    load, p, force = interface.at(s, moved)
-    there = known.solve(u_x + moved, scene.drive(0.01 + s), free=~closed)
-    changed = np.abs(load - interface.load[0][:, 0]).max()
-    error = max(np.abs(load + there.f).max(), np.abs(p - there.p).max())
-    error = max(error, abs(force - there.F_T)) / changed
-    assert error < (1e-9 if geometry == "linear" else 3e-3)
-    assert geometry == "linear" or error > 1e-6
+    interface, _ = condensed(known, u_x, closed, 0.01)
+    errors = []
+    for size in (1e-6, 5e-7):
+        moved, s = size * np.cos(np.arange(scene.N_x)), size / scene.driver.V
+        load, p, force = interface.at(s, moved)
+        there = known.solve(u_x + moved, scene.drive(0.01 + s), free=~closed)
+        changed = np.abs(load - interface.load[0][:, 0]).max()
+        error = max(np.abs(load + there.f).max(), np.abs(p - there.p).max())
+        errors.append(max(error, abs(force - there.F_T)) / changed)
+    if geometry == "linear":
+        assert max(errors) < 1e-9
+    else:
+        assert errors[0] < 3e-4
+        assert errors[0] == pytest.approx(2 * errors[1], rel=0.1)
+
+
+def test_loads_bend_as_those_of_static_states():
+    """While the driver alone moves, in finite geometry: to third order."""
+    scene = setup1(L=0.03, H=0.015, h=0.005, l=0.0025, F_N=200.0, eta=0.0)
+    scene = scene.replace({"interface": rated()})
+    known = StaticSolver(scene, "finite")
+    u_x, closed, errors = known.loaded.u[0, 0], ~known.loaded.open, []
+    interface, _ = condensed(known, u_x, closed, 0.0)
+    for t in (2e-2, 1e-2):
+        there = known.solve(u_x, scene.drive(t), free=~closed)
+        errors.append(np.abs(interface.at(t, 0 * u_x)[0] + there.f).max())
+    assert errors[0] < 2e-3 * np.abs(there.f + interface.load[0][:, 0]).max()
+    assert errors[0] == pytest.approx(8 * errors[1], rel=0.1)
 
 
 @pytest.mark.parametrize("lifted", [True, False])
 def test_condensed_loads_beside_blocks_that_do_not_touch(lifted):
     """Two blocks lifted off by a high pull, or two that never touch."""
     size = {"L": 0.03, "H": 0.015, "h": 0.015, "l": 0.0025, "F_N": 200.0, "side": "top"}
-    scene = setup1(size).replace({"interface": rated()})
+    scene = setup1(size, eta=0.0).replace({"interface": rated()})
     if not lifted:
         scene = scene.replace({"interface.contact": [True] * 4 + [False] * 2 + [True] * 7})
     known = StaticSolver(scene, "linear")
     t, s = 0.04 if lifted else 0.0, 1e-3
     at = known.solve(known.loaded.u[0, 0], scene.drive(t), free=~scene.touches)
     closed = ~at.open
-    interface = interface_at(scene, known, at.u[0, 0], closed, t)
+    interface, _ = condensed(known, at.u[0, 0], closed, t)
     moved = 1e-7 * np.cos(np.arange(scene.N_x)) * closed
     load, p, force = interface.at(s, moved)
     there = known.solve(at.u[0, 0] + moved, scene.drive(t + s), free=~closed)
@@ -73,7 +106,7 @@ def test_slow_slip_ends_where_a_block_comes_down():
     scene = scene.replace({"driver.protocol": [(t, V), (t, -V), (2 * t, -V)]})
     known = StaticSolver(scene, "linear")
     at = known.solve(known.loaded.u[0, 0], scene.drive(t))
-    interface = interface_at(scene, known, at.u[0, 0], ~at.open, t)
+    interface, _ = condensed(known, at.u[0, 0], ~at.open, t)
     assert at.open.sum() == 2
     model = core.model(scene, "linear", loaded_state(scene).state(scene, dt).u_drv0)
     limits = core.SlowLimits(end=t, dt=dt, relative=1e-6, u=1e-12, log_theta=1e-6)
@@ -95,32 +128,9 @@ def test_blocks_that_lift_off_and_come_down_move_as_in_full_dynamics():
     run = pyfric.simulate(scene, 0.024, fidelity="hybrid", accuracy=1e-3, **how)
     lifted = (full.motion["f"] == 0).any(axis=1) & (full.curve["t"] > 0)
     assert 50 < lifted.sum() < 80
-    assert run.counts["steps_spared"] > 0.8 * full.counts["steps"]
+    assert run.counts["steps_spared"] > 0.6 * full.counts["steps"]
     assert np.abs(run.curve["F_T"] - full.curve["F_T"]).max() < 1e-3 * scene.F_N
-    np.testing.assert_allclose(run.motion["u_x"], full.motion["u_x"], rtol=0, atol=4e-8)
-
-
-@pytest.mark.parametrize("rows", [0.015, 0.0])
-def test_viscosity_of_slow_slip_is_that_of_slow_oscillations(rows):
-    """Of the lattice with complex stiffness K + i w C, condensed at a small frequency w."""
-    scene = setup1(L=0.03, H=rows, h=0.005, l=0.0025, F_N=200.0) if rows else chain(L=0.02)
-    scene = scene.replace({"interface": rated()})
-    closed, N_x = np.arange(scene.N_x) != (3 if rows else -1), scene.N_x
-    load, p = viscosity(StaticSolver(scene, "linear"), closed)
-    w = 1e-9
-    whole = stiffness(scene, closed=closed).toarray() + 1j * w * damping(scene).toarray()
-    at = np.flatnonzero(closed)
-    inside = np.setdiff1d(np.arange(len(whole)), at)
-    moved = np.zeros((len(whole), len(at)), complex)
-    moved[at, range(len(at))] = 1.0
-    moved[inside] = -np.linalg.solve(whole[np.ix_(inside, inside)], whole[np.ix_(inside, at)])
-    forces = (whole @ moved)[at].imag / w
-    np.testing.assert_allclose(-load[np.ix_(at, at)], forces, rtol=0, atol=1e-12 * forces.max())
-    pressed = -np.outer(scene.k_f * closed, np.ones(len(at))) * moved[N_x : 2 * N_x].imag / w
-    np.testing.assert_allclose(p[:, at], pressed, rtol=0, atol=1e-12 * forces.max())
-    assert not rows or np.abs(p).max() > 0.01 * forces.max()
-    assert not load[~closed].any()
-    assert not load[:, ~closed].any()
+    np.testing.assert_allclose(run.motion["u_x"], full.motion["u_x"], rtol=0, atol=1e-9)
 
 
 def creep(**how):
@@ -215,9 +225,9 @@ def test_no_slow_step_hangs_on_the_time_asked_for():
 
 
 def test_slow_slip_ends_at_a_limit():
-    """At a speed, and where contact ends; on the grid of steps."""
-    for name, value in (("speed", 8e-6), ("inertia", 2.5e-4)):
-        found = creep(**{name: value})[2]
+    """At a speed, a load by inertia, and where contact ends; on the grid of steps."""
+    for name, value in (("speed", 8e-6), ("inertia", 2.5e-10)):
+        found = creep(inertial=(-1e-6 * np.eye(3), np.zeros((3, 3))), **{name: value})[2]
         assert not found.goes_on
         assert 0 < found.t < 1
         assert round(found.t / 1e-7) * 1e-7 == pytest.approx(found.t, rel=1e-12)
@@ -305,8 +315,7 @@ def block_of(columns, rows, a, blocks_in_L_b):
     size = {"L": (columns - 1) * l, "H": rows * l, "l": l, "k": k, "F_N": p * columns}
     scene = setup2(V=0.0, K=1.0, **size).replace({"interface": rated(**law)})
     known = StaticSolver(scene, "linear")
-    at = known.loaded.u[0, 0]
-    return scene, interface_at(scene, known, at, ~known.loaded.open, 0.0).load[1]
+    return scene, Linearised(known, ~known.loaded.open).by_u[0]
 
 
 def slide(scene, elastic, start, load, **limits):
@@ -395,10 +404,10 @@ def test_nucleation_does_not_depend_on_the_spacing():
 @functools.cache
 def cycles(accuracy, evolution="ageing"):
     """Return a run of some stick-slip cycles: full dynamics for accuracy 0."""
-    law = {"D_c": 1e-6, "v_0": 0.02, "evolution": evolution}
-    scene = chain(L=0.02, V=0.02, K=1e6, p=20.0, tau=0.0, interface=rated(**law))
+    law = {"D_c": 1e-6, "v_0": 2e-3, "evolution": evolution}
+    scene = chain(L=0.02, V=2e-3, K=1e6, p=20.0, tau=0.0, interface=rated(**law))
     how = {"accuracy": accuracy, "fidelity": "hybrid"} if accuracy else {"fidelity": "dynamic"}
-    return pyfric.simulate(scene, 9e-3, sample=1e-4, progress=False, **how)
+    return pyfric.simulate(scene, 9e-2, sample=1e-3, progress=False, **how)
 
 
 @pytest.mark.parametrize("evolution", EVOLUTIONS)
@@ -421,11 +430,13 @@ def test_events_by_slip_rate_are_those_of_full_dynamics(threshold):
     """Most passages lie within slow slip, where events begin and end."""
     scene, found = cycles(0).scene, []
     for how in ({"fidelity": "dynamic"}, {"fidelity": "hybrid", "accuracy": 1e-4}):
-        how |= {"threshold": threshold, "sample": 1e-4, "progress": False}
-        found.append(pyfric.simulate(scene, 9e-3, **how))
+        how |= {"threshold": threshold, "sample": 1e-3, "progress": False}
+        found.append(pyfric.simulate(scene, 9e-2, **how))
     full, run = found
-    for name in ("block", "old", "new", "corner"):
-        np.testing.assert_array_equal(run.crossings[name], full.crossings[name])
+    orders = [np.lexsort((one.crossings["t"], one.crossings["block"])) for one in found]
+    for name in ("block", "old", "new", "corner"):  # two blocks may pass in one step
+        one, other = (log.crossings[name][n] for log, n in zip(found, orders, strict=True))
+        np.testing.assert_array_equal(one, other)
     np.testing.assert_array_equal(run.bursts["kind"], full.bursts["kind"])
     dt = run.method.dt
     steps = np.abs(run.crossings["step"] - np.ceil(run.crossings["t"] / dt))
@@ -438,12 +449,95 @@ def test_events_by_slip_rate_are_those_of_full_dynamics(threshold):
     assert off.max() < 1e-4
 
 
+def plate(geometry, V=4e-3, t_end=0.12, **how):
+    """Return a run of a slider of 13 x 7 blocks: slow events, then fast ones."""
+    size = {"L": 0.06, "H": 0.03, "l": 5e-3, "h": 5e-3, "F_N": 1500.0}
+    scene = pyfric.preset("rate_and_state", {**size, "D_c": 1e-6, "V": V})
+    how = {"geometry": geometry, "progress": False, "sample": 1.2e-4} | how
+    return pyfric.simulate(scene, t_end, **how)
+
+
+def off(run, exact):
+    """Return the largest error of forces at start and arrest of events, over F_N."""
+    assert run.events["n_blocks"].to_list() == exact.events["n_blocks"].to_list()
+    names = ["F_T_start", "F_T_arrest"]
+    return (run.events[names] - exact.events[names]).abs().max().max() / run.scene.F_N
+
+
+@pytest.mark.parametrize("geometry", ["linear", "finite"])
+def test_events_of_a_slider_keep_the_accuracy(geometry):
+    """Down to 1e-6, at no higher price than full dynamics, which finite geometry needs there."""
+    exact = plate(geometry, fidelity="dynamic", energies=False)
+    assert len(exact.events) == 6
+    for accuracy in (1e-3, 1e-4, 1e-5, 1e-6):
+        run = plate(geometry, fidelity="hybrid", accuracy=accuracy)
+        assert off(run, exact) < accuracy
+        assert work_so_far(run) <= work_so_far(exact)
+        if geometry == "linear" or accuracy >= 1e-4:
+            assert run.counts["steps_spared"] > 0.2 * exact.counts["steps"]
+
+
+def test_phases_are_shorter_where_slip_bends_loads(monkeypatch):
+    """Else events in finite geometry are wrong by more than the accuracy."""
+    exact = plate("finite", t_end=0.06, fidelity="dynamic", energies=False)
+    how = {"t_end": 0.06, "fidelity": "hybrid", "accuracy": 1e-4}
+    assert off(plate("finite", **how), exact) < 1e-4
+    monkeypatch.setattr(RateHybridRun, "bent", lambda *_: False)
+    monkeypatch.setattr(RateHybridRun, "straight", lambda *_: 10**9)
+    wrong = plate("finite", **how).events["F_T_start"] - exact.events["F_T_start"]
+    assert np.abs(wrong).max() > 1e-4 * exact.scene.F_N
+
+
+@pytest.mark.parametrize("geometry", ["linear", "finite"])
+def test_a_driver_faster_than_slip_keeps_the_accuracy(geometry):
+    """Ten times `v_slip`: waves of its start live as long as it takes to the first event."""
+    how = {"V": 1e-2, "t_end": 0.05}
+    exact = plate(geometry, fidelity="dynamic", energies=False, **how)
+    for accuracy in (1e-3, 1e-5):
+        run = plate(geometry, fidelity="hybrid", accuracy=accuracy, **how)
+        assert off(run, exact) < min(accuracy, 1e-4)
+        assert run.counts["steps_spared"] > 0 or (geometry, accuracy) == ("finite", 1e-5)
+
+
+def test_a_slider_has_no_waves_after_slow_slip():
+    """The state that goes on in full dynamics is static, with viscosity and inertia."""
+    run = plate("linear", t_end=0.02, fidelity="hybrid", accuracy=1e-5)
+    state, scene = run.final_state, run.scene
+    known, N_x = StaticSolver(scene, "linear"), scene.N_x
+    assert state.since > 0
+    at = known.coordinates(state.y[:, :2], state.rod[:3])
+    v = known.coordinates(state.y[:, 2:], state.rod[3:])
+    p = core.evaluate(core.model(scene, "linear", state.u_drv0), state, state.t).p
+    about = Linearised(known, np.full(N_x, True))
+    found = about.waves(at, v, Outside(known, state.t), p, scene.law)
+    state.y[1:, 2:], state.rod[3:] = 0.0, 0.0  # a driver that has just begun to move
+    v = known.coordinates(state.y[:, 2:], state.rod[3:])
+    other = about.waves(at, v, Outside(known, state.t), p, scene.law)
+    assert found.amplitude.sum() < 1e-3 * other.amplitude.sum()
+    assert found.largest < 1e-6 * scene.F_N < other.largest
+
+
+@pytest.mark.parametrize("geometry", ["linear", "finite"])
+def test_a_cut_run_of_a_slider_is_the_whole_run(geometry):
+    """While it rings, in slow slip, and between two phases of it in finite geometry."""
+    whole, record = plate(geometry, fidelity="hybrid", accuracy=1e-5), None
+    for t in (0.02, 0.0371, 0.064, 0.0802):
+        if record is None:
+            record = plate(geometry, t_end=t, fidelity="hybrid", accuracy=1e-5)
+        else:
+            record = pyfric.simulate(whole.scene, t, initial=record, progress=False)
+        rest = pyfric.simulate(whole.scene, 0.12, initial=record, progress=False)
+        assert bits(rest.final_state) == bits(whole.final_state)
+        assert rest.events.equals(whole.events)
+        assert rest.curve.equals(whole.curve)
+
+
 def test_a_run_that_goes_on_is_the_whole_run():
     """From the record of a run that ended in a rupture or between two."""
     whole = cycles(0)
-    for t in (2e-3, 5.4e-3):
-        first = pyfric.simulate(whole.scene, t, sample=1e-4, fidelity="dynamic", progress=False)
-        rest = pyfric.simulate(whole.scene, 9e-3, initial=first, progress=False)
+    for t in (2e-2, 5.4e-2):
+        first = pyfric.simulate(whole.scene, t, sample=1e-3, fidelity="dynamic", progress=False)
+        rest = pyfric.simulate(whole.scene, 9e-2, initial=first, progress=False)
         assert bits(rest.final_state) == bits(whole.final_state)
         assert rest.events.equals(whole.events)
 
@@ -454,19 +548,16 @@ def test_a_condition_ends_slow_slip_where_it_ends_full_dynamics(condition):
     scene, found = cycles(0).scene, []
     for fidelity in ("dynamic", "hybrid"):
         how = {"accuracy": 1e-4} if fidelity == "hybrid" else {}
-        how |= {"sample": 1e-4, "progress": False, "stop_when": condition}
-        found.append(pyfric.simulate(scene, 9e-3, fidelity=fidelity, **how))
+        how |= {"sample": 1e-3, "progress": False, "stop_when": condition}
+        found.append(pyfric.simulate(scene, 9e-2, fidelity=fidelity, **how))
     assert found[0].status == found[1].status
     assert condition in found[0].status
-    assert found[0].curve["t"].iloc[-1] == found[1].curve["t"].iloc[-1] < 9e-3
+    assert found[0].curve["t"].iloc[-1] == found[1].curve["t"].iloc[-1] < 9e-2
     assert found[1].counts["steps_spared"] > 0
 
 
 def test_a_weakening_patch_between_strengthening_ends():
-    """Slip events of the patch, as in full dynamics, and at a hundredth of that driver's speed.
-
-    An accuracy of 1e-3 moves events in time, which shows in the curve where it is steep.
-    """
+    """Slip events of the patch, as in full dynamics, and at a hundredth of that driver's speed."""
     a = [0.025] * 8 + [0.005] * 15 + [0.025] * 8
 
     def run(V, **how):
@@ -485,8 +576,9 @@ def test_a_weakening_patch_between_strengthening_ends():
         np.abs(one.curve["F_T"] - full.curve["F_T"]).max() / full.scene.F_N
         for one in (fine, coarse)
     ]
-    assert off[0] < 1e-4 < off[1] < 5e-3
-    assert coarse.counts["steps"] < fine.counts["steps"] < 0.7 * full.counts["steps"]
+    assert max(off) < 1e-5
+    assert coarse.counts["steps"] < 0.7 * full.counts["steps"]
+    assert fine.counts["steps"] < 0.9 * full.counts["steps"]
     slow = run(V / 100, fidelity="hybrid", accuracy=1e-5, sample=1e-6 / V)
     for record, times in ((full, 2.5), (slow, 20.0)):
         fastest = np.abs(record.motion["v_x"]).max(axis=0) / record.scene.driver.V
@@ -496,17 +588,17 @@ def test_a_weakening_patch_between_strengthening_ends():
 @pytest.mark.parametrize("threshold", [None, 1e-4])
 def test_a_run_that_was_cut_is_the_whole_run(threshold, tmp_path):
     """Twice in slow slip, in one phase of it, and twice in a rupture; from a file."""
-    how = {"fidelity": "hybrid", "accuracy": 1e-4, "sample": 1e-4, "progress": False}
+    how = {"fidelity": "hybrid", "accuracy": 1e-4, "sample": 1e-3, "progress": False}
     how["threshold"] = threshold
-    whole = pyfric.simulate(cycles(1e-4).scene, 9e-3, **how)
+    whole = pyfric.simulate(cycles(1e-4).scene, 9e-2, **how)
     start, arrest = cycles(1e-4).events[["t_start", "t_stop"]].iloc[1]
     record, slow = None, []
-    for t in (1.2345e-3, 3e-3, start + 1e-4, 0.5 * (start + arrest)):
+    for t in (1.2345e-2, 3e-2, start + 1e-4, 0.5 * (start + arrest)):
         again = how if record is None else {"initial": record, "progress": False}
         record = pyfric.simulate(whole.scene, t, **again)
         slow.append(record.final_state.since > 0)
         record = pyfric.load(record.save(tmp_path / f"{len(slow)}.nc"))
-        rest = pyfric.simulate(whole.scene, 9e-3, initial=record, progress=False)
+        rest = pyfric.simulate(whole.scene, 9e-2, initial=record, progress=False)
         assert bits(rest.final_state) == bits(whole.final_state)
         assert rest.curve.equals(whole.curve)
         assert rest.events.equals(whole.events)
@@ -520,13 +612,13 @@ def test_a_run_that_was_cut_is_the_whole_run(threshold, tmp_path):
 
 def test_a_slow_phase_belongs_to_its_scene_and_step():
     """A state alone goes on without it, from where it stands."""
-    how = {"fidelity": "hybrid", "accuracy": 1e-4, "sample": 1e-4, "progress": False}
+    how = {"fidelity": "hybrid", "accuracy": 1e-4, "sample": 1e-3, "progress": False}
     scene = cycles(1e-4).scene
-    state = pyfric.simulate(scene, 3e-3, **how).final_state
+    state = pyfric.simulate(scene, 3e-2, **how).final_state
     assert state.since > 0 < np.abs(state.phase).max()
     for other in (state.under(scene), state.with_dt(0.5 * state.dt)):
         assert other.since == 0 == np.abs(other.phase).max()
-    rest = pyfric.simulate(scene, 9e-3, initial=state, **how)
+    rest = pyfric.simulate(scene, 9e-2, initial=state, **how)
     whole = cycles(1e-4)
     assert rest.curve["t"].iloc[0] == state.t
     for name in ("F_T_start", "F_T_arrest"):
@@ -618,18 +710,18 @@ def test_a_run_has_no_note_of_junctions():
 
 def test_plans_measure_their_errors():
     scene = cycles(0).scene
-    run = pyfric.simulate(scene, 6e-3, tolerance=0.01, sample=1e-4, progress=False)
+    run = pyfric.simulate(scene, 6e-2, tolerance=0.01, sample=1e-3, progress=False)
     assert run.method.engine == "hybrid"
     assert run.errors.holds is True
     exact = cycles(0).events["F_T_start"].iloc[0]
     assert abs(run.events["F_T_start"].iloc[0] - exact) < 1e-3 * scene.F_N
-    assert "leaves out inertia between ruptures" in str(pyfric.plan(scene, t_end=6e-3))
+    assert "leaves out inertia between ruptures" in str(pyfric.plan(scene, t_end=6e-2))
 
 
 def test_sweeps_know_the_law(tmp_path):
     """The direct effect makes the slider hold more before it slips."""
     over, how = {"interface.law.a": [0.008, 0.01]}, {"fidelity": "hybrid", "accuracy": 1e-4}
-    sweep = pyfric.Sweep(scene=cycles(1e-4).scene, over=over, t_end=6e-3, options=how)
+    sweep = pyfric.Sweep(scene=cycles(1e-4).scene, over=over, t_end=6e-2, options=how)
     found = sweep.run(tmp_path / "sweep").table
     assert (found["status"] == "complete").all()
-    assert found["t_slide"].iloc[0] < 6e-3
+    assert found["t_slide"].iloc[0] < 6e-2

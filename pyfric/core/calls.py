@@ -201,6 +201,7 @@ class SlowSlip(NamedTuple):
         u: displacements since the beginning, shape (N_x,), in m.
         log_theta: ln of theta (s), shape (N_x,).
         v: velocities, shape (N_x,), in m/s.
+        a: accelerations, shape (N_x,), in m/s^2.
         points: the same at the times asked for, as far as they were reached: u, ln theta and v,
             shape (n, 3, N_x).
         h: length of the next step, in s.
@@ -218,6 +219,7 @@ class SlowSlip(NamedTuple):
     u: np.ndarray
     log_theta: np.ndarray
     v: np.ndarray
+    a: np.ndarray
     points: np.ndarray
     h: float
     steps: int
@@ -238,6 +240,8 @@ class SlowLimits(NamedTuple):
         log_theta: error of ln theta in addition.
         inertia: largest sum of accelerations over the interface, in m/s^2.
         speed: speed that no block may reach, in m/s.
+        least: length of a step, in s, below which steps are not worth their work. They end if they
+            are shorter and do not grow.
         last: time at which the state is asked for, in s, on the grid. Steps end with the first that
             reaches it, and none is shortened for it.
         steps: most steps; with a threshold there is room for all of them.
@@ -250,6 +254,7 @@ class SlowLimits(NamedTuple):
     log_theta: float
     inertia: float = np.inf
     speed: float = np.inf
+    least: float = 0.0
     last: float = np.inf
     steps: int = 2**31 - 1
 
@@ -262,6 +267,7 @@ def slow_slip(
     limits: SlowLimits,
     *,
     viscous: tuple[np.ndarray, np.ndarray] | None = None,
+    inertial: tuple[np.ndarray, np.ndarray] | None = None,
     closed: np.ndarray | None = None,
     times: np.ndarray | None = None,
     h: float = 0.0,
@@ -302,15 +308,18 @@ def slow_slip(
     contact = np.ones(N_x) if closed is None else closed
     none = np.zeros((N_x, N_x))
     by_v = (none, none) if viscous is None else viscous
+    by_a = (none, none) if inertial is None else inertial
     if any(array.shape != none.shape for array in by_v):
         raise ValueError(f"slow_slip: needs viscosity of {N_x} x {N_x} blocks")
-    elastic = (array for part, v in zip((load, p), by_v, strict=True) for array in (*part, v))
+    elastic = (
+        array for part, v, a in zip((load, p), by_v, by_a, strict=True) for array in (*part, v, a)
+    )
     q = np.array([np.zeros(N_x), log_theta])
     points, step = np.zeros((max(len(times), 1), 3, N_x)), np.array([h or limits.dt])
     passed_i = np.zeros((4 * N_x, 2), dtype=np.int32)
     passed_r = np.zeros((4 * N_x, N_x + 2))
     sums = np.zeros((limits.steps if threshold else 1, 2))
-    v, made, t, status = load_variant(variant).slow_slip(
+    v, a, made, t, status = load_variant(variant).slow_slip(
         *model,
         contact.astype(np.int32),
         *(np.asfortranarray(array) for array in elastic),
@@ -332,7 +341,7 @@ def slow_slip(
     order = np.lexsort((passed_i[:m, 0], passed_r[:m, 0]))
     found = passed_i[order], passed_r[order], sums[: steps if threshold else 0]
     goes_on = status <= SLIP_FINISHED
-    return SlowSlip(t, *q, v, points[:n], float(step[0]), steps, goes_on, *found)
+    return SlowSlip(t, *q, v, a, points[:n], float(step[0]), steps, goes_on, *found)
 
 
 def bond_forces(scene: Scene, geometry: Geometry) -> Callable[[np.ndarray], np.ndarray]:

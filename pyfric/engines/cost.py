@@ -36,6 +36,9 @@ force evaluation for each block, in s. Their series in (r^2 - l0^2)/l0^2, about 
 good to 2^-7."""
 JUNCTION = 1.25e-9
 """Additional time of one force evaluation for each junction, in s."""
+RATED, SLOW_STEP = (7e-7, 9e-8), (2e-4, 2.5e-7)
+"""Rate-and-state friction: additional time of one force evaluation, in s, a constant and a part for
+each bottom block; and time of one step of slow slip, in s, a constant and a part over N_x^2."""
 CALL = 1.5e-4
 """Time of one call of the core, in s. A run that conditions can end, or whose law records motion,
 needs one for each point of the loading curve. To record motion takes as long again."""
@@ -77,6 +80,8 @@ def prices(scene: Scene, geometry: Geometry) -> dict[str, float]:
     blocks = scene.N_x * scene.N_z
     evaluation = EVALUATION + BOTTOM * scene.N_x + BLOCK[geometry] * blocks
     evaluation += JUNCTION * scene.law.junctions * scene.N_x
+    if scene.law.flows:
+        evaluation += RATED[0] + RATED[1] * scene.N_x
     if geometry == "finite" and largest_strain(scene, 0.0) > BEYOND:
         evaluation += CLOSED * blocks
     numbers = blocks * _band(scene)
@@ -86,6 +91,7 @@ def prices(scene: Scene, geometry: Geometry) -> dict[str, float]:
         "calls": CALL * (2 if scene.law.junctions else 1),
         "attempts": ATTEMPT[geometry][0] + ATTEMPT[geometry][1] * numbers,
         "landings": LANDING[geometry][0] + LANDING[geometry][1] * numbers,
+        "slow_steps": SLOW_STEP[0] + SLOW_STEP[1] * scene.N_x**2,
         "slides": SLIDE[0] + SLIDE[1] * numbers,
         "modal_bases": hybrid - dynamic,
         "releases": RELEASE * scene.N_x**2,

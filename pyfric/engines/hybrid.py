@@ -31,7 +31,7 @@ from pyfric.engines.options import Options, owned
 from pyfric.engines.path import Outside, path_from, rest
 from pyfric.engines.rests import RestStates
 from pyfric.engines.slipping import slides
-from pyfric.engines.slow_slip import RateHybridRun
+from pyfric.engines.slow_slip import RateHybridRun, mostly_stepped
 from pyfric.engines.works import add_jump
 from pyfric.scene import SceneError
 from pyfric.statics import (
@@ -52,8 +52,6 @@ if TYPE_CHECKING:
 AMPLIFIED = 250.0
 """Factor by which events amplify errors of jumps. The error of forces in later events was at most
 this many times the largest estimated error of a jump, in 27 sets of off-box scenes."""
-MOSTLY = 0.5
-"""Integrated share of the time above which the record carries a note."""
 FAST = 10.0
 """Slip speed over that of the driver above which no jump over slip is tried: a static path has such
 speeds just before slip becomes unstable only."""
@@ -146,17 +144,13 @@ class HybridRun(Run):
 
     def notes(self) -> tuple[str, ...]:
         """Return the notes, with one more if jumps spared little."""
-        notes, done = super().notes(), self.counts
+        notes = super().notes()
         if self.method.geometry == "finite" and self.scene.slider.dashpots == "along":
             notes += ("hybrid: jumps leave out how dashpots along bonds turn during a jump",)
-        share = done["steps"] / max(done["steps"] + done["steps_spared"], 1)
-        if share <= MOSTLY or done["steps"] < 1000:
-            return notes
-        return (
-            *notes,
-            f"hybrid: {100 * share:.0f} % of the time was integrated like in full dynamics (more "
-            f"than {100 * MOSTLY:.0f} %): the slider slipped, its ring-down was too large for "
-            f"jumps with an accuracy of {self.method.accuracy:g} F_N, or events came too soon",
+        return notes + mostly_stepped(
+            self.counts,
+            "the slider slipped, its ring-down was too large for jumps with an accuracy of "
+            f"{self.method.accuracy:g} F_N, or events came too soon",
         )
 
     def jump(self, last: int) -> int:

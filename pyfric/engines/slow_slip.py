@@ -1,19 +1,21 @@
 """Rate-and-state friction between ruptures: quasi-static elasticity, without inertia.
 
-Elasticity is linear, and the slider is condensed onto its interface (`pyfric.statics`). Friction
-then gives the speed of each block from the load on it and from its state:
+Elasticity is linear about a static state, and the slider is condensed onto its interface
+(`Linearised`). Friction then gives the speed of each block from the load on it and from its state:
 
     p_i(u, v, t) a asinh( v_i/(2V*) exp((f* + b psi_i)/a) ) + alpha v_i = tau_i(u, v, t) ,
     du_i/dt = v_i ,   d(ln theta_i)/dt by the evolution law ,
 
 2 N_x equations. An implicit method of order 5 advances them, for seconds or years alike
-(pyfric_slow_slip in Fortran). In finite geometry they are those of linear geometry, with the static
-state in which a phase begins. The viscosity of bonds acts to first order (`viscosity`).
+(pyfric_slow_slip in Fortran). The viscosity of bonds and inertia act to first order. In finite
+geometry a phase ends where its loads are no longer those of static states, and the next one is
+linear about its own beginning.
 
-`RateHybridRun` hands over to full dynamics where inertia is no longer small: where the sum over
-columns of M/N_x |dv_i/dt| reaches the accuracy times F_N. It returns when the sum of |m a| over all
-blocks is below that again. Both directions keep u, v and theta of the interface. The rest of the
-slider is then in its static state for these u, or moves with its rates.
+`RateHybridRun` hands over to full dynamics where the loads by inertia are no longer small. It
+returns where the waves of a rupture move the interface by what is known, and can change loads by
+no more beside it (`Waves.effect`). Both directions keep u, v and theta of the interface. The rest
+of the slider is then in its static state for these u, with the lag of viscosity and inertia, and
+moves with its rates.
 
 Source of the equations: J. R. Rice, J. Geophys. Res. 98, 9885 (1993), without radiation damping.
 """
@@ -27,126 +29,70 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pyfric import core
-from pyfric.core import OPEN, STUCK
+from pyfric.core import OPEN
+from pyfric.engines.cost import work, work_of_step
 from pyfric.engines.dynamic import Run
 from pyfric.engines.integration import just_after
-from pyfric.statics import ContactProblem, Route, Values, ends, table_rows
+from pyfric.engines.linearised import Interface, Linearised
+from pyfric.engines.path import Outside
+from pyfric.statics import Memory, Values
 
 if TYPE_CHECKING:
-    from pyfric.scene import Scene
-    from pyfric.statics import StaticSolver
+    from collections.abc import Mapping
 
-LOOK = 200
-"""Steps of full dynamics between two looks at inertia."""
+    from pyfric.statics import Equilibrium
+
+SPENT = 1 / 4
+"""Work of a look at waves, over that of the steps of full dynamics up to the next one."""
+MOSTLY = 0.5
+"""Integrated share of the time above which the record carries a note."""
+KEPT = 4
+"""Sets of contacts about whose loaded state the slider is kept."""
 SLOW_STEPS, SLOW_POINTS, SLOW_WORK = 1000, 1000, 4e8
 """Most slow steps, points of the curve, and steps times N_x^3 between two looks at Ctrl-C."""
 OF_STEP = 0.01
 """Error of a slow step over the accuracy, as some hundred steps lead to an event."""
-COLUMNS = 64
-"""Columns of a solution with many right sides, for memory."""
-MOVED = 5e-3
-"""Displacement over which velocities of the slider are differences, over D_c (rounding)."""
+SLIPPED, WAVES, INERTIA, BENT = 0.5, 0.05, 0.1, 0.02
+"""Shares of the accuracy: what waves left out may do to loads by slip, and their load when an event
+may begin; the load by inertia during slow slip; and by how much loads may differ from those of
+static states at the end of a phase in finite geometry. They are small, as a block that creeps near
+`v_slip` reaches it much sooner or later if the load on it is a little wrong."""
 
 
-class Interface(NamedTuple):
-    """The condensed slider with the time s since a state, in s, whose blocks in contact are held.
+class Phase(NamedTuple):
+    """Slip without inertia from a static state on.
 
     Attributes:
-        load: load on each block along +x, in N: its value, its rate and the rate of that, shape
-            (N_x, 3), and its matrix over the displacements since that state, shape (N_x, N_x).
-        p: the same for the normal force; for a block that lifted off -k_f u_z, which is negative.
-        F_T: the same for the force of the driver, shapes (3,) and (N_x,).
-        u: the same for u_x of all blocks, in m; blocks without contact move with the others.
+        about: the slider about that state.
+        interface: the same, condensed.
+        at: that state.
+        found: what the core made.
+        points: steps of points of the curve, since the beginning.
+        n_last: steps asked for.
+        n_end: steps up to the end of the phase.
     """
 
-    load: tuple[np.ndarray, np.ndarray]
-    p: tuple[np.ndarray, np.ndarray]
-    F_T: tuple[np.ndarray, np.ndarray]
-    u: tuple[np.ndarray, np.ndarray]
-
-    def at(self, s: float, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        """Return loads, normal forces and F_T (N) at s (s) after displacements (m)."""
-        powers = np.array([1.0, s, s * s / 2])
-        load, p, F_T = (part[0] @ powers + part[1] @ moved for part in self[:3])
-        return load, p, float(F_T)
-
-    def moving(self, s: float, moved: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return u_x (m) and v_x (m/s) of all blocks, from those of the blocks in contact."""
-        values, over = self.u
-        u_x = values @ np.array([1.0, s, s * s / 2]) + over @ moved
-        return u_x, values @ np.array([0.0, 1.0, s]) + over @ v
+    about: Linearised
+    interface: Interface
+    at: Equilibrium
+    found: core.SlowSlip
+    points: np.ndarray
+    n_last: int
+    n_end: int
 
 
-def interface_at(
-    scene: Scene, known: StaticSolver, u_x: np.ndarray, closed: np.ndarray, t: float
-) -> Interface:
-    """Return the condensed slider about its static state at u_x (m) and t (s)."""
-    V, F_N, T = (scene.piece(what, t) for what in ("V", "F_N", "T"))
-    drive, load = scene.drive(t), (F_N.at(t), T.at(t))
-    at = known.solve(u_x, drive, free=~closed, load=load if scene.load_at(t) else None)
-    now = Values(at.u[0, 0], at.f, at.u[0, 1], at.p, at.F_T)
-    home = scene.d * float(np.mean(known.u_drv0))
-    k_f = np.broadcast_to(scene.k_f, closed.shape) * scene.touches
-    rows = table_rows(scene.N_x)
-    ways = ((V.at(t), (F_N.slope, T.slope)), (V.slope, (0.0, 0.0)))  # of driver and loads, in time
-    rates = []
-    for way, gain in ways:
-        route = Route(drive + home, way, load, gain)
-        table = ContactProblem(scene, known.u_drv0).along(route).corrected(now, 0.0).base(closed)
-        table = free_to_move(table, ~closed)
-        rates.append(table[:, rows.given.start])
-    held, rate = table[:, rows.u_x], np.column_stack(rates)
-    p = np.where(closed, at.p, -k_f * at.u[0, 1])
-    return Interface(
-        (np.column_stack([-at.f, -rate[rows.f]]), -held[rows.f]),
-        (
-            np.column_stack([p, -k_f[:, None] * rate[rows.u_z]]),
-            -k_f[:, None] * held[rows.u_z],
-        ),
-        (np.array([at.F_T, *rate[rows.F_T]]), held[rows.F_T]),
-        (np.column_stack([at.u[0, 0], rate[rows.u_x]]), held[rows.u_x]),
-    )
+def values_of(at: Equilibrium) -> Values:
+    """Return the interface in a static state."""
+    return Values(at.u[0, 0], at.f, at.u[0, 1], at.p, at.F_T)
 
 
-def free_to_move(table: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """Return a table (`ContactProblem.base`) in which free blocks move as f = 0 lets them."""
-    columns, rows = np.flatnonzero(free), table_rows(len(free))
-    if not columns.size:
-        return table
-    f = table[rows.f][columns]
-    moved = -np.linalg.solve(f[:, columns], f)
-    moved[:, columns] = 0.0
-    other = table.copy()
-    other[:, columns] = 0.0
-    other += table[:, columns] @ moved
-    other[rows.f][columns] = 0.0
-    return other
-
-
-def viscosity(known: StaticSolver, closed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the matrices of load and normal force over velocities, (N_x, N_x), in N s/m.
-
-    The slider moves as static states do, q = G u. Its bonds then take the forces C G v, from which
-    its inner coordinates w differ by -K_ww^-1 (C G v)_w. To first order in eta, the load changes by
-    -G' C G v.
-    """
-    mode = np.where(closed, STUCK, OPEN)
-    inside, at, N_x = known.unknown(mode), np.flatnonzero(closed), len(closed)
-    at_load = known.coordinates(known.loaded.u, known.loaded.rod)
-    K, C = known.tangents(mode), known.damping(at_load)
-    inner = known.factor(mode, driven=True)
-    load, p = np.zeros((N_x, N_x)), np.zeros((N_x, N_x))
-    outward = K[at][:, inside]
-    k_f = np.broadcast_to(known.scene.k_f, N_x) * closed
-    for part in np.array_split(at, -(-len(at) // COLUMNS)):
-        q = np.zeros((K.shape[0], len(part)))
-        q[part, range(len(part))] = 1.0
-        q[inside] = -inner.solve(K[inside][:, part].toarray())
-        taken = C @ q
-        q[inside] = inner.solve(taken[inside])
-        load[np.ix_(at, part)] = outward @ q[inside] - taken[at]
-        p[:, part] = k_f[:, None] * q[ends(N_x).u_z]
-    return load, p
+def mostly_stepped(counts: Mapping[str, int], why: str) -> tuple[str, ...]:
+    """Return a note if most of the time was integrated like in full dynamics."""
+    share = counts["steps"] / max(counts["steps"] + counts["steps_spared"], 1)
+    if share <= MOSTLY or counts["steps"] < 1000:
+        return ()
+    said = f"{100 * share:.0f} % of the time was integrated like in full dynamics"
+    return (f"hybrid: {said} (more than {100 * MOSTLY:.0f} %): {why}",)
 
 
 def is_bursting(fast: np.ndarray) -> bool:
@@ -162,14 +108,30 @@ class RateHybridRun(Run):
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self.made |= {"jumps": 0, "steps_spared": 0, "slow_steps": 0}
-        self.worth = self.state.step  # the step at which inertia is looked at next
-        if not (self.state.sub or self.state.since):
-            self.worth += -self.worth % LOOK
-        self.viscous: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
         self.limit = self.method.accuracy * self.scene.F_N
+        scene, geometry, stepper = self.scene, self.method.geometry, self.method.stepper
+        step = work_of_step(scene, geometry, stepper)
+        self.look_every = math.ceil(
+            work(scene, geometry, {"attempts": 1, "landings": 1}) / (SPENT * step)
+        )
+        self.shortest = 2 * self.look_every  # steps of a phase in finite geometry worth its work
+        self.least = work(scene, geometry, {"slow_steps": 1}) / step * self.state.dt
+        self.pays = self.look_every * self.state.dt
+        self.worth = self.state.step  # the step at which waves are looked at next
+        if not (self.state.sub or self.state.since):
+            self.worth += -self.worth % self.look_every
+        self.kept: Memory[Linearised] = Memory(KEPT)
+
+    def notes(self) -> tuple[str, ...]:
+        """Return the notes, with one more if slow slip spared little."""
+        return super().notes() + mostly_stepped(
+            self.counts,
+            "slip was fast, its waves or its inertia were too large for an accuracy of "
+            f"{self.method.accuracy:g} F_N, or slow steps would have taken longer",
+        )
 
     def call_length(self) -> int:
-        """Return how many steps may be made before the next look at inertia."""
+        """Return how many steps may be made before the next look at waves."""
         return max(1, self.worth - self.state.step)
 
     def before_call(self, last: int) -> None:
@@ -177,92 +139,200 @@ class RateHybridRun(Run):
         state = self.state
         while state.step < last and state.step >= self.worth and not self.ending:
             begin = state.step
-            again = not (np.abs(state.mode) == 1).any() and self.inertia() < self.limit
-            if not ((state.since or again) and self.slip(last)):
+            moved = np.zeros((2, self.scene.N_x)) if state.since else self.calm()
+            if moved is None or not self.slip(last, moved):
                 state.sub = 0.0
-                self.worth = state.step + LOOK - state.step % LOOK
+                self.worth = state.step + self.look_every - state.step % self.look_every
             if state.step > begin:
                 return
 
-    def inertia(self) -> float:
-        """Return the sum of |m a| over blocks and rod, in N."""
-        found = core.evaluate(self.model, self.state, self.state.t)
-        rows, columns = self.scene.shares
-        force = self.scene.m * float(np.abs(rows[:, None, None] * columns * found.a).sum())
-        return force + self.scene.M_rod * float(np.abs(found.a_rod[:2]).sum())
+    def outside(self) -> Outside:
+        """Return driver and loads from now on."""
+        return Outside(self.known, self.state.t, just_after(self.state))
 
-    def slip(self, last: int) -> bool:
+    def about(self, closed: np.ndarray) -> Linearised:
+        """Return the slider about its loaded state, which is kept for the last sets of contacts."""
+        return self.kept.made(closed.tobytes(), lambda: Linearised(self.known, closed))
+
+    def calm(self) -> np.ndarray | None:
+        """Return how waves move the interface before they are gone, or None if that is not known.
+
+        It is known where waves can change loads by no more than the accuracy beside it, and slip
+        stays slow until their load has decayed to the accuracy.
+
+        Returns:
+            Changes of u_x (m) and ln theta, shape (2, N_x).
+        """
+        state, known, closed = self.state, self.known, self.state.mode != OPEN
+        if (np.abs(state.mode) == 1).any() or not closed.any():
+            return None
+        about, outside, v = self.about(closed), self.outside(), np.abs(state.y[0, 2])
+        if self.straight(about, outside) < self.shortest:
+            return None
+        at = known.coordinates(state.y[:, :2], state.rod[:3])
+        rates = known.coordinates(state.y[:, 2:], state.rod[3:])
+        p = core.evaluate(self.model, state, state.t).p
+        waves = about.waves(at, rates, outside, p, self.scene.law)
+        left, allowed = waves.largest / (WAVES * self.limit), SLIPPED * self.limit
+        if not waves.effect(v) <= allowed or (left > 1 and not waves.decay > 0):
+            return None
+        lasts = max(self.pays, 2 * math.log(left) / waves.decay if left > 1 else 0.0)
+        interface = about.interface(waves.rest, outside)
+        limits = self.limits(interface, lasts)
+        if left > 1 and self.method.threshold:  # no event begins or ends before
+            limits = limits._replace(speed=min(limits.speed, self.method.threshold))
+        times = np.array([0.0, min(1 / waves.frequency, lasts)])
+        found = self.slow(interface, closed, limits, times=times)
+        if not (found.goes_on and found.t == lasts):
+            return None
+        first, second = found.points[:, 2]
+        faster = np.maximum(np.abs(found.v), np.abs(first))
+        if not waves.effect(faster, second - first) <= allowed:
+            return None
+        slip = waves.slip(np.abs(first))
+        return np.array([slip, -slip * np.sign(first) * self._weakening(first)])
+
+    def _weakening(self, v: np.ndarray) -> np.ndarray:
+        """Return -d(ln theta)/d|u| at speeds v (m/s), shape (N_x,), in 1/m."""
+        law, x = self.scene.law, np.abs(v) * self.state.theta / self.scene.law.D_c
+        of = 1.0 if law.kind.evolution == "ageing" else 1.0 + np.log(np.maximum(x, 1e-300))
+        return of / law.D_c
+
+    def slip(self, last: int, moved: np.ndarray) -> bool:
         """Leave out inertia up to step `last` at most; return whether that may go on.
 
         No slow step is shortened to end at `last`. A run that goes on from there repeats the slow
         steps of this phase, so that it has the bits of the whole run.
         """
-        state, scene, law, N_x = self.state, self.scene, self.scene.law, self.scene.N_x
-        every, closed, cut = self.method.sample, state.mode != OPEN, self._moving()
-        done, phase = state.since, state.phase
+        state, cut = self.state, self._moving()
+        done, begin, closed = state.since, state.phase, state.mode != OPEN
         state.out_of_phase()
         last, text = self._due(self.piece_ends(last))
         if last <= state.step:
             return False
         if done:
-            self._put_back(state.step - done, phase)
+            self._put_back(state.step - done, begin)
+        before = self._moving()
+        state.y[0, 0] += moved[0]
+        state.theta[:] *= np.exp(moved[1])
+        outside = self.outside()
+        phase = self.phase(closed, outside, last)
+        n = 0 if phase is None else round(phase.found.t / state.dt)
+        if n < done:  # on a processor that rounds in another way
+            self._put_back(state.step + done, cut)
+            return self.slip(last, moved)
+        if phase is None or not n:
+            state.y[0, 0], state.theta[:], _ = before
+            return False
+        interface, found = phase.interface, phase.found
+        self._sample_slip(interface, phase.points, found.points, done)
+        if self.method.threshold:
+            self._log_passages(interface, found, n, done)
+        begin = self._moving()
+        self._put(phase, outside, n)
+        self.made["steps_spared"] -= done
+        if found.goes_on and n == phase.n_last < phase.n_end:
+            state.phase, state.since = begin, n
+        else:
+            state.sub = found.h
+        if text and state.step == last:
+            self.ending = self.stopping.named(text)
+        return found.goes_on
+
+    def phase(self, closed: np.ndarray, outside: Outside, last: int) -> Phase | None:
+        """Return slip without inertia up to step `last` at most; None if it is not worth its work.
+
+        Its end does not depend on `last`. In finite geometry it is made shorter until its loads
+        are those of static states.
+        """
+        state, every = self.state, self.method.sample
         first = every - state.step % every
         n_end = min(first + (SLOW_POINTS - 1) * every, self.piece_ends(sys.maxsize) - state.step)
+        known, about, bends = self.known, self.about(closed), 0.0
+        at = known.solve(state.y[0, 0], outside.drive, free=~closed, load=outside.load)
+        finite = known.geometry == "finite"
+        if finite:
+            n_end = min(n_end, self.straight(about, outside))
+            q = known.coordinates(at.u, at.rod)
+            about = Linearised(known, closed, q)
+            bends = known.bends(q, about.answer(outside.rates()[0]))
+        interface = about.interface(values_of(at), outside, bends)
+        self._follow(just_after(state))
+
+        def made(n_last: int) -> Phase:
+            points = np.arange(first, n_last + 1, every)
+            found = self.slow(
+                interface,
+                closed,
+                self.limits(interface, n_end * state.dt, n_last * state.dt),
+                times=points * state.dt,
+                h=state.sub,
+                threshold=self.method.threshold or 0.0,
+                fast=self.log.fast[0],
+            )
+            self.made["slow_steps"] += found.steps
+            return Phase(about, interface, at, found, points, n_last, n_end)
+
+        while finite and self.bent(phase := made(n_end), outside):
+            n_end = min(n_end, round(phase.found.t / state.dt)) // 2
+            if n_end < self.shortest:
+                return None
         n_last = min(last - state.step, n_end)
-        points = np.arange(first, n_last + 1, every)
-        interface = interface_at(scene, self.known, state.y[0, 0], closed, just_after(state))
+        return phase if finite and n_last == n_end else made(n_last)
+
+    def straight(self, about: Linearised, outside: Outside) -> int:
+        """Return after how many steps loads bend, while the interface is held.
+
+        The second derivative of the spring forces, in the loaded state, then makes their share of
+        the accuracy, although it is included.
+        """
+        known = self.known
+        q = known.coordinates(known.loaded.u, known.loaded.rod)
+        bends = known.bends(q, about.answer(outside.rates()[0]))
+        bent = float(np.abs(about.loads(about.answer(-bends), -bends)[0]).sum())
+        lasts = math.sqrt(2 * BENT * self.limit / bent) if bent else math.inf
+        return math.ceil(min(lasts / self.state.dt, sys.maxsize))
+
+    def bent(self, phase: Phase, outside: Outside) -> bool:
+        """Return whether loads at the end of a phase differ too much from those of a static state.
+
+        Slip changes them, too, beside what driver and loads do.
+        """
+        interface, at, found = phase.interface, phase.at, phase.found
+        s, u_x, free = found.t, self.state.y[0, 0] + found.u, self.state.mode == OPEN
+        drive, loads = outside.drive_at(s), outside.load_at(s)
+        end = self.known.solve(u_x, drive, free=free, load=loads, near=at)
+        load, p, _ = interface.at(s, found.u)
+        off = load - interface.load[0][:, 0] + (end.f - at.f)
+        pressed = np.where(free, 0.0, p - interface.p[0][:, 0] - (end.p - at.p))
+        error = np.abs(off) + self.scene.law.mu_s * np.abs(pressed)
+        return float(error.sum()) > BENT * self.limit
+
+    def limits(self, interface: Interface, end: float, last: float = math.inf) -> core.SlowLimits:
+        """Return what ends slow slip, and its errors; times in s."""
+        scene, law, N_x = self.scene, self.scene.law, self.scene.N_x
         tolerance, unit = OF_STEP * self.method.accuracy, scene.F_N / N_x
-        of_column = (scene.M_rod + scene.slider.M) / N_x  # kg
-        limits = core.SlowLimits(
-            end=n_end * state.dt,
-            dt=state.dt,
+        return core.SlowLimits(
+            end=end,
+            dt=self.state.dt,
             relative=tolerance,
             u=tolerance * unit / float(np.abs(np.diag(interface.load[1])).max()),
             log_theta=tolerance / float(np.max(law.b + law.a)),
-            inertia=self.limit / of_column,
+            inertia=INERTIA * self.limit,
             speed=law.kind.v_slip,
-            last=n_last * state.dt,
+            least=self.least,
+            last=last,
             steps=int(min(max(SLOW_WORK / N_x**3, 10), SLOW_STEPS)),
         )
-        self._follow(just_after(state))
-        found = core.slow_slip(
-            self.model,
-            *interface[:2],
-            np.log(state.theta),
-            limits,
-            viscous=self.viscosity(closed),
-            closed=closed,
-            times=points * state.dt,
-            h=state.sub,
-            threshold=self.method.threshold or 0.0,
-            fast=self.log.fast[0],
-        )
-        self.made["slow_steps"] += found.steps
-        n = round(found.t / state.dt)
-        if n < done:  # on a processor that rounds in another way
-            self._put_back(state.step + done, cut)
-            return self.slip(last)
-        self._sample_slip(interface, points, found.points, done)
-        if n:
-            if self.method.threshold:
-                self._log_passages(interface, found, n, done)
-            begin = self._moving()
-            self._put(found, closed, n)
-            self.made["steps_spared"] -= done
-            if found.goes_on and n == n_last < n_end:
-                state.phase, state.since = begin, n
-            else:
-                state.sub = found.h
-        if text and state.step == last:
-            self.ending = self.stopping.named(text)
-        return found.goes_on and n > 0
 
-    def viscosity(self, closed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return what `viscosity` returns, which is kept."""
-        key = closed.tobytes()
-        if key not in self.viscous:
-            self.viscous = {key: viscosity(self.known, closed)}
-        return self.viscous[key]
+    def slow(
+        self, interface: Interface, closed: np.ndarray, limits: core.SlowLimits, **how: Any
+    ) -> core.SlowSlip:
+        """Return slip without inertia from the present state on."""
+        about = self.about(closed)
+        how |= {"viscous": about.by_v, "inertial": about.by_a, "closed": closed}
+        start = np.log(self.state.theta)
+        return core.slow_slip(self.model, interface.load, interface.p, start, limits, **how)
 
     def _moving(self) -> np.ndarray:
         """Return u_x (m), theta (s) and v_x (m/s) of the interface, shape (3, N_x)."""
@@ -295,11 +365,13 @@ class RateHybridRun(Run):
     ) -> None:
         """Add points of the curve after these numbers of steps of a phase, beyond `done`."""
         state, known = self.state, np.count_nonzero(steps <= done)
+        by_v, _ = self.about(state.mode != OPEN).by_v
         for n, (moved, log_theta, v) in zip(steps[known:].tolist(), points[known:], strict=False):
             load, _, F_T = interface.at(n * state.dt, moved)
             self.history.add(np.array([[state.t0 + (state.step + n) * state.dt, F_T]]))
             u_x, v_x = interface.moving(n * state.dt, moved, v)
-            self.add_motion({"theta": np.exp(log_theta), "u_x": u_x, "v_x": v_x, "f": -load})
+            f = -load - by_v @ v
+            self.add_motion({"theta": np.exp(log_theta), "u_x": u_x, "v_x": v_x, "f": f})
 
     def _log_passages(self, interface: Interface, found: core.SlowSlip, n: int, done: int) -> None:
         """Log passages through the threshold in steps of a phase, and fast slip, up to step n.
@@ -341,34 +413,24 @@ class RateHybridRun(Run):
         if count > known:
             self._add_logs({"crossings": log.crossings(), "bursts": log.bursts()})
 
-    def _put(self, found: core.SlowSlip, closed: np.ndarray, n: int) -> None:
-        """Set the state to that after n steps of a phase."""
-        state, scene, v = self.state, self.scene, found.v
-        u_x = state.y[0, 0] + found.u
+    def _put(self, phase: Phase, outside: Outside, n: int) -> None:
+        """Set the state to that after n steps of a phase, in its static state under viscosity."""
+        about, found = phase.about, phase.found
+        state, known, closed, v = self.state, self.known, about.closed, found.v
+        s, u_x = n * state.dt, state.y[0, 0] + found.u
+        drive, load = outside.drive_at(s), outside.load_at(s)
+        at = known.solve(u_x, drive, free=~closed, load=load, near=phase.at)
+        force, gain = outside.rates()
+        rates = about.moving(v, force + s * gain)
+        resists = about.resistance(rates, about.moving(found.a, gain))
+        q = known.coordinates(at.u, at.rod) + about.answer(resists)
+        state.y[:, :2], state.rod[:3] = known.displacements(q)
+        state.y[:, 2:], state.rod[3:] = known.displacements(rates)
+        state.y[0, 0, closed], state.y[0, 2, closed] = u_x[closed], v[closed]
         state.theta[:] = np.exp(found.log_theta)
         state.step += n
-        t, fastest = just_after(state), float(np.abs(v).max())
-        fastest = max(fastest, scene.driver.fastest)
-        tau = MOVED * float(np.min(scene.law.D_c)) / fastest if fastest else state.dt
-        now = self._at(u_x, t, ~closed, 0.0, v)
-        ahead = self._at(u_x, t, ~closed, tau, v)
-        state.y[:, :2], state.rod[:3] = now
-        state.y[:, 2:], state.rod[3:] = (ahead[0] - now[0]) / tau, (ahead[1] - now[1]) / tau
-        if scene.rigid:
-            X, Z, phi = state.rod[3:]
-            state.y[-1, 2], state.y[-1, 3] = X, Z + phi * scene.x
-        state.y[0, 0, closed], state.y[0, 2, closed] = u_x[closed], v[closed]
-        state.margin[:] = scene.law.kind.v_slip - np.abs(v)
-        self.log.speeds[: scene.N_x] = v
+        state.margin[:] = self.scene.law.kind.v_slip - np.abs(v)
+        self.log.speeds[: self.scene.N_x] = v
         self.good = None
         self.made["jumps"] += 1
         self.made["steps_spared"] += n
-
-    def _at(
-        self, u_x: np.ndarray, t: float, free: np.ndarray, s: float, v: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return displacements and rod (m) of the static state s (s) after t (s)."""
-        scene = self.scene
-        drive, load = scene.drive(t) + scene.piece("V", t).at(t) * s, scene.load_at(t)
-        found = self.known.solve(u_x + v * s, drive, free=free, load=load)
-        return found.u, found.rod

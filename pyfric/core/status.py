@@ -13,3 +13,11 @@ class Status(enum.IntEnum):
     ENDLESS = 2  # stopped inside a step: contacts switch too often in it
     TOO_SHORT = 3  # stopped inside a step: its error stays too large
     NO_MEMORY = 4  # nothing was done: its memory could not be allocated
+    # of sequences of static states
+    PAUSED = 5  # stopped early: as many changes as asked for
+    UNSETTLED = 6  # contact states do not settle
+    IDLE = 7  # slip goes on without end, in events of no length
+    GROWS = 8  # the growth of the slipping zone does not end
+    AMBIGUOUS = 9  # slip may not be unique from here on
+    UNSUPPORTED = 10  # the slider is not supported
+    UNHELD = 11  # the slider is not held by the blocks that stick

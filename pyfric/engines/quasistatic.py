@@ -13,6 +13,10 @@ state all quantities are linear in the drive. The signs of the rates decide whic
 threshold slip and which stick. A sequence with negligible mu_s - mu_k is treated in the same way,
 because it would have too many events. `pyfric.engines.prediction` treats any scene in this way.
 
+The core follows the sequence (`pyfric.core.Sequences`) where it can (`pyfric.statics.follows`). The
+methods `_climb` and `grow` do the same in Python, with the same changes in the same order: they
+serve runs that the core does not follow, and as its test.
+
 Source: PRL 107, 074301 (2011), for the model, and for arrest lengths with mu_s = mu_k.
 """
 
@@ -27,7 +31,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from pyfric.core import CORNER_SHARE, OPEN, STUCK, StateError
+from pyfric.core import (
+    CORNER_SHARE,
+    IN_EVENT,
+    OPEN,
+    STUCK,
+    Sequences,
+    StateError,
+    Status,
+)
 from pyfric.display import Progress, run_bar
 from pyfric.engines.dynamic import kept_notes
 from pyfric.engines.engine import Engine
@@ -54,6 +66,11 @@ from pyfric.statics import (
     Stretch,
     check_ladder,
     check_statics,
+    follows,
+    interfaces_of,
+    legs_of,
+    rules_of,
+    slider_of,
     stretches,
 )
 
@@ -70,6 +87,18 @@ GROWTH = 60
 """Largest number of changes of contact state while a slipping zone grows, over N_x."""
 IDLE = 200
 """Largest number of successive changes of contact state without motion of the driver."""
+
+IN_A_CALL = 4_000_000
+"""Changes of contact state in a call of the core, times N_x^2: some milliseconds of work."""
+ENDLESS = "at t = {t:.6g} s slip goes on without end, in events of no length"
+OF_EVENT = "the quasi-static event at t = {t:.6g} s: {what}"
+WHY = {
+    Status.UNSETTLED: "contact states do not settle",
+    Status.GROWS: "the growth of the slipping zone does not end",
+    Status.UNSUPPORTED: "the slider is not supported",
+    Status.UNHELD: "the slider is not held by the blocks that stick",
+}
+"""Why the core could not go on."""
 
 BENDS = 32
 """Straight parts of the curve between two changes of contact state while the driver accelerates."""
@@ -98,18 +127,27 @@ class QuasistaticRun:
     Args:
         scene: the scene.
         t_gap: longest pause inside an event, in s; None means `longest_pause`.
+        stopping: conditions that end the run.
+        in_core: whether the core follows the sequence; None means where it can.
 
     Raises:
         EquilibriumError: the scene has no loaded equilibrium.
     """
 
     name = "quasistatic"
+    compiled = True
+    """Whether the core knows the events of this engine."""
 
     def __init__(
-        self, scene: Scene, t_gap: float | None = None, stopping: Stopping | None = None
+        self,
+        scene: Scene,
+        t_gap: float | None = None,
+        stopping: Stopping | None = None,
+        in_core: bool | None = None,
     ) -> None:
         start = time.perf_counter()
         self.scene, self.stopping = scene, stopping
+        self.in_core = self.compiled and follows(scene) if in_core is None else in_core
         self.t_gap = longest_pause(scene) if t_gap is None else t_gap
         self.problem = ContactProblem(scene)
         self.contact = self.problem.loaded()
@@ -122,6 +160,8 @@ class QuasistaticRun:
         self.nothing = self.history.logs(scene.N_x)["quiet"]  # columns of an empty log
         self.switches: list[tuple[Any, ...]] = []  # rows of both logs that the history lacks
         self.quiet: list[tuple[Any, ...]] = []
+        self.steps: list[int] = []  # changes before each point of the curve
+        self.statics: list[tuple[Any, ...]] = []  # F_T, f and p at each row of the quiet log
         self.stretch = Stretch(scene.legs(0.0)[0], self.drive_0)  # the present part
         self.ending = ""  # status of a run that ends before its time
         self.t_quiet = -math.inf  # no slip before this time
@@ -194,8 +234,12 @@ class QuasistaticRun:
 
     def follow(self, t_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
         """Follow the segments of the protocol up to t_end (s), which may be inf."""
+        parts = stretches(self.scene, self.drive_0, t_end)
+        if self.in_core:
+            self._follow_in_core(parts, stop, show)
+            return
         contact = self.contact
-        for stretch in stretches(self.scene, self.drive_0, t_end):
+        for stretch in parts:
             leg, offset, route = stretch
             if leg.way != contact.way or route is not None:  # all slip stops
                 contact.hold_all()
@@ -213,6 +257,63 @@ class QuasistaticRun:
             self.history.add(np.array([[leg.t_end, contact.values().F_T]]))
             show(*self.history.last, self.events)
 
+    def _follow_in_core(
+        self, parts: Sequence[Stretch], stop: Callable[[], bool], show: Callable[..., None]
+    ) -> None:
+        """Follow the segments of the protocol in the core."""
+        scene, law = self.scene, self.contact.law
+        if law.gradual:
+            self._note_continuous()
+        runs = Sequences(
+            slider_of(self.problem, parts),
+            rules_of(scene, IDLE, GROWTH),
+            legs_of(parts),
+            interfaces_of([self.contact]),
+        )
+        most, status = max(IN_A_CALL // scene.N_x**2, 1), Status.PAUSED
+        self._force_at = lambda drive: runs.force(0, drive)
+        while status in (Status.PAUSED, Status.LOG_FULL) and not stop():
+            status = Status(runs.go_on(most, stops=self.stopping is not None)[0])
+            self._take(runs)
+            self.stretch = parts[min(int(runs.count("leg")[0]), len(parts)) - 1]
+            show(*self.history.last, self.events)
+            ahead = float(runs.ahead[0])
+            if status == Status.PAUSED and self._ended(
+                self.stretch.leg.time_at(ahead - self.stretch.offset)
+            ):
+                return
+        if status == Status.AMBIGUOUS:
+            self._end_ambiguous()
+        elif status not in (Status.DONE, Status.PAUSED, Status.LOG_FULL):
+            self._raise(status, runs)
+
+    def _take(self, runs: Sequences) -> None:
+        """Take what the core has logged, and what it has counted."""
+        log = runs.log(0)
+        self.history.add(log.points[:, :2])
+        self.steps += log.points[:, 2].astype(int).tolist()
+        self.history.log(switches=log.switches, quiet=log.quiet)
+        self.statics.append((log.quiet["F_T"], log.f, log.p))
+        if self.stopping is not None:
+            self.stopping.take(log.switches, log.quiet)
+        self.mode = runs.mode[0]
+        self.changes, self.events, self.releases, self.starts = (
+            int(runs.count(name)[0]) for name in ("step", "events", "releases", "starts")
+        )
+
+    def _raise(self, status: Status, runs: Sequences) -> None:
+        """Raise the error of a run that the core could not follow to its end."""
+        t, tol = self.history.last[0], float(runs.tol[0])
+        if status == Status.IDLE:
+            raise EquilibriumError(ENDLESS.format(t=t), np.nan, tol, IDLE)
+        rules, N_x = runs.rules, self.scene.N_x
+        most = {Status.UNSETTLED: rules.changes * N_x, Status.GROWS: rules.growth * N_x}
+        of_event = int(runs.count("phase")[0]) == IN_EVENT
+        what = OF_EVENT.format(t=t, what=WHY[status]) if of_event else WHY[status]
+        raise EquilibriumError(what, np.nan, tol, int(most.get(status, 0)))
+
+    # --- in Python -------------------------------------------------------------------------------
+
     def _climb(self, drive_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
         """Follow the sequence of events until the driver is at drive_end."""
         contact, idle = self.contact, 0
@@ -223,8 +324,7 @@ class QuasistaticRun:
                 return
             idle = idle + 1 if contact.way * (drive - contact.drive) <= rounding else 0
             if idle > IDLE:
-                text = f"at t = {self.t:.6g} s slip goes on without end, in events of no length"
-                raise EquilibriumError(text, np.nan, contact.tol, IDLE)
+                raise EquilibriumError(ENDLESS.format(t=self.t), np.nan, contact.tol, IDLE)
             if self._ended(self.stretch.leg.time_at(drive - self.stretch.offset)):
                 return
             contact.drive = drive
@@ -245,12 +345,8 @@ class QuasistaticRun:
         Raises:
             EquilibriumError: stick and slip rates are not found, or the zone grows without end.
         """
+        self._note_continuous()
         contact, law = self.contact, self.contact.law.continuous()
-        if np.any(contact.law.drop > 0):
-            self.notes += (
-                f"mu_s - mu_k = {np.max(contact.law.drop):.3g} is negligible: "
-                f"slip is continuous, at mu_s = {law.mean.mu_s:g}",
-            )
         contact.law = law
         for _ in range(GROWTH * self.scene.N_x):
             for _ in contact.settle_rates():
@@ -262,37 +358,57 @@ class QuasistaticRun:
             if stop() or not contact.stuck.any() or self._ended(self.t):
                 return
             if contact.definiteness() < LEAST_DEFINITENESS:
-                self.ending = "ended where slip may not be unique"
-                self.notes += (
-                    f"{self.name}: slip is followed up to F_T/F_N = "
-                    f"{self.history.last[1] / self.scene.F_N:.6g}, where the definiteness of the "
-                    f"slip operator falls below {LEAST_DEFINITENESS:g}: friction is so strong "
-                    f"(mu = {law.mean.mu_s:g}) that the solution may not be unique beyond",
-                )
+                self._end_ambiguous()
                 return
             drive, i, mode = contact.next_change(reload=False)
             if math.isinf(drive) or not contact.way * (drive - drive_end) <= 0:
                 return
             contact.drive = drive
             contact.change(i, mode)
-        what = "the growth of the slipping zone does not end"
-        raise EquilibriumError(what, np.nan, contact.tol, GROWTH * self.scene.N_x)
+        most = GROWTH * self.scene.N_x
+        raise EquilibriumError(WHY[Status.GROWS], np.nan, contact.tol, most)
+
+    def _note_continuous(self) -> None:
+        """Note that slip is continuous although friction weakens a little."""
+        law = self.contact.law
+        if np.any(law.drop > 0):
+            self.notes += (
+                f"mu_s - mu_k = {np.max(law.drop):.3g} is negligible: "
+                f"slip is continuous, at mu_s = {law.mean.mu_s:g}",
+            )
+
+    def _end_ambiguous(self) -> None:
+        """End the run where slip may not be unique."""
+        self.ending = "ended where slip may not be unique"
+        self.notes += (
+            f"{self.name}: slip is followed up to F_T/F_N = "
+            f"{self.history.last[1] / self.scene.F_N:.6g}, where the definiteness of the "
+            f"slip operator falls below {LEAST_DEFINITENESS:g}: friction is so strong "
+            f"(mu = {self.contact.law.mean.mu_s:g}) that the solution may not be unique beyond",
+        )
 
     def _ended(self, t: float) -> bool:
         """Return whether a condition ends the run before the next change, at t (s)."""
         if self.stopping is None:
             return False
         self.pass_on()
-        self.stopping.look(self.t, self.mode)
+        now = self.history.last[0]
+        self.stopping.look(now, self.mode)
         due, text = self.stopping.due()
         if max(due, self.begin) <= t:
             self.ending = self.stopping.named(text)
-            self.t_quiet = max(due, self.begin, self.t)
-            if self.begin > max(due, self.t):  # the record that goes on ends there
+            self.t_quiet = max(due, self.begin, now)
+            if self.begin > max(due, now):  # the record that goes on ends there
                 (leg, offset, _), s = self.stretch, self.begin - self.stretch.leg.t
-                self.contact.drive = offset + leg.first + s * (leg.value + 0.5 * s * leg.slope)
-                self.sample()
+                drive = offset + leg.first + s * (leg.value + 0.5 * s * leg.slope)
+                F_T = self._force_at(drive)
+                self.history.add(np.array([[leg.time_at(drive - offset), F_T]]))
         return bool(self.ending)
+
+    def _force_at(self, drive: float) -> float:
+        """Return F_T (N) with the driver at a position (m), while no contact state changes."""
+        self.contact.drive = drive
+        return self.contact.values().F_T
 
     def _event(self, i: int, direction: int, stop: Callable[[], bool]) -> None:
         """Release block i and follow the event at this position of the driver."""
@@ -308,8 +424,7 @@ class QuasistaticRun:
                     return
         except EquilibriumError as error:
             what, *figures = error.args
-            what = f"the quasi-static event at t = {t:.6g} s: {what}"
-            raise EquilibriumError(what, *figures) from error
+            raise EquilibriumError(OF_EVENT.format(t=t, what=what), *figures) from error
         contact.hold_all()
         self.log(t)
 

@@ -25,6 +25,7 @@ from pyfric.statics.routes import (
     stretches,
 )
 from pyfric.statics.rows import ends, table_rows
+from pyfric.statics.sequences import follows, interfaces_of, legs_of, rules_of, slider_of
 from pyfric.statics.stability import stability_limit
 from pyfric.statics.starts import check_pushes, forced, overstressed, ramped, weakened
 from pyfric.statics.system import System

@@ -105,6 +105,14 @@ class ContactProblem:
         self._loads, self._F_T = self.slider.G @ w, self.slider.c @ w
         self._bases: Memory[np.ndarray] = Memory(BASES)
 
+    @property
+    def loads(self) -> tuple[np.ndarray, np.ndarray]:
+        """Loads on the interface, shape (2 N_x, 2), and F_T at u = 0, (2,), by drive and constant.
+
+        In N/m and N.
+        """
+        return self._loads, self._F_T
+
     def along(self, route: Route) -> ContactProblem:
         """Return the problem in which "drive" means the parameter s of a route."""
         other = copy.copy(self)

@@ -1,0 +1,82 @@
+"""Sequences of static states as the core follows them: slider, protocol and interfaces as arrays.
+
+The core does what `Contact` and `pyfric.engines.quasistatic` do in Python, with the same changes in
+the same order. `follows` says for which scenes.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pyfric.core import CORNER_SHARE, CondensedSlider, CoreLeg, Interfaces, Rules
+from pyfric.scene import Law
+from pyfric.statics.complementarity import CHANGES, LEAST, RATE_TOL
+from pyfric.statics.contact import CONTACT_TOL, LEAST_DEFINITENESS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pyfric.scene import Scene
+    from pyfric.statics.complementarity import Contact, ContactProblem
+    from pyfric.statics.routes import Stretch
+
+
+def follows(scene: Scene) -> bool:
+    """Return whether the core follows sequences of a scene: strength mu_s p, friction mu_k p."""
+    return type(scene.law) is Law
+
+
+def slider_of(problem: ContactProblem, parts: Sequence[Stretch]) -> CondensedSlider:
+    """Return the slider for the core, with its loads along the routes of a protocol."""
+    routes = [part.route for part in parts if part.route is not None]
+    looks = [problem.along(route) for route in routes] or [problem]
+    scene, of = problem.scene, problem.slider
+    loads, F_T = zip(*(look.loads for look in looks), strict=True)
+    return CondensedSlider(
+        k=scene.slider.k,
+        K=scene.driver.K,
+        unit=problem.unit,
+        rounded=CONTACT_TOL,
+        least=LEAST * problem.unit,
+        S=np.ascontiguousarray(of.S),
+        drive=np.ascontiguousarray(of.G[:, 0]),
+        loads=np.array(loads),
+        F_T=np.array(F_T),
+    )
+
+
+def legs_of(parts: Sequence[Stretch]) -> list[CoreLeg]:
+    """Return the legs of a protocol for the core."""
+    found, routes = [], 0
+    for leg, offset, route in parts:
+        routes += route is not None
+        numbers = leg.t, leg.t_end, leg.first, leg.last, leg.value, leg.slope
+        found.append(CoreLeg(*numbers, offset, leg.way, routes if route is not None else 0))
+    return found
+
+
+def rules_of(scene: Scene, idle: int, growth: int) -> Rules:
+    """Return the limits of a sequence for the core; `idle` and `growth` are those of the engine."""
+    p_corner = CORNER_SHARE * scene.F_N / scene.N_x
+    return Rules(CHANGES, idle, growth, RATE_TOL, LEAST_DEFINITENESS, p_corner)
+
+
+def interfaces_of(contacts: Sequence[Contact]) -> Interfaces:
+    """Return interfaces and states of runs for the core, as `Contact` holds them at the start."""
+    of_each = []
+    for contact in contacts:
+        scene, N_x = contact.scene, contact.N_x
+        law = contact.law.continuous() if contact.law.gradual else contact.law
+        of_each.append(
+            (
+                [np.broadcast_to(v, N_x) for v in (law.mu_s, law.mu_k, scene.k_f, scene.gap)],
+                np.where(scene.touches, np.where(scene.bare, 1, 2), 0),
+                contact.mode,
+                contact.column[:N_x],
+                contact.drive,
+                contact.law.gradual,
+            )
+        )
+    return Interfaces(*map(np.array, zip(*of_each, strict=True)))

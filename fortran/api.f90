@@ -322,7 +322,7 @@ subroutine sequences(nx, n_routes, n_legs, n_runs, n_states, n_tables, n_counts,
   real(c_double), intent(inout) :: columns(nx + 2, 2, n_runs)
   real(c_double), intent(inout) :: tables(3*nx + 1, nx + 2, n_tables, n_runs)
   integer(c_int), intent(inout) :: counts(n_counts, n_runs)
-  real(c_double), intent(inout) :: numbers(3, n_runs)
+  real(c_double), intent(inout) :: numbers(4, n_runs)
   integer(c_int), intent(inout) :: switch_i(4, max_switch, n_runs)  !! logs, see log_t of pyfric_sequence; so are the next four
   real(c_double), intent(inout) :: switch_r(4, max_switch, n_runs)
   integer(c_int), intent(inout) :: quiet_i(nx + 1, max_quiet, n_runs)

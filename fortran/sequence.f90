@@ -43,7 +43,7 @@ module pyfric_sequence
     real(dp) :: last       !! and at t_end [m]
     real(dp) :: value      !! speed at t [m/s]
     real(dp) :: slope      !! and its rate [m/s2]
-    real(dp) :: offset     !! drive less the integral [m]
+    real(dp) :: offset     !! drive less the integral, and less the offset of the run [m]
     integer :: way         !! +1 or -1, 0 if the driver rests
     integer :: route       !! of the loads; 0: as before
   end type leg_t
@@ -77,6 +77,7 @@ module pyfric_sequence
     logical :: gradual = .false.                !! mu_s = mu_k
     real(dp) :: ahead = 0.0_dp                  !! drive at the next change [m]
     real(dp) :: little = 0.0_dp                 !! motion of the driver that is rounding [m]
+    real(dp) :: offset = 0.0_dp                 !! of the drive in all legs [m]
     real(dp), allocatable :: home(:)            !! u_x at the last release [m]
     integer(ip), allocatable :: corner(:)       !! 1: slip of the block began with p < p_corner
     integer(ip), allocatable :: mode(:)         !! states as logged
@@ -182,7 +183,7 @@ contains
     if (leg%route > 0) then
       c%route = leg%route
       c%sets = -1
-      c%column(s%nx + 1) = leg%offset + leg%first
+      c%column(s%nx + 1) = (run%offset + leg%offset) + leg%first
       call renew(s, g, c)
     end if
     run%phase = ENDS
@@ -206,28 +207,29 @@ contains
     run%phase = BEGINS
     run%leg = run%leg + 1
     if (leg%t_end > huge(leg%t_end)) return
-    c%column(s%nx + 1) = leg%offset + leg%last
+    c%column(s%nx + 1) = (run%offset + leg%offset) + leg%last
     c%known = .false.
     call log_point(s, leg%t_end, g, c, run, log)
   end subroutine end_leg
 
   !> Whether there is no change before the end of a leg.
-  pure function beyond(leg, way, ahead) result(yes)
+  pure function beyond(leg, way, run) result(yes)
     type(leg_t), intent(in) :: leg
     integer, intent(in) :: way
-    real(dp), intent(in) :: ahead              !! drive at the next change [m]
+    type(run_t), intent(in) :: run
     logical :: yes
 
-    yes = abs(ahead) >= huge(ahead) .or. .not. way*(ahead - (leg%offset + leg%last)) <= 0.0_dp
+    yes = abs(run%ahead) >= huge(run%ahead) .or. .not. way*(run%ahead - ((run%offset + leg%offset) + leg%last)) <= 0.0_dp
   end function beyond
 
   !> Time at which the driver is at a place [s].
-  pure function time_at(leg, drive) result(t)
+  pure function time_at(leg, offset, drive) result(t)
     type(leg_t), intent(in) :: leg
+    real(dp), intent(in) :: offset             !! of the run [m]
     real(dp), intent(in) :: drive              !! [m]
     real(dp) :: t, far, speed, root
 
-    far = leg%way*((drive - leg%offset) - leg%first)
+    far = leg%way*((drive - (offset + leg%offset)) - leg%first)
     speed = leg%way*leg%value
     root = sqrt(max(speed**2 + 2*leg%way*leg%slope*far, 0.0_dp))
     t = leg%t
@@ -246,7 +248,7 @@ contains
     type(run_t), intent(inout) :: run
 
     call next_change(s, rules, g, c, .true., run)
-    if (beyond(leg, c%way, run%ahead)) then
+    if (beyond(leg, c%way, run)) then
       run%phase = ENDS
       return
     end if
@@ -269,7 +271,7 @@ contains
 
     c%column(s%nx + 1) = run%ahead
     c%known = .false.
-    t = time_at(leg, run%ahead)
+    t = time_at(leg, run%offset, run%ahead)
     call log_point(s, t, g, c, run, log)
     run%before = c%now
     call change(s, g, c, run%block, int(run%new, ip))
@@ -306,7 +308,7 @@ contains
     call look(s, g, c)
     run%before = c%now
     call unmet_in_event(s, g, c, run%home, by, new, u_x, unmet)
-    t = time_at(leg, c%column(s%nx + 1))
+    t = time_at(leg, run%offset, c%column(s%nx + 1))
     if (unmet) then
       call put(s, g, c, chosen(s%nx, rules, run%tried, by, c%tol), new, u_x)
       run%tried = run%tried + 1
@@ -463,7 +465,7 @@ contains
       run%tried = run%tried + 1
       return
     end if
-    t = time_at(leg, c%column(s%nx + 1))
+    t = time_at(leg, run%offset, c%column(s%nx + 1))
     call log_changes(s, rules, t, c, c%now, run, log)
     run%events = run%starts
     call log_point(s, t, g, c, run, log)
@@ -517,7 +519,7 @@ contains
     if (.not. definite) run%status = AMBIGUOUS
     if (run%status /= DONE) return
     call next_change(s, rules, g, c, .false., run)
-    if (beyond(leg, c%way, run%ahead)) then
+    if (beyond(leg, c%way, run)) then
       run%phase = ENDS
       return
     end if

@@ -18,7 +18,7 @@ module pyfric_sequences
   integer, parameter :: N_FIELDS = 4           !! fields of the interface: mu_s, mu_k, k_f [N/m], gap [m]
   integer, parameter :: N_STATES = 3 + KEPT    !! integers of a block that a run keeps
   integer, parameter :: N_COUNTS = 15          !! and of the run
-  integer, parameter :: N_NUMBERS = 3          !! and its numbers
+  integer, parameter :: N_NUMBERS = 4          !! and its numbers
 
   !> What a thread needs to make a run.
   type :: work_t
@@ -179,7 +179,7 @@ contains
     real(dp), intent(in) :: columns(s%nx + 2, 2)        !! what is given of the table; u_x at the last release, last two unused
     real(dp), intent(in) :: tables(3*s%nx + 1, s%nx + 2, 1 + KEPT)  !! the table, and kept ones
     integer(ip), intent(in) :: counts(N_COUNTS)         !! see `save`
-    real(dp), intent(in) :: numbers(N_NUMBERS)          !! drive at the next change and motion that is rounding [m], tol [N]
+    real(dp), intent(in) :: numbers(N_NUMBERS)          !! drive at the next change, motion that is rounding [m], tol [N], offset [m]
     type(work_t), intent(in) :: first
     type(work_t), intent(inout) :: w
 
@@ -202,6 +202,7 @@ contains
     w%run%gradual = counts(13) == 1
     w%run%ahead = numbers(1)
     w%run%little = numbers(2)
+    w%run%offset = numbers(4)
     w%run%home = columns(:s%nx, 2)
     w%run%corner = states(:, 2)
     w%run%mode = states(:, 3)
@@ -253,7 +254,7 @@ contains
     counts = [w%run%leg, w%run%phase, w%run%step, w%run%tried, w%run%rests, w%run%grown, w%run%events, w%run%starts, &
               w%run%releases, w%run%block, w%run%new, merge(1, 0, w%run%slips), merge(1, 0, w%run%gradual), &
               w%contact%way*w%contact%route, w%contact%base]
-    numbers = [w%run%ahead, w%run%little, w%contact%tol]
+    numbers = [w%run%ahead, w%run%little, w%contact%tol, w%run%offset]
     if (w%run%status == DONE) return
     tables(:, :, 1) = w%contact%table
     tables(:, :, 2:) = w%contact%bases

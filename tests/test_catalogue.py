@@ -592,8 +592,9 @@ def test_a_static_state_that_is_not_found_is_nan_and_said():
     run = Run().slip(0, 1 * MS, 2 * MS)
     with pytest.warns(RuntimeWarning, match=r"1 static states .* t = 0.002 s: .*it topples"):
         catalogue = run.catalogue(solver=Solver())
-    assert catalogue.events["F_T_start"].iloc[0] == 1.0
-    assert np.isnan(catalogue.events["F_T_arrest"].iloc[0])
+        events = catalogue.events
+    assert events["F_T_start"].iloc[0] == 1.0
+    assert np.isnan(events["F_T_arrest"].iloc[0])
     assert np.isnan(catalogue["tau_after"]).all()
 
 

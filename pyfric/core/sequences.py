@@ -20,8 +20,9 @@ COUNTS = (
     *("block", "new", "slips", "gradual", "route", "base"),
 )
 """Integers that a run keeps, in the order of the core (pyfric_sequences)."""
-IN_EVENT = 3
-"""Phase of a run inside an event (pyfric_sequence)."""
+MOVES, IN_EVENT, PASSES = 2, 3, 5
+"""Phases of a run: before a change between events, inside an event, and before the next change while
+slip grows (pyfric_sequence)."""
 QUIET, POINTS = 128, 512
 """Room for starts and ends of slip, and for points of the curve, of each run in a call."""
 
@@ -99,6 +100,7 @@ class Interfaces(NamedTuple):
         mode: contact states, shape (n, N_x).
         u_x: positions of held blocks, shape (n, N_x), in m.
         drive: positions of the driver, shape (n,), in m.
+        offset: what is added to the positions of the driver in all legs, shape (n,), in m.
         gradual: whether slip grows, mu_s = mu_k, shape (n,).
     """
 
@@ -107,6 +109,7 @@ class Interfaces(NamedTuple):
     mode: np.ndarray
     u_x: np.ndarray
     drive: np.ndarray
+    offset: np.ndarray
     gradual: np.ndarray
 
 
@@ -167,7 +170,8 @@ class Sequences:
         self.counts = np.zeros((n, len(COUNTS)), dtype=np.int32)
         for name, value in (("leg", 1), ("route", 1), ("gradual", interfaces.gradual)):
             self.counts[:, COUNTS.index(name)] = value
-        self.numbers = np.zeros((n, 3))
+        self.numbers = np.zeros((n, 4))
+        self.numbers[:, 3] = interfaces.offset
         self.status = np.full(n, Status.PAUSED, dtype=np.int32)
         self._make_room(16 * N_x + 1024 if switches is None else max(switches, N_x))
 
@@ -252,9 +256,21 @@ class Sequences:
         return self.states[:, 2]
 
     @property
+    def looks(self) -> np.ndarray:
+        """Whether each run has stopped before a change between events, shape (n,)."""
+        before = np.isin(self.count("phase"), (MOVES, PASSES))
+        return before & (self.status == Status.PAUSED)
+
+    @property
     def ahead(self) -> np.ndarray:
-        """Position of the driver at the next change, after a stop before it, shape (n,), in m."""
+        """Position of the driver at that change; while slip grows the present one, (n,), in m."""
         return self.numbers[:, 0]
+
+    @property
+    def slipping(self) -> np.ndarray:
+        """Column of the block that slips next, -1 if none does, shape (n,)."""
+        slips = (self.count("phase") == MOVES) & (np.abs(self.count("new")) == 1)
+        return np.where(slips, self.count("block") - 1, -1)
 
     @property
     def tol(self) -> np.ndarray:

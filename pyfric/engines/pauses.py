@@ -68,9 +68,9 @@ def pause_notes(record: Record) -> tuple[str, ...]:
 
     The episodes of slip are only joined again into events; no static state is solved.
     """
-    t_gap = record.method.t_gap
+    t_gap, episodes = record.method.t_gap, record.columns("episodes")
     half, default, twice = (
-        count_main(record.episodes, factor * t_gap, record.scene.N_x) for factor in (0.5, 1.0, 2.0)
+        count_main(episodes, factor * t_gap, record.scene.N_x) for factor in (0.5, 1.0, 2.0)
     )
     if max(abs(half - default), abs(twice - default)) <= 1:
         return ()

@@ -14,7 +14,7 @@ threshold slip and which stick. A sequence with negligible mu_s - mu_k is treate
 because it would have too many events. `pyfric.engines.prediction` treats any scene in this way.
 
 The core follows the sequence (`pyfric.core.Sequences`) where it can (`pyfric.statics.follows`). The
-methods `_climb` and `grow` do the same in Python, with the same changes in the same order: they
+methods `_climb` and `_grow` do the same in Python, with the same changes in the same order: they
 serve runs that the core does not follow, and as its test.
 
 Source: PRL 107, 074301 (2011), for the model, and for arrest lengths with mu_s = mu_k.
@@ -29,7 +29,6 @@ import time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from pyfric.core import (
     CORNER_SHARE,
@@ -53,6 +52,7 @@ from pyfric.record import (
     History,
     Method,
     Record,
+    Statics,
     build_catalogue,
     versions,
     zone_notes,
@@ -135,8 +135,8 @@ class QuasistaticRun:
     """
 
     name = "quasistatic"
-    compiled = True
-    """Whether the core knows the events of this engine."""
+    until_slip = False
+    """Whether a run ends before its first slip."""
 
     def __init__(
         self,
@@ -147,14 +147,14 @@ class QuasistaticRun:
     ) -> None:
         start = time.perf_counter()
         self.scene, self.stopping = scene, stopping
-        self.in_core = self.compiled and follows(scene) if in_core is None else in_core
+        self.in_core = follows(scene) if in_core is None else in_core
         self.t_gap = longest_pause(scene) if t_gap is None else t_gap
         self.problem = ContactProblem(scene)
         self.contact = self.problem.loaded()
         _check_slip(scene, self.contact)
         self.drive_0 = self.contact.drive
         self.history = History(["t", "F_T"])
-        self.mode = self.contact.logged
+        self.mode_0 = self.mode = self.contact.logged
         self.corner, self.p_corner = np.zeros(scene.N_x, bool), CORNER_SHARE * scene.F_N / scene.N_x
         self.slips, self.changes, self.starts, self.events, self.releases = False, 0, 0, 0, 0
         self.nothing = self.history.logs(scene.N_x)["quiet"]  # columns of an empty log
@@ -176,11 +176,21 @@ class QuasistaticRun:
         return {"releases": self.releases, "static_events": self.events, "block_evaluations": 0}
 
     @property
+    def grows(self) -> bool:
+        """Whether slip grows continuously."""
+        return self.contact.law.gradual and not self.until_slip
+
+    @property
     def t(self) -> float:
         return self.stretch.leg.time_at(self.contact.drive - self.stretch.offset)
 
     def sample(self) -> None:
-        self.history.add(np.array([[self.t, self.contact.values().F_T]]))
+        self.point(self.t, self.contact.values().F_T)
+
+    def point(self, t: float, F_T: float) -> None:
+        """Add a point to the curve, at t (s), in N."""
+        self.history.add(np.array([[t, F_T]]))
+        self.steps.append(self.changes)
 
     def log(self, t: float, before: Values | None = None) -> None:
         """Log the changes of contact state. Slip starts at the values `before` the change."""
@@ -203,6 +213,7 @@ class QuasistaticRun:
         if self.slips != was:
             kind, mode, at = (-1, new, now) if was else (1, old, before)
             self.quiet.append((self.changes, t, kind, at.F_T, at.u_x.copy(), mode))
+            self.statics.append(([at.F_T], at.f[None], at.p[None]))
             self.starts += self.slips
         self.changes += 1
 
@@ -249,43 +260,51 @@ class QuasistaticRun:
                 contact.along(self.problem.along(route), offset + leg.first)
             if leg.way:
                 contact.way = leg.way
-                go = self.grow if contact.law.gradual else self._climb
+                go = self._grow if self.grows else self._climb
                 go(offset + leg.last, stop, show)
             if stop() or self.ending or math.isinf(leg.t_end):
                 return
             contact.drive = offset + leg.last
-            self.history.add(np.array([[leg.t_end, contact.values().F_T]]))
+            self.point(leg.t_end, contact.values().F_T)
             show(*self.history.last, self.events)
 
     def _follow_in_core(
         self, parts: Sequence[Stretch], stop: Callable[[], bool], show: Callable[..., None]
     ) -> None:
         """Follow the segments of the protocol in the core."""
-        scene, law = self.scene, self.contact.law
-        if law.gradual:
+        scene, stops = self.scene, self.stopping is not None or self.until_slip
+        if self.grows:
             self._note_continuous()
         runs = Sequences(
             slider_of(self.problem, parts),
             rules_of(scene, IDLE, GROWTH),
             legs_of(parts),
-            interfaces_of([self.contact]),
+            interfaces_of([self.contact], parts, grow=not self.until_slip),
         )
         most, status = max(IN_A_CALL // scene.N_x**2, 1), Status.PAUSED
         self._force_at = lambda drive: runs.force(0, drive)
         while status in (Status.PAUSED, Status.LOG_FULL) and not stop():
-            status = Status(runs.go_on(most, stops=self.stopping is not None)[0])
+            status = Status(runs.go_on(most, stops=stops)[0])
             self._take(runs)
             self.stretch = parts[min(int(runs.count("leg")[0]), len(parts)) - 1]
             show(*self.history.last, self.events)
-            ahead = float(runs.ahead[0])
-            if status == Status.PAUSED and self._ended(
-                self.stretch.leg.time_at(ahead - self.stretch.offset)
-            ):
-                return
+            if stops and runs.looks[0]:
+                ahead = float(runs.ahead[0])
+                t = self.stretch.leg.time_at(ahead - self.stretch.offset)
+                if self._ended(t) or self._slips(int(runs.slipping[0]), t, ahead):
+                    return
         if status == Status.AMBIGUOUS:
             self._end_ambiguous()
         elif status not in (Status.DONE, Status.PAUSED, Status.LOG_FULL):
             self._raise(status, runs)
+
+    def _slips(self, i: int, t: float, drive: float) -> bool:
+        """End a run that ends before its first slip if block i slips next; -1 means none."""
+        if i < 0 or not self.until_slip:
+            return False
+        self.point(t, self._force_at(drive))
+        self._end_at_slip(i)
+        return True
 
     def _take(self, runs: Sequences) -> None:
         """Take what the core has logged, and what it has counted."""
@@ -339,7 +358,7 @@ class QuasistaticRun:
             if self.ending:
                 return
 
-    def grow(self, drive_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
+    def _grow(self, drive_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
         """Follow continuous slip, mu_k = mu_s, until the driver is at drive_end or nothing changes.
 
         Raises:
@@ -367,6 +386,15 @@ class QuasistaticRun:
             contact.change(i, mode)
         most = GROWTH * self.scene.N_x
         raise EquilibriumError(WHY[Status.GROWS], np.nan, contact.tol, most)
+
+    def _end_at_slip(self, i: int) -> None:
+        """End the run where block i slips first."""
+        (t, F_T), n = self.history.last, int(self.scene.n_of_i[i])
+        self.ending = "ended at first slip"
+        self.notes += (
+            f"{self.name}: the run ends where block {n} slips first, "
+            f"at t = {t:.9g} s and F_T/F_N = {F_T / self.scene.F_N:.9g}",
+        )
 
     def _note_continuous(self) -> None:
         """Note that slip is continuous although friction weakens a little."""
@@ -401,8 +429,7 @@ class QuasistaticRun:
             if self.begin > max(due, now):  # the record that goes on ends there
                 (leg, offset, _), s = self.stretch, self.begin - self.stretch.leg.t
                 drive = offset + leg.first + s * (leg.value + 0.5 * s * leg.slope)
-                F_T = self._force_at(drive)
-                self.history.add(np.array([[leg.time_at(drive - offset), F_T]]))
+                self.point(leg.time_at(drive - offset), self._force_at(drive))
         return bool(self.ending)
 
     def _force_at(self, drive: float) -> float:
@@ -428,12 +455,23 @@ class QuasistaticRun:
         contact.hold_all()
         self.log(t)
 
-    def _with_bends(self) -> list[Sequence[float]]:
-        """Return the points of the curve, and more of them where the driver accelerates.
+    def known_statics(self) -> Statics:
+        """Return the static states at the rows of the quiet log."""
+        if not self.statics:
+            nothing = np.zeros((0, self.scene.N_x))
+            return Statics(np.zeros(0), nothing, nothing)
+        F_T, f, p = map(np.concatenate, zip(*self.statics, strict=True))
+        return Statics(F_T, -self.scene.d * f, p)
+
+    def _with_bends(self) -> np.ndarray:
+        """Return the points of the curve, and more of them where the driver accelerates, (n, 2).
 
         Between two points F_T is linear in the position of the driver.
         """
-        scene, rows = self.scene, self.history.curve().to_numpy().tolist()
+        scene, points = self.scene, self.history.points()
+        if not any(leg.slope for leg in scene.legs(self.history.last[0])):
+            return points
+        rows = points.tolist()
         found = rows[:1]
         for (t, F_T), end in itertools.pairwise(rows):
             if end[0] > t and scene.piece("V", 0.5 * (t + end[0])).slope:
@@ -443,7 +481,7 @@ class QuasistaticRun:
                 forces = [F_T + rate * (drive - first) for drive in inside]
                 found += zip(times[1:-1], forces, strict=True)
             found.append(end)
-        return found
+        return np.array(found)
 
     def record(self, status: str, engine: str | None = None, **columns: Any) -> Record:
         """Return the record of the run so far."""
@@ -456,12 +494,11 @@ class QuasistaticRun:
             scene=scene,
             t_gap=self.t_gap,
             t_end=max(self.history.last[0], self.t_quiet),
-            solver=self.problem,
+            statics=self.known_statics(),
         )
-        curve = self.history.curve().assign(**columns)
-        t_end, F_T = self.history.last[0], curve["F_T"].abs().max()
-        if not columns:
-            curve = pd.DataFrame(self._with_bends(), columns=["t", "F_T"])
+        points = self.history.points() if columns else self._with_bends()
+        curve = {"t": points[:, 0], "F_T": points[:, 1], **columns}
+        t_end, F_T = self.history.last[0], float(np.abs(points[:, 1]).max())
         f, p = self.initial.f, self.initial.p
         engine = engine or self.name
         warned = strain_notes(scene, engine, F_T, t_end)
@@ -488,17 +525,10 @@ class EquilibriumRun(QuasistaticRun):
     """The stuck slider under the driver up to the first slip. Blocks may open and close."""
 
     name = "equilibrium"
+    until_slip = True
 
     def _event(self, i: int, direction: int, stop: Callable[[], bool]) -> None:
-        scene, F_T = self.scene, self.contact.values().F_T
-        n, self.ending = int(scene.n_of_i[i]), "ended at first slip"
-        self.notes += (
-            f"equilibrium: the run ends where block {n} slips first, "
-            f"at t = {self.t:.9g} s and F_T/F_N = {F_T / scene.F_N:.9g}",
-        )
-
-    def grow(self, *args: Any) -> None:
-        self._climb(*args)
+        self._end_at_slip(i)
 
 
 def static_sequence(

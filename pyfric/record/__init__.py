@@ -17,6 +17,7 @@ from pyfric.record.analysis import (
 from pyfric.record.balance import extent, potency_history
 from pyfric.record.catalogue import (
     Catalogue,
+    Statics,
     build_catalogue,
     count_main,
     main_blocks,

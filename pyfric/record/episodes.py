@@ -14,7 +14,6 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from pyfric.record.held import RecordError, held_in
 
@@ -43,8 +42,8 @@ def build_episodes(
     *,
     t_begin: float,
     last: State | LastSlip | None,
-) -> pd.DataFrame:
-    """Slip episodes, one row each, ordered by start (ties: by step, then by block number).
+) -> dict[str, np.ndarray]:
+    """Columns of slip episodes, ordered by start (ties: by step, then by block number).
 
     Args:
         log: the switch log, with columns of the types of `SWITCH_COLUMNS`.
@@ -90,7 +89,7 @@ def build_episodes(
         "p_start": log["p"][at_start],
     }
     by_time = np.lexsort((table["n"], table["step_start"], table["t_start"]))
-    return pd.DataFrame({name: column[by_time] for name, column in table.items()})
+    return {name: column[by_time] for name, column in table.items()}
 
 
 def _starts_and_stops(

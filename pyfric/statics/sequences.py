@@ -48,12 +48,17 @@ def slider_of(problem: ContactProblem, parts: Sequence[Stretch]) -> CondensedSli
 
 
 def legs_of(parts: Sequence[Stretch]) -> list[CoreLeg]:
-    """Return the legs of a protocol for the core."""
+    """Return the legs of a protocol for the core.
+
+    While loads are constant, legs begin at the loaded state of each run (`interfaces_of`), so that
+    runs with other foundations share them.
+    """
     found, routes = [], 0
     for leg, offset, route in parts:
         routes += route is not None
         numbers = leg.t, leg.t_end, leg.first, leg.last, leg.value, leg.slope
-        found.append(CoreLeg(*numbers, offset, leg.way, routes if route is not None else 0))
+        at = (0.0, leg.way, 0) if route is None else (offset, leg.way, routes)
+        found.append(CoreLeg(*numbers, *at))
     return found
 
 
@@ -63,12 +68,21 @@ def rules_of(scene: Scene, idle: int, growth: int) -> Rules:
     return Rules(CHANGES, idle, growth, RATE_TOL, LEAST_DEFINITENESS, p_corner)
 
 
-def interfaces_of(contacts: Sequence[Contact]) -> Interfaces:
-    """Return interfaces and states of runs for the core, as `Contact` holds them at the start."""
-    of_each = []
+def interfaces_of(
+    contacts: Sequence[Contact], parts: Sequence[Stretch], *, grow: bool = True
+) -> Interfaces:
+    """Return interfaces and states of runs for the core, as `Contact` holds them at the start.
+
+    Args:
+        contacts: of each run, in its loaded state.
+        parts: the protocol of one of them.
+        grow: whether slip grows continuously where friction falls little (`Law.gradual`).
+    """
+    of_each, shared = [], any(part.route is None for part in parts)
     for contact in contacts:
         scene, N_x = contact.scene, contact.N_x
-        law = contact.law.continuous() if contact.law.gradual else contact.law
+        gradual = contact.law.gradual and grow
+        law = contact.law.continuous() if gradual else contact.law
         of_each.append(
             (
                 [np.broadcast_to(v, N_x) for v in (law.mu_s, law.mu_k, scene.k_f, scene.gap)],
@@ -76,7 +90,8 @@ def interfaces_of(contacts: Sequence[Contact]) -> Interfaces:
                 contact.mode,
                 contact.column[:N_x],
                 contact.drive,
-                contact.law.gradual,
+                contact.drive if shared else 0.0,
+                gradual,
             )
         )
     return Interfaces(*map(np.array, zip(*of_each, strict=True)))

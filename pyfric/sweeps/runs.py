@@ -273,7 +273,7 @@ def run_all(
     return [
         JobError(job, made)
         if isinstance(made := found[job.key], Exception)
-        else dataclasses.replace(made, scene=job.scene)
+        else made.replace(scene=job.scene)
         for job in jobs
     ]
 

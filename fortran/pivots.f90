@@ -18,7 +18,7 @@ module pyfric_pivots
   use pyfric_status, only: DONE, NO_MEMORY, UNSUPPORTED, UNHELD
   implicit none (type, external)
   private
-  public :: slider_t, ground_t, values_t, contact_t, new_contact, new_values, look, rates, put, change, hold_all, renew
+  public :: slider_t, ground_t, values_t, contact_t, new_contact, new_values, look, rates, put, change, hold_all, renew, find_ends
   public :: make_base, test_definite, BARE, KEPT
 
   integer(ip), parameter :: BARE = 3  !! contact state of a block that touches the foundation without friction
@@ -65,6 +65,7 @@ module pyfric_pivots
     integer :: base = 1                     !! table with all blocks held that is in use
     real(dp) :: tol = 0.0_dp                !! violation of conditions that is rounding [N]
     logical :: known = .false.              !! whether `now` is up to date
+    integer :: ends(2) = [1, 0]             !! first and last of the free blocks
     integer(ip), allocatable :: mode(:)     !! 0 stuck, +1 or -1 slips, 2 open, 3 bare
     logical, allocatable :: free(:)         !! blocks that slip or are open in the table
     real(dp), allocatable :: column(:)      !! u_x of held blocks [m], drive [m], 1
@@ -141,20 +142,29 @@ contains
     type(ground_t), intent(in) :: g
     type(contact_t), intent(inout) :: c
     real(dp) :: v(3*s%nx + 1)
-    integer :: j
+    integer :: j, n
 
     if (c%known) return
-    v = 0.0_dp
-    do j = 1, s%nx + 2
-      if (j > s%nx) then
-        v = v + c%column(j)*c%table(:, j)
-      else if (.not. c%free(j)) then  ! 0 of the others
-        v = v + c%column(j)*c%table(:, j)
-      end if
+    n = s%nx
+    v(:n) = c%column(:n)
+    v(c%ends(1):c%ends(2)) = 0.0_dp
+    v(n + 1:) = 0.0_dp
+    do j = 1, n + 2
+      if (c%free(min(j, n)) .and. j <= n) cycle  ! 0 of them
+      v(c%ends(1):c%ends(2)) = v(c%ends(1):c%ends(2)) + c%column(j)*c%table(c%ends(1):c%ends(2), j)
+      v(n + 1:) = v(n + 1:) + c%column(j)*c%table(n + 1:, j)
     end do
     call take(s, g, c, v, g%gap, c%now)
     c%known = .true.
   end subroutine look
+
+  !> First and last of the free blocks; all others have u_x as given.
+  pure subroutine find_ends(c)
+    type(contact_t), intent(inout) :: c
+
+    c%ends = [findloc(c%free, .true., dim=1), findloc(c%free, .true., dim=1, back=.true.)]
+    if (c%ends(1) == 0) c%ends(1) = 1
+  end subroutine find_ends
 
   !> Derivatives of the static state by the path length of the driver.
   pure subroutine rates(s, g, c, rate)
@@ -241,7 +251,7 @@ contains
     integer(ip), intent(in) :: mode
     real(dp), intent(in) :: u_x                  !! [m]
     real(dp) :: row(s%nx + 2), factor(3*s%nx + 1), pivot, friction
-    integer :: j
+    integer :: first, last, j
 
     if (mode == STUCK) then
       row = c%table(i, :)
@@ -255,13 +265,19 @@ contains
     row(i) = 1.0_dp/pivot
     factor = c%table(:, i)
     c%table(:, i) = 0.0_dp
-    do j = 1, s%nx + 2
-      c%table(:, j) = c%table(:, j) + factor*row(j)
+    first = min(c%ends(1), i)
+    last = max(c%ends(2), i)
+    do j = 1, s%nx + 2  ! u_x of the blocks outside does not change
+      c%table(first:last, j) = c%table(first:last, j) + factor(first:last)*row(j)
+      c%table(s%nx + 1:, j) = c%table(s%nx + 1:, j) + factor(s%nx + 1:)*row(j)
     end do
+    if (mode == STUCK) c%table(i, :) = 0.0_dp
+    if (mode == STUCK) c%table(i, i) = 1.0_dp
     c%column(i) = merge(u_x, 0.0_dp, mode == STUCK)
     c%free(i) = mode /= STUCK
     c%mode(i) = mode
     c%known = .false.
+    call find_ends(c)
   end subroutine exchange
 
   !> Holds all slipping blocks at their present positions, but for those with negligible p, and computes the table anew.
@@ -296,6 +312,7 @@ contains
     if (c%status /= DONE) return
     c%table = c%bases(:, :, c%base)
     c%free = c%mode /= STUCK
+    call find_ends(c)
     if (any(c%free)) call set_free(s, g, count(c%free), c)
   end subroutine renew
 

@@ -5,7 +5,7 @@
 module pyfric_sequences
   use pyfric_kinds, only: dp, ip
   use pyfric_law, only: STUCK, OPEN_GAP
-  use pyfric_pivots, only: slider_t, ground_t, contact_t, new_contact, new_values, make_base, KEPT
+  use pyfric_pivots, only: slider_t, ground_t, contact_t, new_contact, new_values, make_base, find_ends, KEPT
   use pyfric_sequence, only: rules_t, leg_t, log_t, run_t, new_log, go_on
   use pyfric_status, only: DONE, NO_MEMORY
   implicit none (type, external)
@@ -209,6 +209,7 @@ contains
     w%contact%status = DONE
     w%contact%mode = states(:, 1)
     w%contact%free = w%contact%mode /= STUCK
+    call find_ends(w%contact)
     w%contact%column = columns(:, 1)
     w%contact%sets = states(:, 4:)
     w%contact%route = abs(counts(14))

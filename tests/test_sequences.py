@@ -19,6 +19,7 @@ from pyfric.engines.stopping import stopping_of
 from pyfric.scene import chain, preset
 from pyfric.statics import (
     EquilibriumError,
+    Start,
     follows,
     interfaces_of,
     legs_of,
@@ -184,8 +185,8 @@ def sequences(scenes, t_end, switches=None):
     runs = [QuasistaticRun(scene, t_gap=1e-3) for scene in scenes]
     parts = stretches(scenes[0], runs[0].drive_0, t_end)
     rules = rules_of(scenes[0], IDLE, GROWTH)
-    slider, contacts = slider_of(runs[0].problem, parts), [run.contact for run in runs]
-    return Sequences(slider, rules, legs_of(parts), interfaces_of(contacts, parts), switches)
+    slider, starts = slider_of(runs[0].problem, parts), [Start.of(run.contact) for run in runs]
+    return Sequences(slider, rules, legs_of(parts), interfaces_of(starts, parts), switches)
 
 
 def bits(runs, most=2**31 - 1, **how):

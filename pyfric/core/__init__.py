@@ -44,6 +44,7 @@ from pyfric.core.sequences import (
     Rules,
     SequenceLog,
     Sequences,
+    room_of_run,
 )
 from pyfric.core.state import OPEN, STUCK, State, StateError, spring_of
 from pyfric.core.status import Status

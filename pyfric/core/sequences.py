@@ -21,9 +21,9 @@ COUNTS = (
 )
 """Integers that a run keeps, in the order of the core (pyfric_sequences)."""
 MOVES, IN_EVENT, PASSES = 2, 3, 5
-"""Phases of a run: before a change between events, inside an event, and before the next change while
-slip grows (pyfric_sequence)."""
-QUIET, POINTS = 128, 512
+"""Phases of a run: before a change between events, inside an event, and before the next change
+while slip grows (pyfric_sequence)."""
+QUIET, POINTS = 256, 512
 """Room for starts and ends of slip, and for points of the curve, of each run in a call."""
 
 
@@ -127,6 +127,17 @@ class SequenceLog(NamedTuple):
     points: np.ndarray
     f: np.ndarray
     p: np.ndarray
+
+    @property
+    def F_T(self) -> np.ndarray:
+        """F_T at the rows of `quiet`, shape (n,), in N."""
+        return self.quiet["F_T"]
+
+
+def room_of_run(N_x: int) -> int:
+    """Return the number of bytes that a run of N_x blocks takes in `Sequences`."""
+    tables, logs = (1 + KEPT) * (N_x + 2) * (3 * N_x + 1), QUIET * (4 * N_x + 4) + 3 * POINTS
+    return 8 * (tables + logs + 6 * (16 * N_x + 1024))
 
 
 class Sequences:

@@ -63,6 +63,7 @@ from pyfric.statics import (
     LEAST_DEFINITENESS,
     ContactProblem,
     EquilibriumError,
+    Start,
     Stretch,
     check_ladder,
     check_statics,
@@ -77,7 +78,7 @@ from pyfric.statics import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from pyfric.core import State
+    from pyfric.core import Rules, State
     from pyfric.engines.options import Options
     from pyfric.engines.stopping import Stopping
     from pyfric.scene import Scene
@@ -92,7 +93,10 @@ IN_A_CALL = 4_000_000
 """Changes of contact state in a call of the core, times N_x^2: some milliseconds of work."""
 ENDLESS = "at t = {t:.6g} s slip goes on without end, in events of no length"
 OF_EVENT = "the quasi-static event at t = {t:.6g} s: {what}"
+AMBIGUOUS = "ended where slip may not be unique"
+"""Status of such a run."""
 WHY = {
+    Status.DONE: "the quasi-static sequence left the range of numbers",
     Status.UNSETTLED: "contact states do not settle",
     Status.GROWS: "the growth of the slipping zone does not end",
     Status.UNSUPPORTED: "the slider is not supported",
@@ -107,6 +111,31 @@ BENDS = 32
 def _columns(rows: list[tuple[Any, ...]], kinds: Mapping[str, np.dtype]) -> dict[str, np.ndarray]:
     columns = zip(kinds.items(), zip(*rows, strict=True), strict=True)
     return {name: np.array(values, dtype=kind) for (name, kind), values in columns}
+
+
+def changes_in_a_call(N_x: int) -> int:
+    """Return how many changes of contact state of N_x blocks a call of the core makes at most."""
+    return max(IN_A_CALL // N_x**2, 1)
+
+
+def why_not(
+    status: Status, phase: int, t: float, tol: float, rules: Rules, N_x: int
+) -> EquilibriumError:
+    """Return the error of a run that the core could not follow to its end.
+
+    Args:
+        status: of the core.
+        phase: phase of the run.
+        t: time at which it stopped, in s.
+        tol: violation of conditions that is rounding, in N.
+        rules: its limits.
+        N_x: number of blocks.
+    """
+    if status == Status.IDLE:
+        return EquilibriumError(ENDLESS.format(t=t), np.nan, tol, int(rules.idle))
+    most = {Status.UNSETTLED: rules.changes * N_x, Status.GROWS: rules.growth * N_x}
+    what = OF_EVENT.format(t=t, what=WHY[status]) if phase == IN_EVENT else WHY[status]
+    return EquilibriumError(what, np.nan, tol, int(most.get(status, 0)))
 
 
 def _check_slip(scene: Scene, contact: Contact) -> None:
@@ -238,8 +267,7 @@ class QuasistaticRun:
         self.sample()
         self.follow(t_end, stop, show)
         if not np.isfinite(self.history.last[1]):
-            what = "the quasi-static sequence left the range of numbers"
-            raise EquilibriumError(what, np.nan, self.contact.tol, 0)
+            raise EquilibriumError(WHY[Status.DONE], np.nan, self.contact.tol, 0)
         self.timings["events"] = time.perf_counter() - start
         return not stop()
 
@@ -279,9 +307,9 @@ class QuasistaticRun:
             slider_of(self.problem, parts),
             rules_of(scene, IDLE, GROWTH),
             legs_of(parts),
-            interfaces_of([self.contact], parts, grow=not self.until_slip),
+            interfaces_of([Start.of(self.contact)], parts, grow=not self.until_slip),
         )
-        most, status = max(IN_A_CALL // scene.N_x**2, 1), Status.PAUSED
+        most, status = changes_in_a_call(scene.N_x), Status.PAUSED
         self._force_at = lambda drive: runs.force(0, drive)
         while status in (Status.PAUSED, Status.LOG_FULL) and not stop():
             status = Status(runs.go_on(most, stops=stops)[0])
@@ -296,7 +324,8 @@ class QuasistaticRun:
         if status == Status.AMBIGUOUS:
             self._end_ambiguous()
         elif status not in (Status.DONE, Status.PAUSED, Status.LOG_FULL):
-            self._raise(status, runs)
+            t, phase, tol = self.history.last[0], int(runs.count("phase")[0]), float(runs.tol[0])
+            raise why_not(status, phase, t, tol, runs.rules, scene.N_x)
 
     def _slips(self, i: int, t: float, drive: float) -> bool:
         """End a run that ends before its first slip if block i slips next; -1 means none."""
@@ -319,17 +348,6 @@ class QuasistaticRun:
         self.changes, self.events, self.releases, self.starts = (
             int(runs.count(name)[0]) for name in ("step", "events", "releases", "starts")
         )
-
-    def _raise(self, status: Status, runs: Sequences) -> None:
-        """Raise the error of a run that the core could not follow to its end."""
-        t, tol = self.history.last[0], float(runs.tol[0])
-        if status == Status.IDLE:
-            raise EquilibriumError(ENDLESS.format(t=t), np.nan, tol, IDLE)
-        rules, N_x = runs.rules, self.scene.N_x
-        most = {Status.UNSETTLED: rules.changes * N_x, Status.GROWS: rules.growth * N_x}
-        of_event = int(runs.count("phase")[0]) == IN_EVENT
-        what = OF_EVENT.format(t=t, what=WHY[status]) if of_event else WHY[status]
-        raise EquilibriumError(what, np.nan, tol, int(most.get(status, 0)))
 
     # --- in Python -------------------------------------------------------------------------------
 
@@ -407,7 +425,7 @@ class QuasistaticRun:
 
     def _end_ambiguous(self) -> None:
         """End the run where slip may not be unique."""
-        self.ending = "ended where slip may not be unique"
+        self.ending = AMBIGUOUS
         self.notes += (
             f"{self.name}: slip is followed up to F_T/F_N = "
             f"{self.history.last[1] / self.scene.F_N:.6g}, where the definiteness of the "

@@ -30,6 +30,7 @@ from pyfric.record.held import GROUPS, RecordError, block_array, event_column, h
 from pyfric.record.history import History
 from pyfric.record.measured import Errors
 from pyfric.record.method import T_GAP, Method, provenance, versions
+from pyfric.record.outlines import EVENT_COLUMNS, RUN_COLUMNS, Outline
 from pyfric.record.pairing import paired
 from pyfric.record.record import Record, load
 from pyfric.record.recurrence import Sizes, b_value, sizes

@@ -164,17 +164,16 @@ class Catalogue:
         The bottom row is held at the u_x of the quiet log, open blocks are free, and the driver
         stands where it is then: without ring-down and drift, whichever engine wrote the log.
         """
-        scene, failed, found, rows = self.scene, [], {}, {}
-        for at in ("start", "stop"):
-            rows[at] = self[f"quiet_{at}"]
-            if self.statics is not None:
-                found[at] = self.statics.at(rows[at])
-                continue
+        scene, failed, found = self.scene, [], {}
+        rows = {at: self[f"quiet_{at}"] for at in ("start", "stop")}
+        if self.statics is not None:
+            return {at: self.statics.at(row) for at, row in rows.items()}
+        for at in rows:
             tau = np.full((len(rows[at]), scene.N_x), np.nan)
             found[at] = {"F_T": np.full(len(tau), np.nan), "tau": tau, "p": tau.copy()}
         for e, at in itertools.product(range(len(rows["start"])), found):  # in the order of time
             row, t = rows[at][e], self[f"t_{at}"][e]
-            if row < 0 or not self.solver or self.statics is not None:
+            if row < 0 or not self.solver:
                 continue
             load = scene.load_at(t)
             how = {} if load is None else {"load": load}

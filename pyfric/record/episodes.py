@@ -115,7 +115,7 @@ def _slips(mode: np.ndarray) -> np.ndarray:
 
 def _with_earlier_starts(
     log: Mapping[str, np.ndarray], t_begin: float, last: State | LastSlip | None
-) -> dict[str, np.ndarray]:
+) -> Mapping[str, np.ndarray]:
     """Add a start at ``t_begin`` for each block that slips until its first switch or the end."""
     blocks, first = np.unique(log["block"], return_index=True)
     slips = _slips(log["old"][first])
@@ -124,6 +124,8 @@ def _with_earlier_starts(
         never = np.setdiff1d(np.flatnonzero(_slips(last.mode)), log["block"])
         blocks = np.append(blocks, never)
         mode, corner = np.append(mode, last.mode[never]), np.append(corner, last.corner[never])
+    if not blocks.size:
+        return log
     unknown = np.full(blocks.size, np.nan)
     earlier = {
         "step": np.full(blocks.size, -1),

@@ -175,6 +175,10 @@ class ContactProblem:
             applied.hold_at(home, none)
         return applied
 
+    def applied(self) -> Contact | None:
+        """Return the slider under F_N without its driver, None if blocks slip in this state."""
+        return None if self._applied.slip.any() else self._applied
+
     @functools.cached_property
     def _loaded(self) -> tuple[np.ndarray, float, np.ndarray]:
         """The loaded state: u_x, position of the driver at F_T = 0, contact states."""

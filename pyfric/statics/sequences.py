@@ -6,7 +6,7 @@ the same order. `follows` says for which scenes.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
@@ -21,6 +21,21 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
     from pyfric.statics.complementarity import Contact, ContactProblem
     from pyfric.statics.routes import Stretch
+
+
+class Start(NamedTuple):
+    """How a run starts: contact states and held positions (m), shape (N_x,), and the drive (m)."""
+
+    scene: Scene
+    mode: np.ndarray
+    u_x: np.ndarray
+    drive: float
+
+    @classmethod
+    def of(cls, contact: Contact) -> Self:
+        """Return the start of a run in a state."""
+        u_x = contact.column[: contact.N_x].copy()
+        return cls(contact.scene, contact.mode.copy(), u_x, contact.drive)
 
 
 def follows(scene: Scene) -> bool:
@@ -69,29 +84,31 @@ def rules_of(scene: Scene, idle: int, growth: int) -> Rules:
 
 
 def interfaces_of(
-    contacts: Sequence[Contact], parts: Sequence[Stretch], *, grow: bool = True
+    starts: Sequence[Start], parts: Sequence[Stretch], *, grow: bool = True
 ) -> Interfaces:
-    """Return interfaces and states of runs for the core, as `Contact` holds them at the start.
+    """Return interfaces and states of runs for the core.
 
     Args:
-        contacts: of each run, in its loaded state.
+        starts: of each run, in its loaded state.
         parts: the protocol of one of them.
         grow: whether slip grows continuously where friction falls little (`Law.gradual`).
     """
-    of_each, shared = [], any(part.route is None for part in parts)
-    for contact in contacts:
-        scene, N_x = contact.scene, contact.N_x
-        gradual = contact.law.gradual and grow
-        law = contact.law.continuous() if gradual else contact.law
-        of_each.append(
-            (
-                [np.broadcast_to(v, N_x) for v in (law.mu_s, law.mu_k, scene.k_f, scene.gap)],
-                np.where(scene.touches, np.where(scene.bare, 1, 2), 0),
-                contact.mode,
-                contact.column[:N_x],
-                contact.drive,
-                contact.drive if shared else 0.0,
-                gradual,
-            )
-        )
-    return Interfaces(*map(np.array, zip(*of_each, strict=True)))
+    n, N_x = len(starts), starts[0].scene.N_x
+    drive, shared = np.array([s.drive for s in starts]), any(part.route is None for part in parts)
+    fields, kinds = np.empty((n, 4, N_x)), np.empty((n, N_x), dtype=np.int32)
+    gradual = np.array([start.scene.law.gradual and grow for start in starts])
+    for row, kind, start, grows in zip(fields, kinds, starts, gradual, strict=True):
+        scene, law = start.scene, start.scene.law
+        mu_k = law.mu_s if grows else law.mu_k
+        for line, value in zip(row, (law.mu_s, mu_k, scene.k_f, scene.gap), strict=True):
+            line[:] = value
+        kind[:] = np.where(scene.touches, np.where(scene.bare, 1, 2), 0)
+    return Interfaces(
+        fields=fields,
+        kinds=kinds,
+        mode=np.array([start.mode for start in starts]),
+        u_x=np.array([start.u_x for start in starts]),
+        drive=drive,
+        offset=drive if shared else 0.0 * drive,
+        gradual=gradual,
+    )

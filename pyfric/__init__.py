@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from pyfric.paper import cases, claims
     from pyfric.planning import Level, Plan, plan, released, simulate
     from pyfric.record import (
+        RUN_COLUMNS,
         Method,
         Record,
         RecordError,
@@ -69,6 +70,7 @@ if TYPE_CHECKING:
         weakened,
     )
     from pyfric.sweeps import (
+        Ensemble,
         Job,
         JobError,
         Resolution,
@@ -76,6 +78,7 @@ if TYPE_CHECKING:
         Span,
         Sweep,
         boundary,
+        ensemble,
         label_map,
         phase_diagram,
         resolve,
@@ -85,8 +88,10 @@ if TYPE_CHECKING:
 __all__ = [
     "MATERIALS",
     "PRESETS",
+    "RUN_COLUMNS",
     "DistributedLoad",
     "Driver",
+    "Ensemble",
     "Equilibrium",
     "EquilibriumError",
     "Fit",
@@ -125,6 +130,7 @@ __all__ = [
     "cases",
     "chain",
     "claims",
+    "ensemble",
     "figures",
     "fit",
     "forced",

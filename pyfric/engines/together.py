@@ -31,7 +31,6 @@ from pyfric.statics import (
     SMALL,
     EquilibriumError,
     Start,
-    check_ladder,
     interfaces_of,
     legs_of,
     one_thread,
@@ -148,7 +147,6 @@ class _Together:
                 continue
             scene, t_end, _ = each
             try:
-                check_ladder(scene)
                 loaded, start = self.loaded(scene)
             except (SceneError, EquilibriumError) as error:
                 made[n] = error

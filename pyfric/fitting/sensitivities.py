@@ -16,12 +16,7 @@ import pandas as pd
 
 from pyfric.display import html
 from pyfric.planning import simulate
-from pyfric.record import (
-    Record,
-    front_speed,
-    precursor_lengths,
-    system_size_events,
-)
+from pyfric.record import Outline, Record, front_speed
 from pyfric.scene import Number, Scene, SceneError, SceneLike, as_scene, check_number
 
 STEPS = {"mu_s": 0.01, "mu_k": 0.01, "F_N": "1 %", "V": "1 %", "K": "5 %", "k": "5 %"}
@@ -154,23 +149,22 @@ def _value(scene: Scene, name: str) -> Any:
 
 def quantities(record: Record) -> dict[str, float]:
     """Return the quantities of `QUANTITIES` of a run."""
-    scene, events = record.scene, record.events
-    main = events[events["is_main"]]
-    start, arrest = main["F_T_start"] / scene.F_N, main["F_T_arrest"] / scene.F_N
-    sliding, lengths = system_size_events(record), precursor_lengths(record)["L_p_over_L"]
+    run, F_N = Outline.of_record(record), record.scene.F_N
+    main, events = run.events["is_main"], run.events
+    start, arrest = events["F_T_start"][main] / F_N, events["F_T_arrest"][main] / F_N
     speeds = math.nan
     if record.method.engine != "quasistatic":
-        times = record.rupture_times[events["is_main"].to_numpy()]
-        speed = front_speed(times, scene.slider.l, scene.ahead)
+        times = record.rupture_times[main]
+        speed = front_speed(times, record.scene.slider.l, record.scene.ahead)
         speeds = float(np.nanmedian(speed)) if np.isfinite(speed).any() else math.nan
-    gaps = sliding["t_start"].diff().iloc[1:]
+    drops = (start - arrest)[np.isfinite(arrest)]
     return {
-        "first_force": float(start.iloc[0]) if len(main) else math.nan,
-        "largest_force": float(start.max()),
-        "largest_drop": float((start - arrest).max()),
-        "precursors": float(len(lengths)),
-        "longest": float(lengths.max()) if len(lengths) else math.nan,
-        "system_size": float(len(sliding)),
-        "recurrence": float(gaps.mean()) if len(gaps) else math.nan,
+        "first_force": run["F_first"] / F_N,
+        "largest_force": float(start.max()) if len(start) else math.nan,
+        "largest_drop": float(drops.max()) if len(drops) else math.nan,
+        "precursors": run["n_precursors"],
+        "longest": run["L_p_max"],
+        "system_size": run["n_system_size"],
+        "recurrence": run["recurrence"],
         "front_speed": speeds,
     }

@@ -287,8 +287,8 @@ end subroutine slow_slip
 
 !> Quasi-static sequences of events of many runs, which share the slider and the protocol.
 subroutine sequences(nx, n_routes, n_legs, n_runs, n_states, n_tables, n_counts, max_switch, max_quiet, max_point, scales, s, &
-                     drive, loads, f_t, limits, stops, legs, most, n_threads, fields, kinds, states, columns, tables, counts, &
-                     numbers, switch_i, switch_r, quiet_i, quiet_r, points, n_log, status)
+                     drive, loads, f_t, limits, stops, legs, max_changes, n_threads, fields, kinds, states, columns, tables, &
+                     counts, numbers, switch_i, switch_r, quiet_i, quiet_r, points, n_log, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_pivots, only: slider_t
   use pyfric_sequence, only: leg_t
@@ -314,9 +314,9 @@ subroutine sequences(nx, n_routes, n_legs, n_runs, n_states, n_tables, n_counts,
   real(c_double), intent(in) :: limits(6)                    !! see rules_t of pyfric_sequence
   integer(c_int), intent(in) :: stops                        !! 1: stop before each change between events
   real(c_double), intent(in) :: legs(9, n_legs)              !! see leg_t there
-  integer(c_int), intent(in) :: most                         !! changes to make in each run
+  integer(c_int), intent(in) :: max_changes                  !! changes to make in each run
   integer(c_int), intent(in) :: n_threads                    !! threads
-  real(c_double), intent(in) :: fields(nx, 4, n_runs)        !! mu_s, mu_k, k_f [N/m], gap [m]
+  real(c_double), intent(in) :: fields(nx, 4, n_runs)        !! see ground_t of pyfric_pivots: hold, slide, k_f [N/m], gap [m]
   integer(c_int), intent(in) :: kinds(nx, n_runs)            !! 0 never touches the foundation, 1 without friction, 2 with it
   integer(c_int), intent(inout) :: states(nx, n_states, n_runs)  !! what a run keeps, see `restore` there; so are the next four
   real(c_double), intent(inout) :: columns(nx + 2, 2, n_runs)
@@ -340,7 +340,7 @@ subroutine sequences(nx, n_routes, n_legs, n_runs, n_states, n_tables, n_counts,
   do i = 1, n_legs
     protocol(i) = new_leg(legs(:, i))
   end do
-  call follow_all(slider, new_rules(limits, nx, stops == 1), protocol, most, n_threads, n_runs, &
+  call follow_all(slider, new_rules(limits, nx, stops == 1), protocol, max_changes, n_threads, n_runs, &
                   [max_switch, max_quiet, max_point], fields, kinds, states, columns, tables, counts, numbers, &
                   switch_i, switch_r, quiet_i, quiet_r, points, n_log, status)
 end subroutine sequences

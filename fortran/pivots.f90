@@ -2,9 +2,10 @@
 !>
 !> The table gives u_x, f, u_z and F_T as affine functions of what is given, u_x of the held blocks and the driver:
 !>
-!>     (u_x, f, u_z, F_T) = table (u_x, drive, 1) ,   f_i = -sigma_i mu_k p_i = sigma_i mu_k k_f (u_z + gap) of free blocks .
+!>     (u_x, f, u_z, F_T) = table (u_x, drive, 1) ,   f_i = -sigma_i slide_i p_i of free blocks ,   p = -k_f (u_z + gap) ,
 !>
-!> A released block exchanges its u_x with f + sigma mu_k p = 0. With the pivot a of its row r and the column c of the others,
+!> with `slide`, the friction over p of a slipping block. A released block exchanges its u_x with f + sigma slide p = 0. With the
+!> pivot a of its row r and the column c of the others,
 !>
 !>     r -> -r/a ,  r_i -> 1/a ,  table -> table + c r .
 !>
@@ -41,8 +42,8 @@ module pyfric_pivots
 
   !> The foundation and its friction under each block.
   type :: ground_t
-    real(dp), allocatable :: mu_s(:)
-    real(dp), allocatable :: mu_k(:)
+    real(dp), allocatable :: hold(:)        !! strength of a stuck block over p
+    real(dp), allocatable :: slide(:)       !! friction of a slipping block over p
     real(dp), allocatable :: k_f(:)         !! [N/m]
     real(dp), allocatable :: gap(:)         !! height of the blocks over the foundation at u_z = 0 [m]
     logical, allocatable :: touches(:)      !! whether a block can touch the foundation
@@ -191,7 +192,7 @@ contains
     values%u_x = v(:nx)
     values%u_z = v(2*nx + 1:3*nx)
     values%p = merge(-g%k_f*(values%u_z + gap), 0.0_dp, c%mode /= OPEN_GAP)
-    values%f = merge(-way_of(c%mode)*(g%mu_k*values%p), v(nx + 1:2*nx), c%free)
+    values%f = merge(-way_of(c%mode)*(g%slide*values%p), v(nx + 1:2*nx), c%free)
     values%f_t = v(3*nx + 1)
   end subroutine take
 
@@ -256,7 +257,7 @@ contains
     if (mode == STUCK) then
       row = c%table(i, :)
     else
-      friction = mode*(g%mu_k(i)*g%k_f(i))
+      friction = mode*(g%slide(i)*g%k_f(i))
       row = c%table(s%nx + i, :) - friction*c%table(2*s%nx + i, :)
       row(s%nx + 2) = row(s%nx + 2) - friction*g%gap(i)
     end if
@@ -326,7 +327,7 @@ contains
     real(dp) :: friction(n)
 
     at = members(n, c%free)
-    friction = way_of(c%mode(at))*(g%mu_k(at)*g%k_f(at))
+    friction = way_of(c%mode(at))*(g%slide(at)*g%k_f(at))
     associate (rows => c%sides(:n, :, 1), factor => c%sides(:, :n, 2))
       do j = 1, s%nx + 2
         rows(:, j) = c%table(s%nx + at, j) - friction*c%table(2*s%nx + at, j)
@@ -447,7 +448,7 @@ contains
     n_open = count(c%mode == OPEN_GAP)
     n_slip = count(abs(c%mode) == 1)
     call slip_operator(s%nx, n_open, n_slip, members(n_open, c%mode == OPEN_GAP), members(n_slip, abs(c%mode) == 1), &
-                       way_of(c%mode)*(g%mu_k*g%k_f), least, c%bases(:, :, c%base), c%squares(:, :, 1), c%squares(:, :, 2), &
+                       way_of(c%mode)*(g%slide*g%k_f), least, c%bases(:, :, c%base), c%squares(:, :, 1), c%squares(:, :, 2), &
                        c%squares(:, :, 3), c%squares(:, :, 4), definite)
     if (definite) call cholesky(n_slip, c%squares(:, :, 3), definite)
   end subroutine test_definite
@@ -459,7 +460,7 @@ contains
     integer, intent(in) :: n_slip
     integer, intent(in) :: open_(n_open)
     integer, intent(in) :: slip(n_slip)
-    real(dp), intent(in) :: friction(nx)                    !! sigma mu_k k_f [N/m]
+    real(dp), intent(in) :: friction(nx)                    !! sigma slide k_f [N/m]
     real(dp), intent(in) :: least
     real(dp), intent(in) :: base(3*nx + 1, nx + 2)          !! table with all blocks held
     real(dp), intent(inout) :: f_open(n_open, n_open)       !! work space

@@ -3,8 +3,9 @@
 !> A run goes along the legs of a protocol. Between events all forces are linear in the position of the driver, so that the next
 !> change follows from their rates. In an event the driver rests; contact states change until all conditions are met. These are
 !> checked in the order of pyfric.statics.contact: blocks on the wrong side of the foundation open or land; blocks that moved along
-!> their friction force stick again; the block with the largest |f| - mu_s p is released. Blocks whose violations are equal within
-!> rounding change together. With mu_s = mu_k slip grows: the signs of the rates decide which blocks at their threshold slip.
+!> their friction force stick again; the block with the largest |f| - hold p is released. Blocks whose violations are equal within
+!> rounding change together. Where friction does not fall, slip grows: the signs of the rates decide which blocks at their
+!> threshold slip.
 !>
 !> A run is a machine of few phases. Each call of `act` makes at most one change, so that a run may stop after any of them and go
 !> on later with the same bits.
@@ -74,7 +75,7 @@ module pyfric_sequence
     integer :: block = 0                        !! that changes next
     integer :: new = STUCK                      !! into this state
     logical :: slips = .false.                  !! a block slips, without corner slip
-    logical :: gradual = .false.                !! mu_s = mu_k
+    logical :: gradual = .false.                !! friction does not fall: slip grows
     real(dp) :: ahead = 0.0_dp                  !! drive at the next change [m]
     real(dp) :: little = 0.0_dp                 !! motion of the driver that is rounding [m]
     real(dp) :: offset = 0.0_dp                 !! of the drive in all legs [m]
@@ -101,11 +102,11 @@ contains
   end function new_log
 
   !> Follows a run to the end of its legs, or to one of its stops.
-  pure subroutine go_on(s, rules, legs, most, g, c, run, log)
+  pure subroutine go_on(s, rules, legs, max_changes, g, c, run, log)
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules
     type(leg_t), intent(in) :: legs(:)
-    integer, intent(in) :: most                 !! changes to make
+    integer, intent(in) :: max_changes          !! changes to make
     type(ground_t), intent(in) :: g
     type(contact_t), intent(inout) :: c
     type(run_t), intent(inout) :: run
@@ -114,7 +115,7 @@ contains
 
     run%status = DONE
     if (run%leg == 1 .and. run%phase == BEGINS) call renew(s, g, c)
-    do made = 1, most
+    do made = 1, max_changes
       if (run%leg > size(legs)) return
       if (.not. has_room(s, log)) run%status = LOG_FULL
       if (run%status == DONE) call act(s, rules, legs(run%leg), g, c, run, log)
@@ -365,7 +366,7 @@ contains
     if (unmet) return
 
     home = c%now%u_x
-    by = merge(abs(c%now%f) - g%mu_s*c%now%p, 0.0_dp, c%mode == STUCK)
+    by = merge(abs(c%now%f) - g%hold*c%now%p, 0.0_dp, c%mode == STUCK)
     new = merge(merge(1_ip, 0_ip, c%now%f < 0.0_dp), -1_ip, .not. c%now%f > 0.0_dp)
     u_x = home
     unmet = maxval(by) > c%tol
@@ -393,8 +394,8 @@ contains
     run%block = 1
     run%new = STUCK
     associate (now => c%now, rate => run%rate, at => c%way*c%column(s%nx + 1))
-      call sooner(s%nx, at, 1_ip, g%mu_s*now%p + now%f, g%mu_s*rate%p + rate%f, held, small, best, run)
-      call sooner(s%nx, at, -1_ip, g%mu_s*now%p - now%f, g%mu_s*rate%p - rate%f, held, small, best, run)
+      call sooner(s%nx, at, 1_ip, g%hold*now%p + now%f, g%hold*rate%p + rate%f, held, small, best, run)
+      call sooner(s%nx, at, -1_ip, g%hold*now%p - now%f, g%hold*rate%p - rate%f, held, small, best, run)
       call sooner(s%nx, at, OPEN_GAP, now%p, rate%p, closed, small, best, run)
       call sooner(s%nx, at, STUCK, s%k*(now%u_z + g%gap), s%k*rate%u_z, .not. closed .and. g%touches, small, best, run)
       call sooner(s%nx, at, STUCK, 2*s%least - now%p, -rate%p, light, small, best, run)
@@ -498,7 +499,7 @@ contains
       f = merge(c%now%f(i), rate%f(i), abs(c%now%f(i)) > c%tol)
       way = merge(merge(1_ip, 0_ip, f > 0.0_dp), -1_ip, .not. f < 0.0_dp)
       by(i) = 0.0_dp
-      if (c%mode(i) == STUCK .and. g%mu_s(i)*c%now%p(i) - abs(c%now%f(i)) <= c%tol) by(i) = way*rate%f(i) - g%mu_s(i)*rate%p(i)
+      if (c%mode(i) == STUCK .and. g%hold(i)*c%now%p(i) - abs(c%now%f(i)) <= c%tol) by(i) = way*rate%f(i) - g%hold(i)*rate%p(i)
       by(i) = max(-slip*rate%u_x(i)*s%k, by(i))
       new(i) = merge(STUCK, -way, slip /= 0)
     end do

@@ -15,7 +15,7 @@ module pyfric_sequences
   integer, parameter :: N_SCALES = 5           !! numbers of a slider
   integer, parameter :: N_RULES = 7            !! and of rules
   integer, parameter :: N_LEG = 9              !! and of a leg
-  integer, parameter :: N_FIELDS = 4           !! fields of the interface: mu_s, mu_k, k_f [N/m], gap [m]
+  integer, parameter :: N_FIELDS = 4           !! fields of the interface: hold, slide, k_f [N/m], gap [m]
   integer, parameter :: N_STATES = 3 + KEPT    !! integers of a block that a run keeps
   integer, parameter :: N_COUNTS = 15          !! and of the run
   integer, parameter :: N_NUMBERS = 4          !! and its numbers
@@ -75,12 +75,12 @@ contains
   end function new_leg
 
   !> Follows all runs; each ends with a status of its own.
-  subroutine follow_all(s, rules, legs, most, threads, n, rooms, fields, kinds, states, columns, tables, counts, numbers, &
-                        switch_i, switch_r, quiet_i, quiet_r, points, logged, status)
+  subroutine follow_all(s, rules, legs, max_changes, threads, n, rooms, fields, kinds, states, columns, tables, counts, &
+                        numbers, switch_i, switch_r, quiet_i, quiet_r, points, logged, status)
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules
     type(leg_t), intent(in) :: legs(:)
-    integer, intent(in) :: most                         !! changes in each run
+    integer, intent(in) :: max_changes                  !! changes in each run
     integer, intent(in) :: threads                      !! threads to ask for
     integer, intent(in) :: n                            !! runs
     integer, intent(in) :: rooms(3)                     !! room for switches, starts and ends of slip, points
@@ -104,8 +104,8 @@ contains
     first = new_work(s, rooms)
     call share(s, fields(:, :, 1), kinds(:, 1), states(:, 1, 1), first)
     !$omp parallel default(none) num_threads(threads) private(w, i) &
-    !$omp shared(s, rules, legs, most, n, rooms, fields, kinds, states, columns, tables, counts, numbers, switch_i, switch_r) &
-    !$omp shared(quiet_i, quiet_r, points, logged, status, first)
+    !$omp shared(s, rules, legs, max_changes, n, rooms, fields, kinds, states, columns, tables, counts, numbers, switch_i) &
+    !$omp shared(switch_r, quiet_i, quiet_r, points, logged, status, first)
     w = new_work(s, rooms)
     !$omp do schedule(dynamic)
     do i = 1, n
@@ -113,7 +113,7 @@ contains
       if (.not. (w%complete .and. first%complete)) cycle
       call restore(s, fields(:, :, i), kinds(:, i), states(:, :, i), columns(:, :, i), tables(:, :, :, i), counts(:, i), &
                    numbers(:, i), first, w)
-      call go_on(s, rules, legs, most, w%ground, w%contact, w%run, w%log)
+      call go_on(s, rules, legs, max_changes, w%ground, w%contact, w%run, w%log)
       call save_log(w%log, logged(:, i), switch_i(:, :, i), switch_r(:, :, i), quiet_i(:, :, i), quiet_r(:, :, i), &
                     points(:, :, i))
       call save(s, w, states(:, :, i), columns(:, :, i), tables(:, :, :, i), counts(:, i), numbers(:, i))
@@ -132,7 +132,7 @@ contains
     nx = s%nx
     w%contact = new_contact(nx)
     w%log = new_log(nx, rooms(1), rooms(2), rooms(3))
-    allocate (w%ground%mu_s(nx), w%ground%mu_k(nx), w%ground%k_f(nx), w%ground%gap(nx), w%ground%touches(nx), &
+    allocate (w%ground%hold(nx), w%ground%slide(nx), w%ground%k_f(nx), w%ground%gap(nx), w%ground%touches(nx), &
               w%ground%rubs(nx), w%run%home(nx), w%run%corner(nx), w%run%mode(nx), stat=failed)
     call new_values(nx, w%run%before, w%contact%status)
     call new_values(nx, w%run%rate, w%contact%status)
@@ -146,8 +146,8 @@ contains
     integer(ip), intent(in) :: kinds(s%nx)
     type(ground_t), intent(inout) :: ground
 
-    ground%mu_s = fields(:, 1)
-    ground%mu_k = fields(:, 2)
+    ground%hold = fields(:, 1)
+    ground%slide = fields(:, 2)
     ground%k_f = fields(:, 3)
     ground%gap = fields(:, 4)
     ground%touches = kinds > 0
@@ -179,7 +179,7 @@ contains
     real(dp), intent(in) :: columns(s%nx + 2, 2)        !! what is given of the table; u_x at the last release, last two unused
     real(dp), intent(in) :: tables(3*s%nx + 1, s%nx + 2, 1 + KEPT)  !! the table, and kept ones
     integer(ip), intent(in) :: counts(N_COUNTS)         !! see `save`
-    real(dp), intent(in) :: numbers(N_NUMBERS)          !! drive at the next change, motion that is rounding [m], tol [N], offset [m]
+    real(dp), intent(in) :: numbers(N_NUMBERS)          !! drive at the next change, `little` [m], tol [N], offset [m]
     type(work_t), intent(in) :: first
     type(work_t), intent(inout) :: w
 

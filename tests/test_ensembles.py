@@ -16,7 +16,7 @@ from pyfric.engines import Asked, outlines
 from pyfric.record import EVENT_COLUMNS, RUN_COLUMNS, Outline
 from pyfric.scene import SceneError, Spread, chain
 from pyfric.statics import EquilibriumError
-from pyfric.sweeps import Span, Store, Sweep, ensembles
+from pyfric.sweeps import Span, Store, Sweep, measures
 
 simulate = functools.partial(pyfric.simulate, fidelity="quasistatic", progress=False)
 FIELD = Spread(mean=0.7, std=0.05)
@@ -282,8 +282,8 @@ def counted(monkeypatch):
             made_now.append(outcome)
             yield outcome
 
-    monkeypatch.setattr(ensembles, "outlines", counting)
-    monkeypatch.setattr(ensembles, "PART", 4)
+    monkeypatch.setattr(measures, "outlines", counting)
+    monkeypatch.setattr(measures, "PART", 4)
     return made_now
 
 

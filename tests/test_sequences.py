@@ -270,7 +270,7 @@ def test_runs_stop_before_each_change_between_events():
 def test_arguments_are_checked():
     runs = sequences([small_rod()], 1.0)
     for most, threads in ((0, 1), (1, 0), (2**31, 1)):
-        with pytest.raises(ValueError, match="most"):
+        with pytest.raises(ValueError, match="max_changes"):
             runs.go_on(most, threads=threads)
 
 

@@ -200,21 +200,21 @@ class Sequences:
 
     def part(self, which: np.ndarray) -> Self:
         """Return some of the runs, with copies of all that they keep; which: shape (n,), bool."""
-        some = object.__new__(type(self))
-        some.slider, some.rules, some.legs = self.slider, self.rules, self.legs
+        part = object.__new__(type(self))
+        part.slider, part.rules, part.legs = self.slider, self.rules, self.legs
         for name in ("fields", "kinds", "states", "columns", "tables", "counts", "numbers"):
-            setattr(some, name, getattr(self, name)[which])
-        some.status = self.status[which]
-        some._make_room(self.switch_i.shape[1])
-        return some
+            setattr(part, name, getattr(self, name)[which])
+        part.status = self.status[which]
+        part._make_room(self.switch_i.shape[1])
+        return part
 
     def go_on(
-        self, most: int, *, stops: bool = False, threads: int = 1, variant: str = VARIANT
+        self, max_changes: int, *, stops: bool = False, threads: int = 1, variant: str = VARIANT
     ) -> np.ndarray:
         """Follow all runs, each for a number of changes at most; logs are filled from the start.
 
         Args:
-            most: number of changes of each run, at least 1.
+            max_changes: number of changes of each run, at least 1.
             stops: whether to stop before each change between events; `ahead` then says where.
             threads: number of threads; one if `forked`.
             variant: build to use; results do not depend on it.
@@ -226,8 +226,10 @@ class Sequences:
             ValueError: a number is out of range.
             MemoryError: there is no memory for the work space.
         """
-        if not 1 <= most < 2**31 or not 1 <= threads <= 4096:
-            raise ValueError(f"most = {most}, threads = {threads}: must be at least 1")
+        if not 1 <= max_changes < 2**31 or not 1 <= threads <= 4096:
+            raise ValueError(
+                f"max_changes = {max_changes}, threads = {threads}: must be at least 1"
+            )
         load_variant(variant).sequences(
             np.array(self.slider[:5], dtype=float),
             self.slider.S.T,
@@ -237,7 +239,7 @@ class Sequences:
             np.array(self.rules, dtype=float),
             int(stops),
             self.legs.T,
-            most,
+            max_changes,
             1 if forked() else min(threads, len(self)),
             self.fields.T,
             self.kinds.T,

@@ -133,9 +133,9 @@ def why_not(
     """
     if status == Status.IDLE:
         return EquilibriumError(ENDLESS.format(t=t), np.nan, tol, int(rules.idle))
-    most = {Status.UNSETTLED: rules.changes * N_x, Status.GROWS: rules.growth * N_x}
+    limits = {Status.UNSETTLED: rules.changes * N_x, Status.GROWS: rules.growth * N_x}
     what = OF_EVENT.format(t=t, what=WHY[status]) if phase == IN_EVENT else WHY[status]
-    return EquilibriumError(what, np.nan, tol, int(most.get(status, 0)))
+    return EquilibriumError(what, np.nan, tol, int(limits.get(status, 0)))
 
 
 def _check_slip(scene: Scene, contact: Contact) -> None:
@@ -309,10 +309,10 @@ class QuasistaticRun:
             legs_of(parts),
             interfaces_of([Start.of(self.contact)], parts, grow=not self.until_slip),
         )
-        most, status = changes_in_a_call(scene.N_x), Status.PAUSED
+        limit, status = changes_in_a_call(scene.N_x), Status.PAUSED
         self._force_at = lambda drive: runs.force(0, drive)
         while status in (Status.PAUSED, Status.LOG_FULL) and not stop():
-            status = Status(runs.go_on(most, stops=stops)[0])
+            status = Status(runs.go_on(limit, stops=stops)[0])
             self._take(runs)
             self.stretch = parts[min(int(runs.count("leg")[0]), len(parts)) - 1]
             show(*self.history.last, self.events)
@@ -402,8 +402,8 @@ class QuasistaticRun:
                 return
             contact.drive = drive
             contact.change(i, mode)
-        most = GROWTH * self.scene.N_x
-        raise EquilibriumError(WHY[Status.GROWS], np.nan, contact.tol, most)
+        limit = GROWTH * self.scene.N_x
+        raise EquilibriumError(WHY[Status.GROWS], np.nan, contact.tol, limit)
 
     def _end_at_slip(self, i: int) -> None:
         """End the run where block i slips first."""

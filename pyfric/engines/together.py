@@ -105,7 +105,7 @@ class _Group(NamedTuple):
 
     numbers: list[int]
     runs: Sequences
-    most: int
+    max_changes: int
     logs: list[list[SequenceLog]]
     status: np.ndarray
     phase: np.ndarray
@@ -131,10 +131,10 @@ class _Together:
     def batches(self, asked: Iterator[Asked | Exception]) -> Iterator[list[Asked | Exception]]:
         """Yield scenes in batches of bounded size."""
         for first in asked:
-            most = BATCH
+            size = BATCH
             if isinstance(first, Asked):
-                most = int(min(max(BATCH_BYTES // room_of_run(first.scene.N_x), 1), BATCH))
-            yield [first, *itertools.islice(asked, most - 1)]
+                size = int(min(max(BATCH_BYTES // room_of_run(first.scene.N_x), 1), BATCH))
+            yield [first, *itertools.islice(asked, size - 1)]
 
     def prepared(
         self, batch: Sequence[Asked | Exception]
@@ -158,7 +158,7 @@ class _Together:
         for members in shared.values():
             _, first, loaded, start = members[0]
             parts = stretches(first.scene, start.drive, first.t_end)
-            groups.append(_group(parts, loaded, [(n, one) for n, _, _, one in members]))
+            groups.append(_group(parts, loaded, [(n, begin) for n, _, _, begin in members]))
             for place, (n, each, of, _) in enumerate(members):
                 t_gap = of.t_gap if each.t_gap is None else each.t_gap
                 made[n] = _Run(each, t_gap, of.F_T, groups[-1], place)
@@ -202,8 +202,8 @@ def _group(parts: Sequence[Stretch], loaded: _Loaded, members: list[tuple[int, S
     )
     logs: list[list[SequenceLog]] = [[] for _ in members]
     numbers = np.zeros(n, dtype=np.int32), np.zeros(n, dtype=np.int32), np.zeros(n)
-    most = changes_in_a_call(scene.N_x)
-    return _Group([number for number, _ in members], runs, most, logs, *numbers)
+    max_changes = changes_in_a_call(scene.N_x)
+    return _Group([number for number, _ in members], runs, max_changes, logs, *numbers)
 
 
 def _follow(groups: Sequence[_Group], threads: int, stop: Event) -> None:
@@ -211,7 +211,7 @@ def _follow(groups: Sequence[_Group], threads: int, stop: Event) -> None:
     for group in groups:
         runs, left = group.runs, np.arange(len(group.runs))
         while len(left) and not stop.is_set():
-            status = runs.go_on(group.most, threads=threads)
+            status = runs.go_on(group.max_changes, threads=threads)
             for n, number in enumerate(left):
                 group.logs[number].append(runs.log(n))
             group.status[left], group.tol[left] = status, runs.tol

@@ -1,6 +1,6 @@
 """The store of finished runs: files in one folder, named by the hash of what was run.
 
-A file is the record of a run, or a part of the table of an ensemble (`pyfric.sweeps.ensembles`).
+A file is the record of a run, or a part of the table of an ensemble (`pyfric.sweeps.measures`).
 
 Records are kept in the folder that `PYFRIC_CACHE` names, or else in the user's cache folder. Files
 are written and deleted whole, and carry the hash of their content. Processes and machines may share

@@ -52,7 +52,7 @@ from pyfric.scene import (
     parsed,
     unknown,
 )
-from pyfric.sweeps.ensembles import Ensemble, measured
+from pyfric.sweeps.measures import Ensemble, measured
 from pyfric.sweeps.results import Results
 from pyfric.sweeps.runs import DEFAULTS, Job, JobError, run_all
 from pyfric.sweeps.shared import measured as measured_at

@@ -26,7 +26,8 @@ module pyfric_sequences
     type(contact_t) :: contact
     type(run_t) :: run
     type(log_t) :: log
-    logical :: complete                        !! there was enough memory
+    logical :: complete = .false.              !! there was enough memory
+    logical :: shares = .false.                !! it has a table that other runs begin with
   end type work_t
 
 contains
@@ -102,7 +103,7 @@ contains
     integer :: i
 
     first = new_work(s, rooms)
-    call share(s, fields(:, :, 1), kinds(:, 1), states(:, 1, 1), first)
+    if (counts(N_COUNTS, 1) == 0) call share(s, fields(:, :, 1), kinds(:, 1), states(:, 1, 1), first)
     !$omp parallel default(none) num_threads(threads) private(w, i) &
     !$omp shared(s, rules, legs, max_changes, n, rooms, fields, kinds, states, columns, tables, counts, numbers, switch_i) &
     !$omp shared(switch_r, quiet_i, quiet_r, points, logged, status, first)
@@ -163,6 +164,7 @@ contains
     type(work_t), intent(inout) :: first
 
     if (.not. first%complete) return
+    first%shares = .true.
     call take_ground(s, fields, kinds, first%ground)
     first%contact%sets(:, 1) = merge(1_ip, 0_ip, mode /= OPEN_GAP)
     associate (c => first%contact)
@@ -220,7 +222,7 @@ contains
     if (counts(15) > 0) then
       w%contact%table = tables(:, :, 1)
       w%contact%bases = tables(:, :, 2:)
-    else if (alike(w%ground, first%ground)) then
+    else if (first%shares .and. alike(w%ground, first%ground)) then
       w%contact%sets(:, 1) = first%contact%sets(:, 1)
       w%contact%bases(:, :, 1) = first%contact%bases(:, :, 1)
       w%contact%status = first%contact%status

@@ -21,6 +21,7 @@ from pyfric.engines.quasistatic import (
     AMBIGUOUS,
     GROWTH,
     IDLE,
+    QUASISTATIC,
     QuasistaticRun,
     changes_in_a_call,
     why_not,
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from pyfric.core import SequenceLog
+    from pyfric.engines.options import Options
     from pyfric.statics import ContactProblem, Stretch
 
 BATCH, BATCH_BYTES = 64, 64_000_000
@@ -87,6 +89,15 @@ def outlines(
                 yield from _finished(*under_way)
         finally:
             stop.set()
+
+
+def has_outline(scene: Scene, options: Options) -> bool:
+    """Return whether `outlines` makes a run: a quasi-static sequence without conditions to end it.
+
+    Other options than `t_gap` then have no effect.
+    """
+    ends = scene.stop_when if options.stop_when is None else options.stop_when
+    return options.fidelity == QUASISTATIC.name and options.verify in (None, "none") and not ends
 
 
 class _Loaded(NamedTuple):

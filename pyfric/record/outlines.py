@@ -106,6 +106,10 @@ class Outline:
         found = cls(catalogue.scene, column, curve, status, catalogue.quiet)
         return found
 
+    def columns(self, group: str) -> Mapping[str, np.ndarray]:
+        """Return columns of "events" or "curve", as `Record.columns` does."""
+        return self.events if group == "events" else self.curve
+
     def __getitem__(self, name: str) -> float:
         """Return a number of `RUN_COLUMNS`."""
         return float(RUN_COLUMNS[name].find(self))

@@ -28,7 +28,7 @@ from pyfric.scene import (
     full_name,
 )
 from pyfric.signals import at_once
-from pyfric.sweeps.measures import QUASISTATIC, Ensemble
+from pyfric.sweeps.measures import Ensemble
 from pyfric.sweeps.store import Cache
 from pyfric.sweeps.sweep import Sweep
 from pyfric.sweeps.varied import MAX_POINTS, Span, drawn
@@ -101,7 +101,7 @@ def ensemble(
             over[name] = list(of)
         else:
             raise SceneError(f"vary.{name}", of, "", f"a Spread, a Span, or a list of {n} values")
-    options = {"fidelity": QUASISTATIC} if options is None else options
+    options = {"fidelity": "quasistatic"} if options is None else options
     sweep = Sweep(scene=scene, t_end=t_end, over=over, points="list", options=options)
     how = {"columns": columns, "events": events, "cache": cache}
     found = sweep.measure(**how, threads=threads, progress=progress)

@@ -24,7 +24,7 @@ import numpy as np
 import pandas as pd
 
 from pyfric.display import html, jobs_bar
-from pyfric.engines import Asked, Options, outlines
+from pyfric.engines import Asked, Options, has_outline, outlines
 from pyfric.planning import simulate
 from pyfric.record import EVENT_COLUMNS, RUN_COLUMNS, Outline, Record
 from pyfric.scene import (
@@ -42,7 +42,6 @@ from pyfric.sweeps.store import MAX_BYTES, Cache, Store
 
 PART = 256
 """Runs of a part that is kept: a second of work in the Fig. 1 scene. A policy."""
-QUASISTATIC = "quasistatic"
 STATISTICS = ("mean", "standard_error", "std", "5 %", "median", "95 %", "n")
 PLAIN = (bool, int, float, str, type(None))
 Row = dict[str, Any]
@@ -202,12 +201,9 @@ def measured(
 
 
 def in_core(sweep: Points) -> bool:
-    """Return whether the runs of a sweep are quasi-static sequences to its end, without records."""
-    options = sweep.options
-    plain = options.fidelity == QUASISTATIC and options.verify in (None, "none")
+    """Return whether all runs of a sweep have outlines, whatever varies."""
     varied = any(name.startswith(("options.", "stop_when")) for name in sweep.over)
-    ends = as_scene(sweep.scene).stop_when if options.stop_when is None else options.stop_when
-    return plain and not varied and not ends
+    return has_outline(as_scene(sweep.scene), sweep.options) and not varied
 
 
 def _names(name: str, given: Sequence[str], known: Any) -> tuple[str, ...]:

@@ -130,7 +130,7 @@ class Job:
         """Return whether a stored record will do."""
         return True
 
-    @property
+    @functools.cached_property
     def key(self) -> str:
         """Hash of all that determines the record: scene (not its name), end, options, code.
 

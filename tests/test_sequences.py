@@ -132,8 +132,8 @@ def test_events_off_the_box_are_those_in_python(name):
 
 GROWING = {
     **{name: preset(name) for name in ("fig1", "setup2", "setup2+", "chain")},
-    "mu = 0.2": small_free(mu_s=0.2, mu_k=0.2, theta=0.5),
-    "mu = 0.2, tips": small_free(mu_s=0.2, mu_k=0.2, theta=1.0),
+    "mu = 0.2": small_free(mu_s=0.2, mu_k=0.2, theta=0.5, h=6e-3),
+    "mu = 0.2, tips": small_free(mu_s=0.2, mu_k=0.2, theta=1.0, h=6e-3),
     "mu = 4": small_free(mu_s=4.0, mu_k=4.0),
     "mu = 5": small_free(k_f=1e10, mu_s=5.0, mu_k=5.0),
     "turns": small_rod().replace({"driver.protocol": TURNS}),

@@ -130,24 +130,27 @@ def test_events_off_the_box_are_those_in_python(name):
     assert check_twins(case.scene, case.t_end).releases > 3
 
 
+def continuous(scene, mu=0.45):
+    return scene.replace(mu_s=mu, mu_k=mu)
+
+
 GROWING = {
-    **{name: preset(name) for name in ("fig1", "setup2", "setup2+", "chain")},
-    "mu = 0.2": small_free(mu_s=0.2, mu_k=0.2, theta=0.5, h=6e-3),
-    "mu = 0.2, tips": small_free(mu_s=0.2, mu_k=0.2, theta=1.0, h=6e-3),
-    "mu = 4": small_free(mu_s=4.0, mu_k=4.0),
-    "mu = 5": small_free(k_f=1e10, mu_s=5.0, mu_k=5.0),
-    "turns": small_rod().replace({"driver.protocol": TURNS}),
-    "apart": grooved("apart"),
-    "gaps": grooved("gaps"),
+    **{name: continuous(preset(name)) for name in ("fig1", "setup2", "setup2+", "chain")},
+    "mu = 4": continuous(small_free(), 4.0),
+    "mu = 5": continuous(small_free(k_f=1e10), 5.0),
+    "moves back": continuous(small_free(theta=0.5, h=6e-3), 0.2),
+    "moves back, tips": continuous(small_free(theta=1.0, h=6e-3), 0.2),
+    "landed": continuous(TINY(L=4e-3, h=2e-3, theta=-1.0), 0.1),
+    "turns": continuous(small_rod().replace({"driver.protocol": TURNS})),
+    "apart": continuous(grooved("apart")),
+    "gaps": continuous(grooved("gaps")),
 }
 
 
 @pytest.mark.parametrize("name", GROWING)
 def test_continuous_slip_is_that_in_python(name):
     """Also where it may not be unique, and where the driver turns."""
-    mu = GROWING[name].interface.mu_s
-    scene = GROWING[name] if mu > 1 or mu == 0.2 else GROWING[name].replace(mu_s=0.45, mu_k=0.45)
-    assert check_twins(scene, 1.5 if mu == 0.2 else 1.2).grows
+    assert check_twins(GROWING[name], 1.5).grows
 
 
 @settings(max_examples=40)

@@ -2,7 +2,8 @@
 
 Each case is made in a process of its own, in which modules are loaded before time is taken. The
 builds take turns, and of each case the least time counts: processor time, with that of worker
-processes, and time on the clock, for each run. Other builds may make fewer runs of a case.
+processes, and time on the clock, for each run. Other builds may make fewer runs of a case. The fit,
+which takes minutes with other builds, is made once.
 
 sequence
     The sequence of the Fig. 1 scene to 0.9 s as a record.
@@ -48,6 +49,8 @@ CASES = {
 FEWER = {"ensemble": 200, "diagram": 8}
 """The same of builds without ensembles."""
 QUICK = {"sequence": 3, "events": 3, "ensemble": 50, "diagram": 2, "sensitivity": 1}
+ONCE = ("fit",)
+"""Cases that are made once."""
 WIDTH, CORES, REPEATS = 0.05, 2, 3
 THERE = Path(__file__).resolve()
 
@@ -65,7 +68,7 @@ def costs(
     Args:
         cases: names in `CASES`.
         commits: of this repository.
-        repeats: turns, of which the least time counts.
+        repeats: turns, of which the least time counts; one of those in `ONCE`.
         quick: a few runs of each case only.
         say: told what is being run.
 
@@ -82,7 +85,7 @@ def costs(
             builds[commit] = stack.enter_context(built(commit))
         for name in cases:
             found: dict[str, list[dict[str, Any]]] = {build: [] for build in builds}
-            for _ in range(repeats):
+            for _ in range(1 if name in ONCE else repeats):
                 for build, folder in builds.items():
                     say(f"{name}: {build}")
                     found[build].append(_alone(name, quick, folder))

@@ -219,7 +219,7 @@ def figure(found: dict[tuple[float, float], Ensemble]) -> DataFigure:
         if (width, length) in ((WIDTHS[0], 0.0), (WIDTH, 0.0), (WIDTH, LENGTHS[2])):
             row = known[(known["width"] == width) & (known["correlation_length"] == length)].iloc[0]
             label = f"{100 * width:g} %" + (f", {1e3 * length:g} mm" if length else "")
-            label += f": b = {row['b']:.3f} $\\pm$ {row['b_error']:.3f}"
+            label += f": b = {row['b']:.4f} $\\pm$ {row['b_error']:.4f}"
             part = part[part["number"] > 2 * part["error"]]
             ax.errorbar(part["potency"], part["number"], yerr=part["error"], lw=0.9, label=label)
     ax.set(xlabel="potency $s$ (m$^2$)", ylabel="events of at least $s$ in a run")
@@ -229,7 +229,7 @@ def figure(found: dict[tuple[float, float], Ensemble]) -> DataFigure:
     axes[0, 1].set(xlabel="correlation length (mm)")
     axes[0, 0].legend(frameon=False, fontsize=8, loc="lower right")
     for ax, letter in zip(axes.flat, "abcd", strict=True):
-        at, ha = (0.97, "right") if letter == "d" else (0.02, "left")
+        at, ha = (0.97, "right") if letter in "bd" else (0.02, "left")
         ax.text(at, 0.97, f"({letter})", transform=ax.transAxes, va="top", ha=ha)
     fig.tables = {"table": known, "sizes": sizes}
     fig.caption = (

@@ -306,7 +306,7 @@ subroutine sequences(nx, n_routes, n_legs, n_runs, n_states, n_tables, n_counts,
   integer(c_int), intent(in) :: max_switch                   !! room for switches of each run
   integer(c_int), intent(in) :: max_quiet                    !! and for starts and ends of slip
   integer(c_int), intent(in) :: max_point                    !! and for points of the loading curve
-  real(c_double), intent(in) :: scales(5)                    !! the slider, see slider_t of pyfric_pivots; so are the next four
+  real(c_double), intent(in) :: scales(6)                    !! the slider, see slider_t of pyfric_pivots; so are the next four
   real(c_double), intent(in) :: s(2*nx, 2*nx)
   real(c_double), intent(in) :: drive(2*nx)
   real(c_double), intent(in) :: loads(2*nx, 2, n_routes)

@@ -34,6 +34,7 @@ module pyfric_pivots
     real(dp) :: unit                        !! F_N/N_x [N]
     real(dp) :: rounded                     !! violation of conditions that is rounding, over `unit`
     real(dp) :: least                       !! normal force below which a block does not stick [N]
+    real(dp) :: lost                        !! violation that is rounding beyond which nothing holds the slider [N]
     real(dp), allocatable :: s(:, :)        !! stiffness of u_x and u_z, of 2 N_x [N/m]
     real(dp), allocatable :: drive(:)       !! load on the interface by the driver, of 2 N_x [N/m]
     real(dp), allocatable :: loads(:, :, :) !! load of 2 N_x, by drive and constant, of each route [N/m, N]
@@ -309,6 +310,8 @@ contains
     largest = max(s%k*maxval(abs(c%column(:n))), min(s%k, s%k_driver)*abs(c%column(n + 1)))
     c%tol = s%rounded*s%unit + 16*2.0_dp**(-52)*largest
     c%known = .false.
+    if (c%tol > s%lost) c%status = UNHELD
+    if (c%status /= DONE) return
     call find_base(s, g, c)
     if (c%status /= DONE) return
     c%table = c%bases(:, :, c%base)

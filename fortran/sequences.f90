@@ -12,7 +12,7 @@ module pyfric_sequences
   private
   public :: new_slider, new_rules, new_leg, follow_all, N_SCALES, N_RULES, N_LEG, N_FIELDS, N_STATES, N_COUNTS, N_NUMBERS
 
-  integer, parameter :: N_SCALES = 5           !! numbers of a slider
+  integer, parameter :: N_SCALES = 6           !! numbers of a slider
   integer, parameter :: N_RULES = 7            !! and of rules
   integer, parameter :: N_LEG = 9              !! and of a leg
   integer, parameter :: N_FIELDS = 4           !! fields of the interface: hold, slide, k_f [N/m], gap [m]
@@ -49,6 +49,7 @@ contains
     slider%unit = scales(3)
     slider%rounded = scales(4)
     slider%least = scales(5)
+    slider%lost = scales(6)
     allocate (slider%s(2*nx, 2*nx), slider%drive(2*nx), slider%loads(2*nx, 2, n_routes), slider%f_t(2, n_routes), stat=failed)
     slider%complete = failed == 0
     if (.not. slider%complete) return

@@ -52,7 +52,7 @@ KINDS = {
         "step_sizes": "ALMOST",
         "routes": "ROUNDING",
         "slow_slip": "MOVED",
-        "complementarity": "RATE_TOL",
+        "complementarity": "LOST RATE_TOL",
         "contact": "CONTACT_TOL",
         "creep": "ENOUGH ROUNDED",
         "equilibrium": "ACCEPTED JUNCTION_ROUNDED",

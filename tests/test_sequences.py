@@ -171,6 +171,16 @@ def test_sequences_of_tiny_sliders_are_those_in_python(data, mu_s, share, seed, 
     check_twins(scene, 3 * reach / scene.driver.V, force=100 * SEQUENCE)
 
 
+@pytest.mark.parametrize("in_core", [True, False])
+def test_a_slider_that_tips_over_one_block_is_refused(in_core):
+    """Without kinetic friction the last block in contact holds nothing while it slips."""
+    scene = TINY(L=3e-3, h=4e-3, theta=0.3, mu_s=0.3, mu_k=0.0, k_f=20171978.644915484)
+    assert followed(scene, 0.6, in_core)[0].releases > 10
+    run, why = followed(scene, 0.62, in_core)
+    assert run is None
+    assert "at t = 0.601692 s: the slider is not held" in why
+
+
 @pytest.mark.parametrize("condition", ["precursors = 2", "L_p = 0.3", "system_size", "at_rest"])
 def test_conditions_end_both_at_the_same_change(condition):
     scene = small_rod()

@@ -36,6 +36,7 @@ class CondensedSlider(NamedTuple):
         unit: F_N/N_x, in N.
         rounded: violation of conditions that is rounding, over `unit`.
         least: normal force below which a block does not stick, in N.
+        lost: violation that is rounding, in N, beyond which nothing holds the slider.
         S: stiffness of u_x and u_z, shape (2 N_x, 2 N_x), in N/m.
         drive: load on the interface per drive, shape (2 N_x,), in N/m.
         loads: load per drive (N/m) and constant load (N) of each route, shape (n, 2 N_x, 2).
@@ -47,6 +48,7 @@ class CondensedSlider(NamedTuple):
     unit: float
     rounded: float
     least: float
+    lost: float
     S: np.ndarray
     drive: np.ndarray
     loads: np.ndarray
@@ -231,7 +233,7 @@ class Sequences:
                 f"max_changes = {max_changes}, threads = {threads}: must be at least 1"
             )
         load_variant(variant).sequences(
-            np.array(self.slider[:5], dtype=float),
+            np.array(self.slider[:6], dtype=float),
             self.slider.S.T,
             self.slider.drive,
             np.ascontiguousarray(self.slider.loads.transpose(0, 2, 1)).T,

@@ -44,6 +44,10 @@ RATE_TOL = 1e-11
 """Rate of a force, over stiffness times rate of displacement, below which it is rounding."""
 LEAST = 1e-6
 """Normal force, over F_N/N_x, below which a block does not stick."""
+LOST = 1e-3
+"""Violation of conditions that is rounding, over F_N/N_x, beyond which displacements are those of a
+slider that nothing holds."""
+UNHELD = "the slider is not held by the blocks that stick"
 BASES = 64
 """Number of tables with all blocks held that are kept, one for each set of open blocks."""
 CHANGES = 10
@@ -470,6 +474,8 @@ class Contact(States):
         u_x = self.column[self.at.u_x]
         largest = max(self.k * np.abs(u_x).max(), min(self.k, self.K) * abs(self.drive))
         self.tol = rounding(self.scene, float(largest))
+        if self.tol > LOST * self.problem.unit:
+            raise EquilibriumError(UNHELD, np.nan, self.tol, 0)
         self.table, self._now = self.problem.base(self.closed).copy(), None
         table = self.table
         self.free = ~self.stuck
@@ -482,8 +488,7 @@ class Contact(States):
         try:
             inverse = np.linalg.inv(held[:, free])
         except np.linalg.LinAlgError:
-            what = "the slider is not held by the blocks that stick"
-            raise EquilibriumError(what, np.nan, self.tol, 0) from None
+            raise EquilibriumError(UNHELD, np.nan, self.tol, 0) from None
         held = -(inverse @ held)
         held[:, free] = inverse
         factor = table[:, free].copy()

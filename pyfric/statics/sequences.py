@@ -12,7 +12,7 @@ import numpy as np
 
 from pyfric.core import CORNER_SHARE, CondensedSlider, CoreLeg, Interfaces, Rules
 from pyfric.scene import Law
-from pyfric.statics.complementarity import CHANGES, LEAST, RATE_TOL
+from pyfric.statics.complementarity import CHANGES, LEAST, LOST, RATE_TOL
 from pyfric.statics.contact import CONTACT_TOL, LEAST_DEFINITENESS
 
 if TYPE_CHECKING:
@@ -55,6 +55,7 @@ def slider_of(problem: ContactProblem, parts: Sequence[Stretch]) -> CondensedSli
         unit=problem.unit,
         rounded=CONTACT_TOL,
         least=LEAST * problem.unit,
+        lost=LOST * problem.unit,
         S=np.ascontiguousarray(of.S),
         drive=np.ascontiguousarray(of.G[:, 0]),
         loads=np.array(loads),

@@ -108,7 +108,7 @@ SCENES = {
     "slips while it is loaded": (small_free(mu_s=0.2, mu_k=0.1, theta=0.833), 0.3),
     "plate": (small_rod(h=5e-3, h_top=10e-3), 1.0),
     "chain": (chain(L=0.05, k_top=2e7, p=off_box.UNEVEN, V=0.02), 0.03),
-    "symmetric": (chain(L=0.05, k_top=2e7, V_top=0.02, V=0.0), 5e-3),
+    "symmetric": (chain(L=0.05, k_top=2e7, V_top=0.02, V=0.0), 7e-4),
     **{kind: (grooved(kind, V=6e-3), 0.2 if kind == "apart" else 0.1) for kind in KINDS},
     "light blocks": (small_free(theta=1.0, h=4e-3), 0.8),
     "light blocks, rod": (small_rod(h=15e-3), 1.3),

@@ -95,6 +95,12 @@ def modules():
     return table(["module", "what it is"], rows)
 
 
+def run_columns():
+    """Return the numbers of runs, with units."""
+    rows = [[f"`{name}`", of.unit, of.meaning] for name, of in pyfric.RUN_COLUMNS.items()]
+    return table(["number", "unit", "meaning"], rows)
+
+
 def plans(data):
     """Return how many plans kept their tolerance, by question."""
     data = data.assign(silent=data["beyond_tolerance"] & ~data["said"])
@@ -296,6 +302,7 @@ myst_substitutions = {
     "plans": plans(tried),
     "promises": promises(stored("plans/promises.csv")),
     "regimes": regimes(),
+    "run_columns": run_columns(),
     "sticks": sticks(stored("sticks/sticks_programs.csv")),
     "sticks_chain": sticks_chain(stored("sticks/sticks_chain.csv")),
 }

@@ -290,6 +290,66 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, coun
   end do
 end subroutine slow_slip
 
+!> Quasi-static sequences of events of many runs, which share the slider and the protocol.
+subroutine sequences(nx, n_routes, n_legs, n_runs, n_states, n_tables, n_counts, max_switch, max_quiet, max_point, scales, s, &
+                     drive, loads, f_t, limits, stops, legs, max_changes, n_threads, fields, kinds, states, columns, tables, &
+                     counts, numbers, switch_i, switch_r, quiet_i, quiet_r, points, n_log, status)
+  use, intrinsic :: iso_c_binding, only: c_double, c_int
+  use pyfric_pivots, only: slider_t
+  use pyfric_sequence, only: leg_t
+  use pyfric_sequences, only: new_slider, new_rules, new_leg, follow_all
+  use pyfric_status, only: NO_MEMORY
+  implicit none
+  !f2py threadsafe
+  integer(c_int), intent(in) :: nx                           !! blocks along the interface
+  integer(c_int), intent(in) :: n_routes                     !! routes of the loads
+  integer(c_int), intent(in) :: n_legs                       !! legs of the protocol
+  integer(c_int), intent(in) :: n_runs                       !! runs
+  integer(c_int), intent(in) :: n_states                     !! numbers of what a run keeps, see pyfric_sequences
+  integer(c_int), intent(in) :: n_tables
+  integer(c_int), intent(in) :: n_counts
+  integer(c_int), intent(in) :: max_switch                   !! room for switches of each run
+  integer(c_int), intent(in) :: max_quiet                    !! and for starts and ends of slip
+  integer(c_int), intent(in) :: max_point                    !! and for points of the loading curve
+  real(c_double), intent(in) :: scales(6)                    !! the slider, see slider_t of pyfric_pivots; so are the next four
+  real(c_double), intent(in) :: s(2*nx, 2*nx)
+  real(c_double), intent(in) :: drive(2*nx)
+  real(c_double), intent(in) :: loads(2*nx, 2, n_routes)
+  real(c_double), intent(in) :: f_t(2, n_routes)
+  real(c_double), intent(in) :: limits(6)                    !! see rules_t of pyfric_sequence
+  integer(c_int), intent(in) :: stops                        !! 1: stop before each change between events
+  real(c_double), intent(in) :: legs(9, n_legs)              !! see leg_t there
+  integer(c_int), intent(in) :: max_changes                  !! changes to make in each run
+  integer(c_int), intent(in) :: n_threads                    !! threads
+  real(c_double), intent(in) :: fields(nx, 4, n_runs)        !! see ground_t of pyfric_pivots: hold, slide, k_f [N/m], gap [m]
+  integer(c_int), intent(in) :: kinds(nx, n_runs)            !! 0 never touches the foundation, 1 without friction, 2 with it
+  integer(c_int), intent(inout) :: states(nx, n_states, n_runs)  !! what a run keeps, see `restore` there; so are the next four
+  real(c_double), intent(inout) :: columns(nx + 2, 2, n_runs)
+  real(c_double), intent(inout) :: tables(3*nx + 1, nx + 2, n_tables, n_runs)
+  integer(c_int), intent(inout) :: counts(n_counts, n_runs)
+  real(c_double), intent(inout) :: numbers(4, n_runs)
+  integer(c_int), intent(inout) :: switch_i(4, max_switch, n_runs)  !! logs, see log_t of pyfric_sequence; so are the next four
+  real(c_double), intent(inout) :: switch_r(4, max_switch, n_runs)
+  integer(c_int), intent(inout) :: quiet_i(nx + 1, max_quiet, n_runs)
+  real(c_double), intent(inout) :: quiet_r(3*nx + 3, max_quiet, n_runs)
+  real(c_double), intent(inout) :: points(3, max_point, n_runs)
+  integer(c_int), intent(inout) :: n_log(3, n_runs)          !! logged: switches, starts and ends of slip, points
+  integer(c_int), intent(inout) :: status(n_runs)            !! of each run, see pyfric_status
+  type(slider_t) :: slider
+  type(leg_t) :: protocol(n_legs)
+  integer :: i
+
+  status = NO_MEMORY
+  slider = new_slider(nx, n_routes, scales, s, drive, loads, f_t)
+  if (.not. slider%complete) return
+  do i = 1, n_legs
+    protocol(i) = new_leg(legs(:, i))
+  end do
+  call follow_all(slider, new_rules(limits, nx, stops == 1), protocol, max_changes, n_threads, n_runs, &
+                  [max_switch, max_quiet, max_point], fields, kinds, states, columns, tables, counts, numbers, &
+                  switch_i, switch_r, quiet_i, quiet_r, points, n_log, status)
+end subroutine sequences
+
 !> Random numbers in [0, 1) by counter.
 subroutine uniforms(n, key, counter, u)
   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_long

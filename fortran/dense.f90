@@ -1,9 +1,10 @@
-!> Linear equations with a full matrix: LU decomposition with row exchanges. Sums have a fixed order, unlike those of LAPACK.
+!> Linear equations with a full matrix: LU decomposition with row exchanges, and that of Cholesky. Sums have a fixed order, unlike
+!> those of LAPACK.
 module pyfric_dense
   use pyfric_kinds, only: dp
   implicit none (type, external)
   private
-  public :: decompose, solve, applied
+  public :: decompose, solve, applied, cholesky, solve_rows
 
 contains
 
@@ -65,4 +66,45 @@ contains
       y = y + x(k)*a(:, k)
     end do
   end function applied
+
+  !> The lower triangle of a symmetric matrix becomes L, A = L L'; it ends where A is not positive definite.
+  pure subroutine cholesky(n, a, positive)
+    integer, intent(in) :: n
+    real(dp), intent(inout) :: a(n, n)
+    logical, intent(out) :: positive
+    integer :: j, k
+
+    positive = .true.
+    do k = 1, n
+      positive = a(k, k) > 0.0_dp
+      if (.not. positive) return
+      a(k, k) = sqrt(a(k, k))
+      a(k + 1:, k) = a(k + 1:, k)/a(k, k)
+      do j = k + 1, n
+        a(j:, j) = a(j:, j) - a(j, k)*a(j:, k)
+      end do
+    end do
+  end subroutine cholesky
+
+  !> Each row x of m right sides becomes the solution of A x = x; the right sides are side by side in memory.
+  pure subroutine solve_rows(n, l, m, x)
+    integer, intent(in) :: n
+    real(dp), intent(in) :: l(n, n)       !! from `cholesky`
+    integer, intent(in) :: m
+    real(dp), intent(inout) :: x(m, n)
+    integer :: i, k
+
+    do k = 1, n
+      x(:, k) = x(:, k)/l(k, k)
+      do i = k + 1, n
+        x(:, i) = x(:, i) - l(i, k)*x(:, k)
+      end do
+    end do
+    do k = n, 1, -1
+      do i = k + 1, n
+        x(:, k) = x(:, k) - l(i, k)*x(:, i)
+      end do
+      x(:, k) = x(:, k)/l(k, k)
+    end do
+  end subroutine solve_rows
 end module pyfric_dense

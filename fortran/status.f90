@@ -4,6 +4,7 @@ module pyfric_status
   implicit none (type, external)
   private
   public :: DONE, LOG_FULL, ENDLESS, TOO_SHORT, NO_MEMORY, STRAINED
+  public :: PAUSED, UNSETTLED, IDLE, GROWS, AMBIGUOUS, UNSUPPORTED, UNHELD
 
   integer(ip), parameter :: DONE = 0       !! all steps were made
   integer(ip), parameter :: LOG_FULL = 1   !! stopped early: the log has no room for one more step
@@ -11,4 +12,12 @@ module pyfric_status
   integer(ip), parameter :: TOO_SHORT = 3  !! stopped inside a step: its error stays too large
   integer(ip), parameter :: NO_MEMORY = 4  !! nothing was done: its memory could not be allocated
   integer(ip), parameter :: STRAINED = 5   !! stopped early, after a step: a cell may be turned inside out
+  !> Of sequences of static states, which have DONE, LOG_FULL and NO_MEMORY, too.
+  integer(ip), parameter :: PAUSED = 6       !! stopped early: as many changes as asked for
+  integer(ip), parameter :: UNSETTLED = 7    !! contact states do not settle
+  integer(ip), parameter :: IDLE = 8         !! slip goes on without end, in events of no length
+  integer(ip), parameter :: GROWS = 9        !! the growth of the slipping zone does not end
+  integer(ip), parameter :: AMBIGUOUS = 10   !! slip may not be unique from here on
+  integer(ip), parameter :: UNSUPPORTED = 11 !! the slider is not supported
+  integer(ip), parameter :: UNHELD = 12      !! the slider is not held by the blocks that stick
 end module pyfric_status

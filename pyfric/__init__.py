@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from pyfric.paper import cases, claims
     from pyfric.planning import Level, Plan, plan, released, simulate
     from pyfric.record import (
+        RUN_COLUMNS,
         Method,
         Record,
         RecordError,
@@ -71,6 +72,7 @@ if TYPE_CHECKING:
         weakened,
     )
     from pyfric.sweeps import (
+        Ensemble,
         Job,
         JobError,
         Resolution,
@@ -78,6 +80,7 @@ if TYPE_CHECKING:
         Span,
         Sweep,
         boundary,
+        ensemble,
         label_map,
         phase_diagram,
         resolve,
@@ -87,8 +90,10 @@ if TYPE_CHECKING:
 __all__ = [
     "MATERIALS",
     "PRESETS",
+    "RUN_COLUMNS",
     "DistributedLoad",
     "Driver",
+    "Ensemble",
     "Equilibrium",
     "EquilibriumError",
     "Fit",
@@ -127,6 +132,7 @@ __all__ = [
     "cases",
     "chain",
     "claims",
+    "ensemble",
     "figures",
     "fit",
     "forced",

@@ -161,6 +161,39 @@ def finer(
 
 
 @main.command(section="Speed")
+@click.option("--case", "cases", multiple=True, help="Only this case; may be repeated.")
+@_beside_option
+@file_option("--out", metavar="FILE", help="Write the table as CSV.")
+@overwrite_option
+@telling
+@_quick_option
+def many(
+    cases: tuple[str, ...],
+    commits: tuple[str, ...],
+    out: Path | None,
+    overwrite: bool,
+    tell: Tell,
+    quick: bool,
+) -> None:
+    """What records, ensembles, diagrams and fits of quasi-static runs cost (some minutes).
+
+    Beside --out, a CSV file, goes its provenance.
+    """
+    check_table(out, overwrite)
+    import many
+
+    if unknown := [name for name in cases if name not in many.CASES]:
+        raise click.BadParameter(f"{unknown[0]!r}; known are {', '.join(many.CASES)}")
+    names = cases or tuple(many.QUICK if quick else many.CASES)
+    more = {"repeats": 1} if quick else {}
+    frame = many.costs(names, commits=commits, quick=quick, say=tell.step, **more)
+    words = [word for name in cases for word in ("--case", name)]
+    words += [word for commit in commits for word in ("--beside", commit)]
+    save_table(frame, out, shlex.join([*RUN.split(), "many", *words]), "%.4g")
+    tell.table(frame, many.report)
+
+
+@main.command(section="Speed")
 @folder_option("--out", required=True, metavar="DIR", help="Folder of its files.")
 @_beside_option
 @telling
@@ -537,6 +570,21 @@ def disorder(out: Path, runs: Path | None, tell: Tell) -> None:
 
     figure = disorder.figure(disorder.study(folder, say=tell.step))
     save_figure(figure, out / "disorder", f"{RUN} disorder", tell)
+
+
+@main.command(section="Physics")
+@figure_out_option
+@telling
+def scatter(out: Path, tell: Tell) -> None:
+    """Scatter of strength and first precursor, and sizes, in 10 000 disordered runs (a minute).
+
+    Numbers of runs are kept as those of `pyfric.ensemble` are.
+    """
+    check_folder(out)
+    import scatter
+
+    figure = scatter.figure(scatter.study(say=tell.step))
+    save_figure(figure, out / "scatter", f"{RUN} scatter", tell)
 
 
 @main.command(section="Physics")

@@ -9,8 +9,8 @@ from scipy.sparse.linalg import spsolve
 
 from pyfric.scene import Scene, chain, preset, setup1, setup2
 from pyfric.statics import EquilibriumError, StaticSolver, stiffness
-from pyfric.statics.condensation import Condensed, _condensed, condense
-from pyfric.statics.operators import coordinates, driven_dofs
+from pyfric.statics.condensation import Condensed, _condensed, _known, condense
+from pyfric.statics.operators import bond_stiffness, coordinates, driven_dofs
 
 
 def small_chain(**changes) -> Scene:
@@ -182,29 +182,54 @@ def test_without_the_driver_no_force_moves_it(scene):
 
 
 def test_a_slider_without_support_is_refused(monkeypatch):
-    scene = small_rod()
-    broken = stiffness(scene, closed=np.zeros(scene.N_x, dtype=bool)).tolil()
+    scene = small_rod(h=12.5e-3)
+    broken = bond_stiffness(scene).tolil()
     broken[-1, -1] = -1.0
-    monkeypatch.setattr("pyfric.statics.condensation.stiffness", lambda *_, **__: broken.tocsr())
+    monkeypatch.setattr("pyfric.statics.condensation.bond_stiffness", lambda _: broken.tocsr())
     with pytest.raises(EquilibriumError, match="not supported"):
         condense(scene)
 
 
-def test_friction_and_foundation_have_no_part_in_it():
-    """Scenes that differ in their interface only share one condensed slider."""
-    scene = small_rod()
-    known = condense(scene)
-    for change in ({"mu_s": 0.9}, {"mu_k": 0.1}, {"d_c": 1e-6}, {"k_f": 1e6}, {"name": "other"}):
-        assert condense(scene.replace(change)) is known
-    with pytest.raises(ValueError, match="read-only"):
-        known.S[0, 0] = 0.0
+MADE = []
+"""Scenes whose bonds were eliminated."""
 
 
-@pytest.mark.parametrize("change", [{"h": 2.5e-3}, {"k": 1e6}, {"F_N": 1.0}, {"side": "right"}])
-def test_all_else_has(change):
-    scene = small_rod()
-    known, other = condense(scene), condense(scene.replace(change))
-    assert other is not known
-    fresh = _condensed(scene.replace(change))
+def counted(scene):
+    MADE.append(scene)
+    return _condensed(scene)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        *({"mu_s": 0.9}, {"mu_k": 0.1}, {"d_c": 1e-6}, {"k_f": 1e6}, {"name": "other"}),
+        *({"F_N": 4e3}, {"V": 1.0}, {"K": 1e3}, {"eta": 1.0}, {"k": 1e6}, {"mattress": 0.0}),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("make", [small_rod, small_free])
+def test_bonds_are_eliminated_once_for_scenes_with_the_same_lattice(make, change, monkeypatch):
+    """What is shared has the same bits as if it was made anew."""
+    monkeypatch.setattr("pyfric.statics.condensation._condensed", counted)
+    scene = make(F_N=2e3, **({"theta": 0.3} if make is small_free else {}))
+    if "mattress" in change and make is small_free:
+        return
+    condense(scene)
+    made, other = len(MADE), scene.replace(change)
+    shared = condense(other)
+    assert len(MADE) == made
+    _known.clear()
+    fresh = condense(other)
+    assert len(MADE) == made + 1
     for field in dataclasses.fields(Condensed):
-        np.testing.assert_array_equal(getattr(other, field.name), getattr(fresh, field.name))
+        np.testing.assert_array_equal(getattr(shared, field.name), getattr(fresh, field.name))
+
+
+@pytest.mark.parametrize("change", [{"h": 2.5e-3}, {"side": "right"}, {"L": 0.025}, {"g": 9.81}])
+def test_all_else_has_a_part_in_it(change, monkeypatch):
+    monkeypatch.setattr("pyfric.statics.condensation._condensed", counted)
+    scene = small_rod()
+    condense(scene)
+    made = len(MADE)
+    condense(scene.replace(change))
+    assert len(MADE) == made + 1

@@ -716,11 +716,13 @@ def test_ctrl_c_stops_a_ladder_without_end():
         ladder(scene, 1.0)
 
 
-def test_ctrl_c_stops_inside_an_event():
+@pytest.mark.parametrize("in_core", [True, False])
+def test_ctrl_c_stops_inside_an_event(in_core, monkeypatch):
+    monkeypatch.setattr("pyfric.engines.quasistatic.IN_A_CALL", 1)
     for most in range(300, 330):
-        run, calls = QuasistaticRun(preset("fig1")), iter(range(most))
+        run, calls = QuasistaticRun(preset("fig1"), in_core=in_core), iter(range(most))
         assert not run.advance(0.9, lambda left=calls: next(left, None) is None, lambda *_: None)
-        if run.contact.slip.any():
+        if (np.abs(run.mode) == 1).any():
             break
     record = run.record("interrupted")
     assert record.curve["t"].iloc[-1] < 0.9
@@ -728,13 +730,29 @@ def test_ctrl_c_stops_inside_an_event():
     assert np.isnan(record.events["t_stop"].iloc[-1])
 
 
-def test_an_event_that_does_not_settle_says_so(monkeypatch):
-    monkeypatch.setattr("pyfric.engines.quasistatic.GROWTH", 0)
-    with pytest.raises(EquilibriumError, match="does not end"):
-        prediction_curve(small_rod())
-    run = QuasistaticRun(small_rod())
-    monkeypatch.setattr("pyfric.statics.complementarity.CHANGES", 0)
+@pytest.mark.parametrize(
+    ("in_core", "changes"), [(True, "statics.sequences"), (False, "statics.complementarity")]
+)
+def test_an_event_that_does_not_settle_says_so(in_core, changes, monkeypatch):
+    run = QuasistaticRun(small_rod(), in_core=in_core)
+    monkeypatch.setattr(f"pyfric.{changes}.CHANGES", 0)
     with pytest.raises(EquilibriumError, match=r"event at t = 0\.\d+ s: .* do not settle"):
+        run.advance(1.0, lambda: False, lambda *_: None)
+
+
+@pytest.mark.parametrize("in_core", [True, False])
+def test_growth_that_does_not_end_says_so(in_core, monkeypatch):
+    monkeypatch.setattr("pyfric.engines.quasistatic.GROWTH", 0)
+    run = QuasistaticRun(small_rod(mu_s=0.45), in_core=in_core)
+    with pytest.raises(EquilibriumError, match="does not end"):
+        run.advance(1.0, lambda: False, lambda *_: None)
+
+
+@pytest.mark.parametrize("in_core", [True, False])
+def test_events_of_no_length_say_so(in_core, monkeypatch):
+    monkeypatch.setattr("pyfric.engines.quasistatic.IDLE", -1)
+    run = QuasistaticRun(small_rod(), in_core=in_core)
+    with pytest.raises(EquilibriumError, match=r"at t = 0 s slip goes on without end"):
         run.advance(1.0, lambda: False, lambda *_: None)
 
 

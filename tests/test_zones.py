@@ -3,7 +3,6 @@
 import math
 from collections import UserDict
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -110,12 +109,11 @@ def noted(scene, at_rest, moving, speed=1.0):
     rows = {name: np.full((1, scene.N_x), np.nan) for name in known}
     for name, values in known.items():
         rows[name][0, : len(values)] = values
-    catalogue = SimpleNamespace(
-        events=pd.DataFrame({"is_main": [True]}),
-        arrays=rows,
-        front_speed=front_speed(rows["rupture_times"], scene.slider.l, scene.d),
-    )
-    return zone_notes(scene, "dynamic", catalogue)
+
+    class Known(dict):
+        front_speed = front_speed(rows["rupture_times"], scene.slider.l, scene.d)
+
+    return zone_notes(scene, "dynamic", Known(rows | {"is_main": np.array([True])}))
 
 
 def test_one_note_says_what_sets_front_speeds():

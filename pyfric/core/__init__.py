@@ -36,6 +36,16 @@ from pyfric.core.packing import (
     springs,
 )
 from pyfric.core.part import Part
+from pyfric.core.sequences import (
+    IN_EVENT,
+    CondensedSlider,
+    CoreLeg,
+    Interfaces,
+    Rules,
+    SequenceLog,
+    Sequences,
+    room_of_run,
+)
 from pyfric.core.state import OPEN, STUCK, State, StateError, spring_of
 from pyfric.core.status import Status
 from pyfric.core.steppers import STEPPERS, Stepper

@@ -72,22 +72,22 @@ class Log:
 
     def switches(self) -> dict[str, np.ndarray]:
         """Return the columns of the switch log, as copies."""
-        return _of_blocks(self.switch_i[:, : self.n_switch], self.switch_r[:, : self.n_switch])
+        return of_blocks(self.switch_i[:, : self.n_switch], self.switch_r[:, : self.n_switch])
 
     def crossings(self) -> dict[str, np.ndarray]:
         """Return the passages of blocks through the threshold, as copies."""
         n = self.n_crossing
-        return _of_blocks(self.crossing_i[:, :n], self.crossing_r[:, :n])
+        return of_blocks(self.crossing_i[:, :n], self.crossing_r[:, :n])
 
     def quiet(self) -> dict[str, np.ndarray]:
         """Return the columns of the quiet log, as copies."""
         i, r = self.quiet_i[:, : self.n_quiet], self.quiet_r[:, : self.n_quiet]
-        return _of_all(i, r, r[2 + POINT :])
+        return of_all(i, r, r[2 + POINT :])
 
     def bursts(self) -> dict[str, np.ndarray]:
         """Return the starts and ends of fast slip, as copies; sum_v is the largest |sum of v_x|."""
         i, r = self.burst_i[:, : self.n_burst], self.burst_r[:, : self.n_burst]
-        return _of_all(i, r, r[2 + POINT : -1]) | {"sum_v": r[-1].copy()}
+        return of_all(i, r, r[2 + POINT : -1]) | {"sum_v": r[-1].copy()}
 
     def points_of(self, what: Literal["quiet", "bursts"]) -> np.ndarray:
         """Return points as of the loading curve at the entries of a log, shape (16, n)."""
@@ -96,7 +96,7 @@ class Log:
         return r[2 : 2 + POINT, :n].copy()
 
 
-def _of_blocks(i: np.ndarray, r: np.ndarray) -> dict[str, np.ndarray]:
+def of_blocks(i: np.ndarray, r: np.ndarray) -> dict[str, np.ndarray]:
     """Return columns of a log of single blocks."""
     return {
         "step": r[0].astype(np.int64),
@@ -110,7 +110,7 @@ def _of_blocks(i: np.ndarray, r: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-def _of_all(i: np.ndarray, r: np.ndarray, u_x: np.ndarray) -> dict[str, np.ndarray]:
+def of_all(i: np.ndarray, r: np.ndarray, u_x: np.ndarray) -> dict[str, np.ndarray]:
     """Return columns of a log of the whole interface."""
     return {
         "step": r[0].astype(np.int64),

@@ -14,3 +14,11 @@ class Status(enum.IntEnum):
     TOO_SHORT = 3  # stopped inside a step: its error stays too large
     NO_MEMORY = 4  # nothing was done: its memory could not be allocated
     STRAINED = 5  # stopped early, after a step: a cell may be turned inside out
+    # of sequences of static states
+    PAUSED = 6  # stopped early: as many changes as asked for
+    UNSETTLED = 7  # contact states do not settle
+    IDLE = 8  # slip goes on without end, in events of no length
+    GROWS = 9  # the growth of the slipping zone does not end
+    AMBIGUOUS = 10  # slip may not be unique from here on
+    UNSUPPORTED = 11  # the slider is not supported
+    UNHELD = 12  # the slider is not held by the blocks that stick

@@ -48,5 +48,6 @@ from pyfric.engines.step_sizes import (
     step_size,
 )
 from pyfric.engines.stopping import ended_by_condition, stopping_of
+from pyfric.engines.together import Asked, has_outline, outlines
 
 ENGINES.update({engine.name: engine for engine in (EQUILIBRIUM, QUASISTATIC, HYBRID, DYNAMIC)})

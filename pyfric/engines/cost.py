@@ -56,7 +56,7 @@ POINTS = 5000
 """Default number of points of the loading curve."""
 RUN = 0.015
 """Time of a run before and after its steps, in s."""
-RELEASE, STATIC_EVENT = 1.5e-8, 3e-4
+RELEASE, STATIC_EVENT = 2.2e-9, 4e-6
 """Time of the quasi-static engine to release a block, over N_x^2, and for one event, in s."""
 FLOPS, UNKNOWN, MODES = 8e9, 3e-6, 13e-6
 """Operations per second of a banded factorisation, with all solutions that follow, and remaining

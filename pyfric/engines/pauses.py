@@ -19,7 +19,6 @@ t_gap is the third time.
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +29,7 @@ from pyfric.engines.space import Space
 from pyfric.engines.stopping import pause_of_waves
 from pyfric.record import count_main
 from pyfric.scene import Interface
-from pyfric.statics import System
+from pyfric.statics import Memory, System
 
 if TYPE_CHECKING:
     from pyfric.record import Record
@@ -43,6 +42,8 @@ SLOWEST = 10
 AT_REST = 0.05
 """Increase of F_T during a relaxation time, over F_N, above which a quasi-static run carries a
 note: a policy on what comes to rest between events."""
+_known: Memory[float] = Memory(64)
+"""Relaxation times of scenes that differ in friction only."""
 BLOCKS, COLUMNS = 5_000, 250
 """Most blocks, and most columns of blocks, that a lattice keeps; a larger one is coarsened."""
 
@@ -68,9 +69,9 @@ def pause_notes(record: Record) -> tuple[str, ...]:
 
     The episodes of slip are only joined again into events; no static state is solved.
     """
-    t_gap = record.method.t_gap
+    t_gap, episodes = record.method.t_gap, record.columns("episodes")
     half, default, twice = (
-        count_main(record.episodes, factor * t_gap, record.scene.N_x) for factor in (0.5, 1.0, 2.0)
+        count_main(episodes, factor * t_gap, record.scene.N_x) for factor in (0.5, 1.0, 2.0)
     )
     if max(abs(half - default), abs(twice - default)) <= 1:
         return ()
@@ -95,16 +96,18 @@ def relaxation_time(scene: Scene) -> float:
         return 0.0
     if scene.eta == 0 or scene.prescribed:
         return math.inf
+    fields = (np.asarray(field).tobytes() for field in (scene.k_f, scene.touches, scene.bare))
+    key = scene.slider, scene.top, scene.driver, scene.walls, *fields
+    return _known.made(key, lambda: _relaxation_time(scene))
+
+
+def _relaxation_time(scene: Scene) -> float:
+    """Return the decay time of a scene whose friction does not matter; see `relaxation_time`."""
     known, mu = scene.interface, 1.0  # of friction only where there is none
     if scene.bare.any():
         mu = tuple(np.where(scene.bare, 0.0, 1.0)[np.argsort(scene.n_of_i)].tolist())
     foundation = Interface(mu_s=mu, mu_k=mu, k_f=known.k_f, contact=known.contact)
-    return _relaxation_time(dataclasses.replace(scene, interface=foundation, name=""))
-
-
-@functools.lru_cache(maxsize=64)
-def _relaxation_time(scene: Scene) -> float:
-    small = coarser(scene)
+    small = coarser(dataclasses.replace(scene, interface=foundation, name=""))
     stuck = small.touches & ~small.bare
     rates = modes_of(Space(System(small, "linear"), stuck, modes=SLOWEST)).rates
     slowest = float(np.min(-rates.real))

@@ -9,10 +9,11 @@ import dataclasses
 import math
 import time
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pyfric.core import OPEN
 from pyfric.engines.quasistatic import QuasistaticRun
 from pyfric.scene import check_number, naming
 from pyfric.signals import at_once
@@ -68,23 +69,27 @@ def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
     run = QuasistaticRun(scene, t_gap=math.inf)  # no pause divides one growth
     _warn_if_ambiguous(run.contact)
     start = time.perf_counter()
-    contact, order = run.contact, np.argsort(scene.n_of_i)
-    slipped = np.zeros(scene.N_x, dtype=bool)
-    reached: list[float] = []
-
-    def note(*_: Any) -> None:
-        nonlocal slipped
-        slipped |= contact.slip != 0
-        over = (slipped | ~contact.closed)[order]
-        length = scene.N_x if over.all() else int(np.argmin(over))
-        reached.append(length / scene.N_x)
-
     run.sample()
-    note()
-    run.follow(math.inf, lambda: False, note)
+    run.follow(math.inf, lambda: False, lambda *_: None)
     run.timings["path"] = time.perf_counter() - start
-    drive = [scene.drive(t) for t in run.history.curve()["t"]]
-    return run.record("complete", "prediction", drive=drive, L_p_over_L=reached)
+    drive = [scene.drive(t) for t in run.history.points()[:, 0].tolist()]
+    return run.record("complete", "prediction", drive=drive, L_p_over_L=_reached(run))
+
+
+def _reached(run: QuasistaticRun) -> list[float]:
+    """Return L_p/L at the points of the curve: up to there all blocks have slipped or are open."""
+    run.pass_on()
+    scene, order = run.scene, np.argsort(run.scene.n_of_i)
+    log, mode, n = run.history.logs(scene.N_x)["switches"], run.mode_0.copy(), 0
+    slipped, found = np.zeros(scene.N_x, dtype=bool), []
+    for step in run.steps:
+        while n < len(log["step"]) and log["step"][n] < step:
+            mode[log["block"][n]] = log["new"][n]
+            n += 1
+        slipped |= np.abs(mode) == 1
+        over = (slipped | (mode == OPEN))[order]
+        found.append(float(np.logical_and.accumulate(over).sum() / scene.N_x))
+    return found
 
 
 def _warn_if_ambiguous(contact: Contact) -> None:

@@ -13,6 +13,10 @@ state all quantities are linear in the drive. The signs of the rates decide whic
 threshold slip and which stick. A sequence with negligible mu_s - mu_k is treated in the same way,
 because it would have too many events. `pyfric.engines.prediction` treats any scene in this way.
 
+The core follows the sequence (`pyfric.core.Sequences`) where it can (`pyfric.statics.follows`). The
+methods `_climb` and `_grow` do the same in Python, with the same changes in the same order: they
+serve runs that the core does not follow, and as its test.
+
 Source: PRL 107, 074301 (2011), for the model, and for arrest lengths with mu_s = mu_k.
 """
 
@@ -25,9 +29,16 @@ import time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
-from pyfric.core import CORNER_SHARE, OPEN, STUCK, StateError
+from pyfric.core import (
+    CORNER_SHARE,
+    IN_EVENT,
+    OPEN,
+    STUCK,
+    Sequences,
+    StateError,
+    Status,
+)
 from pyfric.display import Progress, run_bar
 from pyfric.engines.dynamic import kept_notes
 from pyfric.engines.engine import Engine
@@ -41,6 +52,7 @@ from pyfric.record import (
     History,
     Method,
     Record,
+    Statics,
     build_catalogue,
     versions,
     zone_notes,
@@ -51,16 +63,22 @@ from pyfric.statics import (
     LEAST_DEFINITENESS,
     ContactProblem,
     EquilibriumError,
+    Start,
     Stretch,
     check_ladder,
     check_statics,
+    follows,
+    interfaces_of,
+    legs_of,
+    rules_of,
+    slider_of,
     stretches,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from pyfric.core import State
+    from pyfric.core import Rules, State
     from pyfric.engines.options import Options
     from pyfric.engines.stopping import Stopping
     from pyfric.scene import Scene
@@ -71,6 +89,21 @@ GROWTH = 60
 IDLE = 200
 """Largest number of successive changes of contact state without motion of the driver."""
 
+IN_A_CALL = 4_000_000
+"""Changes of contact state in a call of the core, times N_x^2: some milliseconds of work."""
+ENDLESS = "at t = {t:.6g} s slip goes on without end, in events of no length"
+OF_EVENT = "the quasi-static event at t = {t:.6g} s: {what}"
+AMBIGUOUS = "ended where slip may not be unique"
+"""Status of such a run."""
+WHY = {
+    Status.DONE: "the quasi-static sequence left the range of numbers",
+    Status.UNSETTLED: "contact states do not settle",
+    Status.GROWS: "the growth of the slipping zone does not end",
+    Status.UNSUPPORTED: "the slider is not supported",
+    Status.UNHELD: "the slider is not held by the blocks that stick",
+}
+"""Why the core could not go on."""
+
 BENDS = 32
 """Straight parts of the curve between two changes of contact state while the driver accelerates."""
 
@@ -78,6 +111,31 @@ BENDS = 32
 def _columns(rows: list[tuple[Any, ...]], kinds: Mapping[str, np.dtype]) -> dict[str, np.ndarray]:
     columns = zip(kinds.items(), zip(*rows, strict=True), strict=True)
     return {name: np.array(values, dtype=kind) for (name, kind), values in columns}
+
+
+def changes_in_a_call(N_x: int) -> int:
+    """Return how many changes of contact state of N_x blocks a call of the core makes at most."""
+    return max(IN_A_CALL // N_x**2, 1)
+
+
+def why_not(
+    status: Status, phase: int, t: float, tol: float, rules: Rules, N_x: int
+) -> EquilibriumError:
+    """Return the error of a run that the core could not follow to its end.
+
+    Args:
+        status: of the core.
+        phase: phase of the run.
+        t: time at which it stopped, in s.
+        tol: violation of conditions that is rounding, in N.
+        rules: its limits.
+        N_x: number of blocks.
+    """
+    if status == Status.IDLE:
+        return EquilibriumError(ENDLESS.format(t=t), np.nan, tol, int(rules.idle))
+    limits = {Status.UNSETTLED: rules.changes * N_x, Status.GROWS: rules.growth * N_x}
+    what = OF_EVENT.format(t=t, what=WHY[status]) if phase == IN_EVENT else WHY[status]
+    return EquilibriumError(what, np.nan, tol, int(limits.get(status, 0)))
 
 
 def _check_slip(scene: Scene, contact: Contact) -> None:
@@ -98,30 +156,41 @@ class QuasistaticRun:
     Args:
         scene: the scene.
         t_gap: longest pause inside an event, in s; None means `longest_pause`.
+        stopping: conditions that end the run.
+        in_core: whether the core follows the sequence; None means where it can.
 
     Raises:
         EquilibriumError: the scene has no loaded equilibrium.
     """
 
     name = "quasistatic"
+    until_slip = False
+    """Whether a run ends before its first slip."""
 
     def __init__(
-        self, scene: Scene, t_gap: float | None = None, stopping: Stopping | None = None
+        self,
+        scene: Scene,
+        t_gap: float | None = None,
+        stopping: Stopping | None = None,
+        in_core: bool | None = None,
     ) -> None:
         start = time.perf_counter()
         self.scene, self.stopping = scene, stopping
+        self.in_core = follows(scene) if in_core is None else in_core
         self.t_gap = longest_pause(scene) if t_gap is None else t_gap
         self.problem = ContactProblem(scene)
         self.contact = self.problem.loaded()
         _check_slip(scene, self.contact)
         self.drive_0 = self.contact.drive
         self.history = History(["t", "F_T"])
-        self.mode = self.contact.logged
+        self.mode_0 = self.mode = self.contact.logged
         self.corner, self.p_corner = np.zeros(scene.N_x, bool), CORNER_SHARE * scene.F_N / scene.N_x
         self.slips, self.changes, self.starts, self.events, self.releases = False, 0, 0, 0, 0
         self.nothing = self.history.logs(scene.N_x)["quiet"]  # columns of an empty log
         self.switches: list[tuple[Any, ...]] = []  # rows of both logs that the history lacks
         self.quiet: list[tuple[Any, ...]] = []
+        self.steps: list[int] = []  # changes before each point of the curve
+        self.statics: list[tuple[Any, ...]] = []  # F_T, f and p at each row of the quiet log
         self.stretch = Stretch(scene.legs(0.0)[0], self.drive_0)  # the present part
         self.ending = ""  # status of a run that ends before its time
         self.t_quiet = -math.inf  # no slip before this time
@@ -136,11 +205,21 @@ class QuasistaticRun:
         return {"releases": self.releases, "static_events": self.events, "block_evaluations": 0}
 
     @property
+    def grows(self) -> bool:
+        """Whether slip grows continuously."""
+        return self.contact.law.gradual and not self.until_slip
+
+    @property
     def t(self) -> float:
         return self.stretch.leg.time_at(self.contact.drive - self.stretch.offset)
 
     def sample(self) -> None:
-        self.history.add(np.array([[self.t, self.contact.values().F_T]]))
+        self.point(self.t, self.contact.values().F_T)
+
+    def point(self, t: float, F_T: float) -> None:
+        """Add a point to the curve, at t (s), in N."""
+        self.history.add(np.array([[t, F_T]]))
+        self.steps.append(self.changes)
 
     def log(self, t: float, before: Values | None = None) -> None:
         """Log the changes of contact state. Slip starts at the values `before` the change."""
@@ -163,6 +242,7 @@ class QuasistaticRun:
         if self.slips != was:
             kind, mode, at = (-1, new, now) if was else (1, old, before)
             self.quiet.append((self.changes, t, kind, at.F_T, at.u_x.copy(), mode))
+            self.statics.append(([at.F_T], at.f[None], at.p[None]))
             self.starts += self.slips
         self.changes += 1
 
@@ -187,15 +267,18 @@ class QuasistaticRun:
         self.sample()
         self.follow(t_end, stop, show)
         if not np.isfinite(self.history.last[1]):
-            what = "the quasi-static sequence left the range of numbers"
-            raise EquilibriumError(what, np.nan, self.contact.tol, 0)
+            raise EquilibriumError(WHY[Status.DONE], np.nan, self.contact.tol, 0)
         self.timings["events"] = time.perf_counter() - start
         return not stop()
 
     def follow(self, t_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
         """Follow the segments of the protocol up to t_end (s), which may be inf."""
+        parts = stretches(self.scene, self.drive_0, t_end)
+        if self.in_core:
+            self._follow_in_core(parts, stop, show)
+            return
         contact = self.contact
-        for stretch in stretches(self.scene, self.drive_0, t_end):
+        for stretch in parts:
             leg, offset, route = stretch
             if leg.way != contact.way or route is not None:  # all slip stops
                 contact.hold_all()
@@ -205,13 +288,68 @@ class QuasistaticRun:
                 contact.along(self.problem.along(route), offset + leg.first)
             if leg.way:
                 contact.way = leg.way
-                go = self.grow if contact.law.gradual else self._climb
+                go = self._grow if self.grows else self._climb
                 go(offset + leg.last, stop, show)
             if stop() or self.ending or math.isinf(leg.t_end):
                 return
             contact.drive = offset + leg.last
-            self.history.add(np.array([[leg.t_end, contact.values().F_T]]))
+            self.point(leg.t_end, contact.values().F_T)
             show(*self.history.last, self.events)
+
+    def _follow_in_core(
+        self, parts: Sequence[Stretch], stop: Callable[[], bool], show: Callable[..., None]
+    ) -> None:
+        """Follow the segments of the protocol in the core."""
+        scene, stops = self.scene, self.stopping is not None or self.until_slip
+        if self.grows:
+            self._note_continuous()
+        runs = Sequences(
+            slider_of(self.problem, parts),
+            rules_of(scene, IDLE, GROWTH),
+            legs_of(parts),
+            interfaces_of([Start.of(self.contact)], parts, grow=not self.until_slip),
+        )
+        limit, status = changes_in_a_call(scene.N_x), Status.PAUSED
+        self._force_at = lambda drive: runs.force(0, drive)
+        while status in (Status.PAUSED, Status.LOG_FULL) and not stop():
+            status = Status(runs.go_on(limit, stops=stops)[0])
+            self._take(runs)
+            self.stretch = parts[min(int(runs.count("leg")[0]), len(parts)) - 1]
+            show(*self.history.last, self.events)
+            if stops and runs.looks[0]:
+                ahead = float(runs.ahead[0])
+                t = self.stretch.leg.time_at(ahead - self.stretch.offset)
+                if self._ended(t) or self._slips(int(runs.slipping[0]), t, ahead):
+                    return
+        if status == Status.AMBIGUOUS:
+            self._end_ambiguous()
+        elif status not in (Status.DONE, Status.PAUSED, Status.LOG_FULL):
+            t, phase, tol = self.history.last[0], int(runs.count("phase")[0]), float(runs.tol[0])
+            raise why_not(status, phase, t, tol, runs.rules, scene.N_x)
+
+    def _slips(self, i: int, t: float, drive: float) -> bool:
+        """End a run that ends before its first slip if block i slips next; -1 means none."""
+        if i < 0 or not self.until_slip:
+            return False
+        self.point(t, self._force_at(drive))
+        self._end_at_slip(i)
+        return True
+
+    def _take(self, runs: Sequences) -> None:
+        """Take what the core has logged, and what it has counted."""
+        log = runs.log(0)
+        self.history.add(log.points[:, :2])
+        self.steps += log.points[:, 2].astype(int).tolist()
+        self.history.log(switches=log.switches, quiet=log.quiet)
+        self.statics.append((log.quiet["F_T"], log.f, log.p))
+        if self.stopping is not None:
+            self.stopping.take(log.switches, log.quiet)
+        self.mode = runs.mode[0]
+        self.changes, self.events, self.releases, self.starts = (
+            int(runs.count(name)[0]) for name in ("step", "events", "releases", "starts")
+        )
+
+    # --- in Python -------------------------------------------------------------------------------
 
     def _climb(self, drive_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
         """Follow the sequence of events until the driver is at drive_end."""
@@ -223,8 +361,7 @@ class QuasistaticRun:
                 return
             idle = idle + 1 if contact.way * (drive - contact.drive) <= rounding else 0
             if idle > IDLE:
-                text = f"at t = {self.t:.6g} s slip goes on without end, in events of no length"
-                raise EquilibriumError(text, np.nan, contact.tol, IDLE)
+                raise EquilibriumError(ENDLESS.format(t=self.t), np.nan, contact.tol, IDLE)
             if self._ended(self.stretch.leg.time_at(drive - self.stretch.offset)):
                 return
             contact.drive = drive
@@ -239,18 +376,14 @@ class QuasistaticRun:
             if self.ending:
                 return
 
-    def grow(self, drive_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
+    def _grow(self, drive_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> None:
         """Follow continuous slip, mu_k = mu_s, until the driver is at drive_end or nothing changes.
 
         Raises:
             EquilibriumError: stick and slip rates are not found, or the zone grows without end.
         """
+        self._note_continuous()
         contact, law = self.contact, self.contact.law.continuous()
-        if np.any(contact.law.drop > 0):
-            self.notes += (
-                f"mu_s - mu_k = {np.max(contact.law.drop):.3g} is negligible: "
-                f"slip is continuous, at mu_s = {law.mean.mu_s:g}",
-            )
         contact.law = law
         for _ in range(GROWTH * self.scene.N_x):
             for _ in contact.settle_rates():
@@ -262,37 +395,65 @@ class QuasistaticRun:
             if stop() or not contact.stuck.any() or self._ended(self.t):
                 return
             if contact.definiteness() < LEAST_DEFINITENESS:
-                self.ending = "ended where slip may not be unique"
-                self.notes += (
-                    f"{self.name}: slip is followed up to F_T/F_N = "
-                    f"{self.history.last[1] / self.scene.F_N:.6g}, where the definiteness of the "
-                    f"slip operator falls below {LEAST_DEFINITENESS:g}: friction is so strong "
-                    f"(mu = {law.mean.mu_s:g}) that the solution may not be unique beyond",
-                )
+                self._end_ambiguous()
                 return
             drive, i, mode = contact.next_change(reload=False)
             if math.isinf(drive) or not contact.way * (drive - drive_end) <= 0:
                 return
             contact.drive = drive
             contact.change(i, mode)
-        what = "the growth of the slipping zone does not end"
-        raise EquilibriumError(what, np.nan, contact.tol, GROWTH * self.scene.N_x)
+        limit = GROWTH * self.scene.N_x
+        raise EquilibriumError(WHY[Status.GROWS], np.nan, contact.tol, limit)
+
+    def _end_at_slip(self, i: int) -> None:
+        """End the run where block i slips first."""
+        (t, F_T), n = self.history.last, int(self.scene.n_of_i[i])
+        self.ending = "ended at first slip"
+        self.notes += (
+            f"{self.name}: the run ends where block {n} slips first, "
+            f"at t = {t:.9g} s and F_T/F_N = {F_T / self.scene.F_N:.9g}",
+        )
+
+    def _note_continuous(self) -> None:
+        """Note that slip is continuous although friction weakens a little."""
+        law = self.contact.law
+        if np.any(law.drop > 0):
+            self.notes += (
+                f"mu_s - mu_k = {np.max(law.drop):.3g} is negligible: "
+                f"slip is continuous, at mu_s = {law.mean.mu_s:g}",
+            )
+
+    def _end_ambiguous(self) -> None:
+        """End the run where slip may not be unique."""
+        self.ending = AMBIGUOUS
+        self.notes += (
+            f"{self.name}: slip is followed up to F_T/F_N = "
+            f"{self.history.last[1] / self.scene.F_N:.6g}, where the definiteness of the "
+            f"slip operator falls below {LEAST_DEFINITENESS:g}: friction is so strong "
+            f"(mu = {self.contact.law.mean.mu_s:g}) that the solution may not be unique beyond",
+        )
 
     def _ended(self, t: float) -> bool:
         """Return whether a condition ends the run before the next change, at t (s)."""
         if self.stopping is None:
             return False
         self.pass_on()
-        self.stopping.look(self.t, self.mode)
+        now = self.history.last[0]
+        self.stopping.look(now, self.mode)
         due, text = self.stopping.due()
         if max(due, self.begin) <= t:
             self.ending = self.stopping.named(text)
-            self.t_quiet = max(due, self.begin, self.t)
-            if self.begin > max(due, self.t):  # the record that goes on ends there
+            self.t_quiet = max(due, self.begin, now)
+            if self.begin > max(due, now):  # the record that goes on ends there
                 (leg, offset, _), s = self.stretch, self.begin - self.stretch.leg.t
-                self.contact.drive = offset + leg.first + s * (leg.value + 0.5 * s * leg.slope)
-                self.sample()
+                drive = offset + leg.first + s * (leg.value + 0.5 * s * leg.slope)
+                self.point(leg.time_at(drive - offset), self._force_at(drive))
         return bool(self.ending)
+
+    def _force_at(self, drive: float) -> float:
+        """Return F_T (N) with the driver at a position (m), while no contact state changes."""
+        self.contact.drive = drive
+        return self.contact.values().F_T
 
     def _event(self, i: int, direction: int, stop: Callable[[], bool]) -> None:
         """Release block i and follow the event at this position of the driver."""
@@ -308,17 +469,27 @@ class QuasistaticRun:
                     return
         except EquilibriumError as error:
             what, *figures = error.args
-            what = f"the quasi-static event at t = {t:.6g} s: {what}"
-            raise EquilibriumError(what, *figures) from error
+            raise EquilibriumError(OF_EVENT.format(t=t, what=what), *figures) from error
         contact.hold_all()
         self.log(t)
 
-    def _with_bends(self) -> list[Sequence[float]]:
-        """Return the points of the curve, and more of them where the driver accelerates.
+    def known_statics(self) -> Statics:
+        """Return the static states at the rows of the quiet log."""
+        if not self.statics:
+            nothing = np.zeros((0, self.scene.N_x))
+            return Statics(np.zeros(0), nothing, nothing)
+        F_T, f, p = map(np.concatenate, zip(*self.statics, strict=True))
+        return Statics(F_T, -self.scene.d * f, p)
+
+    def _with_bends(self) -> np.ndarray:
+        """Return the points of the curve, and more of them where the driver accelerates, (n, 2).
 
         Between two points F_T is linear in the position of the driver.
         """
-        scene, rows = self.scene, self.history.curve().to_numpy().tolist()
+        scene, points = self.scene, self.history.points()
+        if not any(leg.slope for leg in scene.legs(self.history.last[0])):
+            return points
+        rows = points.tolist()
         found = rows[:1]
         for (t, F_T), end in itertools.pairwise(rows):
             if end[0] > t and scene.piece("V", 0.5 * (t + end[0])).slope:
@@ -328,7 +499,7 @@ class QuasistaticRun:
                 forces = [F_T + rate * (drive - first) for drive in inside]
                 found += zip(times[1:-1], forces, strict=True)
             found.append(end)
-        return found
+        return np.array(found)
 
     def record(self, status: str, engine: str | None = None, **columns: Any) -> Record:
         """Return the record of the run so far."""
@@ -341,12 +512,11 @@ class QuasistaticRun:
             scene=scene,
             t_gap=self.t_gap,
             t_end=max(self.history.last[0], self.t_quiet),
-            solver=self.problem,
+            statics=self.known_statics(),
         )
-        curve = self.history.curve().assign(**columns)
-        t_end, F_T = self.history.last[0], curve["F_T"].abs().max()
-        if not columns:
-            curve = pd.DataFrame(self._with_bends(), columns=["t", "F_T"])
+        points = self.history.points() if columns else self._with_bends()
+        curve = {"t": points[:, 0], "F_T": points[:, 1], **columns}
+        t_end, F_T = self.history.last[0], float(np.abs(points[:, 1]).max())
         f, p = self.initial.f, self.initial.p
         engine = engine or self.name
         warned = strain_notes(scene, engine, F_T, t_end)
@@ -373,17 +543,10 @@ class EquilibriumRun(QuasistaticRun):
     """The stuck slider under the driver up to the first slip. Blocks may open and close."""
 
     name = "equilibrium"
+    until_slip = True
 
     def _event(self, i: int, direction: int, stop: Callable[[], bool]) -> None:
-        scene, F_T = self.scene, self.contact.values().F_T
-        n, self.ending = int(scene.n_of_i[i]), "ended at first slip"
-        self.notes += (
-            f"equilibrium: the run ends where block {n} slips first, "
-            f"at t = {self.t:.9g} s and F_T/F_N = {F_T / scene.F_N:.9g}",
-        )
-
-    def grow(self, *args: Any) -> None:
-        self._climb(*args)
+        self._end_at_slip(i)
 
 
 def static_sequence(

@@ -7,7 +7,7 @@ lengths jump with them, so that a change is a difference and no derivative.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,13 +15,9 @@ import numpy as np
 import pandas as pd
 
 from pyfric.display import Shown
-from pyfric.planning import simulate
-from pyfric.record import (
-    Record,
-    front_speed,
-    precursor_lengths,
-    system_size_events,
-)
+from pyfric.engines import Asked, Options, has_outline, outlines
+from pyfric.planning import check_run, simulate
+from pyfric.record import Outline, Record, front_speed
 from pyfric.scene import (
     Number,
     Scene,
@@ -108,15 +104,12 @@ def sensitivity(
     scene = as_scene(scene, {})
     t_end = check_number("t_end", t_end, "s", gt=0.0)
     options = {"fidelity": "quasistatic", "progress": False} | options
-    base = quantities(simulate(scene, t_end, **options))
-    rows = []
-    for name, (value, step) in _steps(scene, steps).items():
-        ends = [
-            quantities(simulate(scene.replace({name: value + sign * step}), t_end, **options))
-            for sign in (-1, 1)
-        ]
+    known, rows = _steps(scene, steps), []
+    ends = [{name: value + way * step} for name, (value, step) in known.items() for way in (-1, 1)]
+    base, *found = _all_quantities([scene, *map(scene.replace, ends)], t_end, options)
+    for n, (name, (value, step)) in enumerate(known.items()):
         for quantity, now in base.items():
-            low, high = (end[quantity] for end in ends)
+            low, high = (end[quantity] for end in found[2 * n : 2 * n + 2])
             row = {"parameter": name, "value": value, "step": step, "quantity": quantity}
             rows.append(row | {"low": low, "base": now, "high": high})
     return Sensitivity(table=pd.DataFrame(rows), scene=scene)
@@ -157,25 +150,47 @@ def _value(scene: Scene, name: str) -> Any:
     return found[0] if len(found) == 1 else None
 
 
+def _all_quantities(
+    scenes: Sequence[Scene], t_end: float, options: Mapping[str, Any]
+) -> list[dict[str, float]]:
+    """Return the quantities of a run of each scene."""
+    rest = {name: value for name, value in options.items() if name != "progress"}
+    asked = Options(**rest)
+    if not all(has_outline(scene, asked) for scene in scenes):
+        return [quantities(simulate(scene, t_end, **options)) for scene in scenes]
+    for scene in scenes:
+        check_run(scene, asked)
+    found = []
+    for run in outlines(Asked(scene, t_end, asked.t_gap) for scene in scenes):
+        if isinstance(run, Exception):
+            raise run
+        found.append(_quantities(run))
+    return found
+
+
 def quantities(record: Record) -> dict[str, float]:
     """Return the quantities of `QUANTITIES` of a run."""
-    scene, events = record.scene, record.events
-    main = events[events["is_main"]]
-    start, arrest = main["F_T_start"] / scene.F_N, main["F_T_arrest"] / scene.F_N
-    sliding, lengths = system_size_events(record), precursor_lengths(record)["L_p_over_L"]
-    speeds = math.nan
+    found = _quantities(Outline.of_record(record))
     if record.method.engine != "quasistatic":
-        times = record.rupture_times[events["is_main"].to_numpy()]
-        speed = front_speed(times, scene.slider.l, scene.ahead)
-        speeds = float(np.nanmedian(speed)) if np.isfinite(speed).any() else math.nan
-    gaps = sliding["t_start"].diff().iloc[1:]
+        main, scene = record.columns("events")["is_main"], record.scene
+        speed = front_speed(record.rupture_times[main], scene.slider.l, scene.ahead)
+        if np.isfinite(speed).any():
+            found["front_speed"] = float(np.nanmedian(speed))
+    return found
+
+
+def _quantities(run: Outline) -> dict[str, float]:
+    """Return the quantities of a run, but for speeds of fronts."""
+    main, events, F_N = run.events["is_main"], run.events, run.scene.F_N
+    start, arrest = events["F_T_start"][main] / F_N, events["F_T_arrest"][main] / F_N
+    drops = (start - arrest)[np.isfinite(arrest)]
     return {
-        "first_force": float(start.iloc[0]) if len(main) else math.nan,
-        "largest_force": float(start.max()),
-        "largest_drop": float((start - arrest).max()),
-        "precursors": float(len(lengths)),
-        "longest": float(lengths.max()) if len(lengths) else math.nan,
-        "system_size": float(len(sliding)),
-        "recurrence": float(gaps.mean()) if len(gaps) else math.nan,
-        "front_speed": speeds,
+        "first_force": run["F_first"] / F_N,
+        "largest_force": float(start.max()) if len(start) else math.nan,
+        "largest_drop": float(drops.max()) if len(drops) else math.nan,
+        "precursors": run["n_precursors"],
+        "longest": run["L_p_max"],
+        "system_size": run["n_system_size"],
+        "recurrence": run["recurrence"],
+        "front_speed": math.nan,
     }

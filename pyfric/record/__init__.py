@@ -17,6 +17,7 @@ from pyfric.record.analysis import (
 from pyfric.record.balance import extent, potency_history
 from pyfric.record.catalogue import (
     Catalogue,
+    Statics,
     build_catalogue,
     count_main,
     main_blocks,
@@ -36,6 +37,7 @@ from pyfric.record.held import (
 from pyfric.record.history import History
 from pyfric.record.measured import Errors
 from pyfric.record.method import T_GAP, Method, provenance, versions
+from pyfric.record.outlines import EVENT_COLUMNS, RUN_COLUMNS, Outline
 from pyfric.record.pairing import paired
 from pyfric.record.record import Record, load
 from pyfric.record.recurrence import Sizes, b_value, sizes

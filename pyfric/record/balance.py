@@ -27,6 +27,7 @@ Seismology (2002), chapter 3.
 from __future__ import annotations
 
 import functools
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
@@ -57,26 +58,26 @@ def extent(record: RecordData, event: int) -> pd.DataFrame:
         SceneError: no such event.
     """
     record.row(event)
-    episodes, l = record.episodes, record.scene.slider.l
-    episodes = episodes[episodes["event"] == event]
-    _, n, t, speed = _growth(episodes, l)
-    start, stop = (np.sort(episodes[name].dropna()) for name in ("t_start", "t_stop"))
+    slips, l = record.columns("episodes"), record.scene.slider.l
+    slips = {name: column[slips["event"] == event] for name, column in slips.items()}
+    _, n, t, speed = _growth(slips, l)
+    start, stop = (np.sort(slips[name][~np.isnan(slips[name])]) for name in ("t_start", "t_stop"))
     now = np.searchsorted(start, t, side="right") - np.searchsorted(stop, t, side="right")
     lengths = l * np.arange(1, t.size + 1)
     columns = {"n": n, "t": t, "length": lengths, "slipping": l * now, "speed": speed}
     return pd.DataFrame(columns)
 
 
-def _growth(episodes: pd.DataFrame, l: float) -> tuple[np.ndarray, ...]:
+def _growth(episodes: Mapping[str, np.ndarray], l: float) -> tuple[np.ndarray, ...]:
     """Return event, number and time (s) of each block's first slip, and the speed of l(t) there.
 
     They are in the order of events and, in each, of time. Corner episodes are left out.
     """
-    event, n, t = (episodes[name].to_numpy() for name in ("event", "n", "t_start"))
+    event, n, t = (episodes[name] for name in ("event", "n", "t_start"))
     order = np.lexsort((n, t, event))
     order = order[event[order] > 0]
-    pairs = np.column_stack([event[order], n[order]])
-    _, first = np.unique(pairs, axis=0, return_index=True)
+    blocks = n.max(initial=0) + 1
+    _, first = np.unique(event[order] * blocks + n[order], return_index=True)
     kept = order[np.sort(first)]
     event, n, t = event[kept], n[kept], t[kept]
     speed = np.full(t.size, np.nan)
@@ -118,10 +119,15 @@ def potency_history(record: RecordData, event: int | None = None) -> pd.DataFram
 # --- columns of the table of events --------------------------------------------------------------
 
 
+def _count(record: RecordData) -> int:
+    """Return the number of events."""
+    return len(record.columns("events")["t_start"])
+
+
 def _onset(record: RecordData) -> np.ndarray:
     """Return time (s) and length (m) at the onset of the fast part of events, (n_events, 2)."""
-    found, l = np.full((len(record.events), 2), np.nan), record.scene.slider.l
-    event, _, t, speed = _growth(record.episodes, l)
+    found, l = np.full((_count(record), 2), np.nan), record.scene.slider.l
+    event, _, t, speed = _growth(record.columns("episodes"), l)
     fast = speed >= SLOW * pace_limits(record.scene)[0]  # nowhere at the last four of an event
     edges = np.flatnonzero(np.diff(np.concatenate([[False], fast, [False]]).astype(int)))
     begin, end = edges[::2], edges[1::2]
@@ -138,7 +144,7 @@ def _ends(record: RecordData, name: str) -> np.ndarray:
 
     In an event that is not finished, the second is that at the end of the record.
     """
-    events, log = record.events, record.transitions
+    events, log = record.columns("events"), record.transitions
     values = np.asarray(log[name], dtype=float)
     none = np.full((1, *values.shape[1:]), np.nan)
     ends = np.stack(
@@ -148,23 +154,25 @@ def _ends(record: RecordData, name: str) -> np.ndarray:
     state = record.final_state
     if name == "u_x" and state is not None:
         ends[1, going] = state.y[0, 0]
-    elif name in record.curve:
-        ends[1, going] = record.curve[name].iloc[-1]
+    elif name in (curve := record.columns("curve")):
+        ends[1, going] = curve[name][-1]
     return ends
 
 
 def _moved(record: RecordData, *names: str) -> np.ndarray:
     """Return the sum of what columns of the budget changed in each event, J."""
-    held = [name for name in names if name in record.transitions and name in record.curve]
+    curve = record.columns("curve")
+    held = [name for name in names if name in record.transitions and name in curve]
     if not held:
-        return np.full(len(record.events), np.nan)
+        return np.full(_count(record), np.nan)
     return sum(np.diff(_ends(record, name), axis=0)[0] for name in held)
 
 
 def _part(record: RecordData, name: str) -> np.ndarray:
     """Return a part of the heat; it is 0 where the law of the scene has none."""
-    known = "friction_heat" in record.curve and record.scene.law.rests
-    if known and name not in record.curve:
+    curve = record.columns("curve")
+    known = "friction_heat" in curve and record.scene.law.rests
+    if known and name not in curve:
         return 0.0 * _moved(record, "friction_heat")
     return _moved(record, name)
 
@@ -186,22 +194,23 @@ def potency(record: RecordData) -> np.ndarray:
 
 @event_column("m2/s", "largest l |sum of v_x|, NaN: not measured, no slip rates", required=False)
 def potency_rate(record: RecordData) -> np.ndarray:
-    events, log, found = record.events, record.transitions, []
+    events, log, found = record.columns("events"), record.transitions, []
     if "v_x" in record.motion:
         v = record.motion["v_x"].astype(float).sum(axis=1)
-        found.append(_largest(events, record.curve["t"].to_numpy(), np.abs(v)))
+        found.append(_largest(events, record.columns("curve")["t"], np.abs(v)))
     if "sum_v" in log:  # it stands at the end of fast slip
         ends = np.flatnonzero(log["kind"] < 0)
         begins = np.append(log["t"], np.nan)[ends - 1]
         found.append(_largest(events, begins, log["sum_v"][ends]))
-    none = np.full(len(events), np.nan)
+    none = np.full(_count(record), np.nan)
     return record.scene.slider.l * functools.reduce(np.fmax, found, none)
 
 
-def _largest(events: pd.DataFrame, t: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _largest(events: Mapping[str, np.ndarray], t: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return the largest value at increasing times (s) in each event, NaN where there is none."""
     begin = np.searchsorted(t, events["t_start"])
-    end = np.searchsorted(t, events["t_stop"].fillna(np.inf), side="right")
+    stop = np.where(np.isnan(events["t_stop"]), np.inf, events["t_stop"])
+    end = np.searchsorted(t, stop, side="right")
     spans = zip(begin, end, strict=True)
     return np.array([values[a:b].max() if a < b else np.nan for a, b in spans])
 

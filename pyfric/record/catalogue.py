@@ -30,7 +30,7 @@ import math
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -59,6 +59,21 @@ MAIN_EVENT_BLOCKS = 4
 """Fewest distinct blocks that slip in a main event of an interface that has so many: a policy."""
 
 
+class Statics(NamedTuple):
+    """Static states: F_T, shape (n,), and tau and p, shape (n, N_x), in N."""
+
+    F_T: np.ndarray
+    tau: np.ndarray
+    p: np.ndarray
+
+    def at(self, rows: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the states in some rows by name; NaN where a row is -1."""
+        return {
+            name: np.concatenate([all_, np.full((1, *all_.shape[1:]), np.nan)])[rows]
+            for name, all_ in self._asdict().items()
+        }
+
+
 @dataclass(kw_only=True)
 class Catalogue:
     """What slipped in a run: episodes, events, and arrays over events and blocks.
@@ -66,30 +81,44 @@ class Catalogue:
     ``catalogue["t_stop"]`` is the column of events, or the array, of that name.
 
     Attributes:
-        events: a data frame with a row for each event, counted from 1.
-        arrays: arrays over events and blocks by name, shape (n_events, N_x), blocks from the left.
-        episodes: a data frame, with the event of each.
+        slips: columns of the episodes, with the event of each.
         quiet, switches: the logs, as dicts of arrays.
         t_gap: longest pause inside an event, s.
         t_end: time of the end of the run, s; inf if that is not known.
         solver: finds static states; None leaves them NaN.
+        statics: static states at the rows of the quiet log, if they are known.
     """
 
     scene: Scene
-    episodes: pd.DataFrame
+    slips: Mapping[str, np.ndarray]
     quiet: Mapping[str, np.ndarray]
     switches: Mapping[str, np.ndarray]
     t_gap: float
     t_end: float
     solver: StaticSolver | None
+    statics: Statics | None = None
     _found: dict[str, np.ndarray] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        names = [
-            name for name, column in held_in("events").items() if column.find and column.required
-        ]
-        self.events = table("events", {name: self[name] for name in names})
-        self.arrays = {name: self[name] for name in found_arrays()}
+    @property
+    def events(self) -> pd.DataFrame:
+        """A data frame with a row for each event, counted from 1."""
+        return table("events", self.columns)
+
+    @property
+    def episodes(self) -> pd.DataFrame:
+        """A data frame with a row for each episode, with the event of each."""
+        return table("episodes", self.slips)
+
+    @functools.cached_property
+    def columns(self) -> dict[str, np.ndarray]:
+        """The columns of `events`."""
+        held = held_in("events").items()
+        return {name: self[name] for name, column in held if column.find and column.required}
+
+    @functools.cached_property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Arrays over events and blocks by name, shape (n_events, N_x), blocks from the left."""
+        return {name: self[name] for name in found_arrays()}
 
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self._found:
@@ -100,8 +129,8 @@ class Catalogue:
     @functools.cached_property
     def joined(self) -> dict[str, np.ndarray]:
         """Columns of the episodes that are part of events, and `row`, that of the event, from 0."""
-        of_event = self.episodes[self.episodes["event"] > 0]
-        columns = {name: of_event[name].to_numpy() for name in of_event}
+        of_event = self.slips["event"] > 0
+        columns = {name: column[of_event] for name, column in self.slips.items()}
         return columns | {"row": columns["event"] - 1}
 
     @functools.cached_property
@@ -135,9 +164,11 @@ class Catalogue:
         The bottom row is held at the u_x of the quiet log, open blocks are free, and the driver
         stands where it is then: without ring-down and drift, whichever engine wrote the log.
         """
-        scene, failed, found, rows = self.scene, [], {}, {}
-        for at in ("start", "stop"):
-            rows[at] = self[f"quiet_{at}"]
+        scene, failed, found = self.scene, [], {}
+        rows = {at: self[f"quiet_{at}"] for at in ("start", "stop")}
+        if self.statics is not None:
+            return {at: self.statics.at(row) for at, row in rows.items()}
+        for at in rows:
             tau = np.full((len(rows[at]), scene.N_x), np.nan)
             found[at] = {"F_T": np.full(len(tau), np.nan), "tau": tau, "p": tau.copy()}
         for e, at in itertools.product(range(len(rows["start"])), found):  # in the order of time
@@ -178,6 +209,7 @@ def build_catalogue(
     t_end: float | None = None,
     last: State | LastSlip | None = None,
     solver: StaticSolver | None = None,
+    statics: Statics | None = None,
 ) -> Catalogue:
     """Build the catalogue of a run from its logs.
 
@@ -193,6 +225,8 @@ def build_catalogue(
         last: state at the end of the logs. Blocks that slip in it and are not in the logs slipped
             all the time; without it they do not count.
         solver: a `StaticSolver` for the static forces and stresses; without it they are NaN.
+        statics: static states at the rows of the quiet log, if they are known; the solver is then
+            not needed.
 
     Returns:
         The catalogue: its columns and arrays are the functions of this module; columns.csv of
@@ -213,12 +247,13 @@ def build_catalogue(
     episodes["event"] = _event_numbers(episodes, t_gap)
     return Catalogue(
         scene=scene,
-        episodes=episodes,
+        slips=episodes,
         quiet=quiet,
         switches=switches,
         t_gap=t_gap,
         t_end=math.inf if t_end is None else t_end,
         solver=solver,
+        statics=statics,
     )
 
 
@@ -227,15 +262,14 @@ def parts(pause: Any, t_gap: float) -> Any:
     return pause > t_gap * (1 + ROUNDED)
 
 
-def _event_numbers(episodes: pd.DataFrame, t_gap: float) -> np.ndarray:
+def _event_numbers(episodes: Mapping[str, np.ndarray], t_gap: float) -> np.ndarray:
     """(n_episodes,) number of the event each episode belongs to, from 1; 0 for corner episodes."""
-    joins = ~episodes["corner"].to_numpy()
-    start = episodes["t_start"].to_numpy()[joins]
-    stop = episodes["t_stop"].to_numpy()[joins]
+    joins = ~episodes["corner"]
+    start, stop = episodes["t_start"][joins], episodes["t_stop"][joins]
     end_of_all = np.maximum.accumulate(np.where(np.isnan(stop), np.inf, stop))
     begins = np.ones(start.size, dtype=bool)
     begins[1:] = parts(start[1:] - end_of_all[:-1], t_gap)
-    event = np.zeros(len(episodes), dtype=np.int64)
+    event = np.zeros(len(joins), dtype=np.int64)
     event[joins] = np.cumsum(begins)
     return event
 
@@ -245,10 +279,16 @@ def main_blocks(N_x: int) -> int:
     return min(MAIN_EVENT_BLOCKS, N_x)
 
 
-def count_main(episodes: pd.DataFrame, t_gap: float, N_x: int) -> int:
-    """Return how many main events the episodes of N_x blocks make with a longest pause, in s."""
+def count_main(episodes: Mapping[str, np.ndarray], t_gap: float, N_x: int) -> int:
+    """Return how many main events the episodes of N_x blocks make with a longest pause, in s.
+
+    Args:
+        episodes: columns of the episodes.
+        t_gap: longest pause, in s.
+        N_x: number of blocks.
+    """
     event = _event_numbers(episodes, t_gap)
-    blocks = _distinct_blocks(event[event > 0] - 1, episodes["n"].to_numpy()[event > 0])
+    blocks = _distinct_blocks(event[event > 0] - 1, episodes["n"][event > 0])
     return int((blocks >= main_blocks(N_x)).sum())
 
 
@@ -407,12 +447,12 @@ def region(of: Catalogue) -> np.ndarray:
     if len(found) == 0:
         return found
     begin, end = of["t_start"], _or_inf(of["t_stop"])
-    corner = of.episodes[of.episodes["event"] == 0]
-    low = np.searchsorted(end, corner["t_start"].to_numpy(), side="left")
-    high = np.searchsorted(begin, _or_inf(corner["t_stop"].to_numpy()), side="right")
+    corner = of.slips["event"] == 0
+    low = np.searchsorted(end, of.slips["t_start"][corner], side="left")
+    high = np.searchsorted(begin, _or_inf(of.slips["t_stop"][corner]), side="right")
     overlaps = np.maximum(high - low, 0)  # a corner episode may overlap several events
     within = np.arange(overlaps.sum()) - np.repeat(np.cumsum(overlaps) - overlaps, overlaps)
-    found[np.repeat(low, overlaps) + within, np.repeat(corner["i"].to_numpy(), overlaps)] = 2
+    found[np.repeat(low, overlaps) + within, np.repeat(of.slips["i"][corner], overlaps)] = 2
 
     known = of["quiet_stop"] >= 0
     open_at_end = np.zeros(found.shape, dtype=bool)

@@ -27,7 +27,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from pyfric import core
 from pyfric.core import OPEN, State
@@ -97,20 +96,23 @@ def rupture_class(record: RecordData, event: int | None = None, slow: float = SL
         SceneError: there is no such event.
     """
     slow = check_number("slow", slow, "", gt=0.0, lt=1.0)
-    if event is None and record.events.empty:
+    events, scene = record.columns("events"), record.scene
+    if event is None and not len(events["t_start"]):
         return RuptureClass(NOTHING, NOTHING, math.nan, 0)
     if event is None:
-        event = int(record.events["n_blocks"].idxmax())
-    record.row(event)
-    scene, episodes = record.scene, record.episodes
-    episodes = episodes[episodes["event"] == event]
-    first = episodes.groupby("n").first().reindex(range(1, scene.N_x + 1))
-    t, stop = first["t_start"].to_numpy(), first["t_stop"].to_numpy()
-    reached = int(np.flatnonzero(np.isfinite(t))[-1]) + 1
+        event = int(np.argmax(events["n_blocks"])) + 1
+    row, slips = record.row(event), record.columns("episodes")
+    of_event = slips["event"] == event
+    n, start, end = (slips[name][of_event] for name in ("n", "t_start", "t_stop"))
+    blocks, first = np.unique(n, return_index=True)
+    t, stop = np.full(scene.N_x, np.nan), np.full(scene.N_x, np.nan)
+    t[blocks - 1], stop[blocks - 1] = start[first], end[first]
+    reached = int(blocks[-1])
     if reached < scene.N_x:
-        ended = bool(record.events["finished"][event]) or _at_rest(record)
+        ended = bool(events["finished"][row]) or _at_rest(record)
         return RuptureClass("arrested" if ended else "unfinished", "", math.nan, reached)
-    kind, v = _kind(t, stop, episodes), _speed(t, scene)
+    before = start <= t[-1]
+    kind, v = _kind(t, stop, n[before], end[before]), _speed(t, scene)
     return RuptureClass(kind, _pace(v, slow, scene), v, reached)
 
 
@@ -125,13 +127,18 @@ def _at_rest(record: RecordData) -> bool:
     return creeps_to_rest(scene, state, lambda: core.evaluate(model, state, state.t).a)
 
 
-def _kind(t: np.ndarray, stop: np.ndarray, episodes: pd.DataFrame) -> str:
-    """Return what a front left behind that reached the last block; t, stop: of first episodes."""
-    n = slice(FROM_BLOCK - 1, None)
-    if (stop[:-1][n] < t[1:][n]).any():
+def _kind(t: np.ndarray, stop: np.ndarray, n: np.ndarray, end: np.ndarray) -> str:
+    """Return what a front left behind that reached the last block.
+
+    Args:
+        t, stop: begin and end of the first episode of each block, shape (N_x,), in s.
+        n, end: block and end (s) of the episodes that began until then, in order of time.
+    """
+    after = slice(FROM_BLOCK - 1, None)
+    if (stop[:-1][after] < t[1:][after]).any():
         return "alternating"
-    before = episodes[episodes["t_start"] <= t[-1]].groupby("n")["t_stop"].last()
-    stuck = before[before.index < len(t)] <= t[-1]
+    blocks, last = np.unique(n[::-1], return_index=True)
+    stuck = (end[::-1][last] <= t[-1]) & (blocks < len(t))
     return "pulse" if stuck.any() else "crack"
 
 

@@ -30,6 +30,8 @@ from pyfric.scene import Scene, SceneError, meant, nearest, no_attribute
 if TYPE_CHECKING:
     from pyfric.scene import Number
 
+TEXTS = ("versions", "timings", "counts")
+"""Fields of a record that are mappings from names to texts or numbers."""
 COPY_ON_WRITE = int(pd.__version__.partition(".")[0]) >= 3
 """Whether a shallow copy of a table is copied where it is written to, as from pandas 3 on."""
 
@@ -92,17 +94,20 @@ class _Guarded:
             if self.default is dataclasses.MISSING:
                 raise AttributeError(self.name)
             return self.default
-        kept = record.__dict__[self.name]
-        shallow = COPY_ON_WRITE and isinstance(kept, pd.DataFrame)
-        own = kept.copy(deep=False) if shallow else copy.deepcopy(kept)
-        if self.field in TABLES:
-            own = Events(own) if self.field == "events" else Table(own)
-            object.__setattr__(own, "_record", record)
+        if self.field not in TABLES:
+            return copy.deepcopy(record.__dict__[self.name])
+        frame = record._frame(self.field).copy(deep=not COPY_ON_WRITE)
+        own = Events(frame) if self.field == "events" else Table(frame)
+        object.__setattr__(own, "_record", record)
         return own
 
     def __set__(self, record: RecordData, value: Any) -> None:
-        own = table(self.field, value) if self.field in TABLES else copy.deepcopy(value)
-        record.__dict__[self.name] = own
+        if self.field not in TABLES:
+            record.__dict__[self.name] = copy.deepcopy(value)
+            return
+        own = {name: column.copy() for name, column in checked(self.field, value, {}).items()}
+        record.__dict__[self.name] = MappingProxyType(_read_only(own))
+        record.__dict__.pop(f"{self.name}_frame", None)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -131,16 +136,22 @@ class RecordData:
     errors: Errors | None = None
 
     def __post_init__(self) -> None:
-        own = self.__dict__
-        sizes = {"x": self.scene.N_x, "event": len(own["_events"]), "t": len(own["_curve"])}
+        self._check_arrays()
+        self._check_texts()
+
+    def _check_arrays(self) -> None:
+        own, sizes = self.__dict__, {"x": self.scene.N_x}
+        sizes |= {"event": len(own["_events"]["t_start"]), "t": len(own["_curve"]["t"])}
         edges = {name: own[name] for name in EDGES}
         own |= _read_only(checked("interface", edges, sizes, edges))
         arrays = checked("interface", self.arrays, sizes, found_arrays())
         own["arrays"] = MappingProxyType(_read_only(arrays))
         for log in LOGS:
             own[log] = MappingProxyType(_read_only(checked(log, own[log], sizes)))
-        for name in ("versions", "timings", "counts"):
-            own[name] = MappingProxyType(dict(own[name]))
+
+    def _check_texts(self) -> None:
+        for name in TEXTS:
+            self.__dict__[name] = MappingProxyType(dict(self.__dict__[name]))
         if not (self.done or self.status == "interrupted" or self.status.startswith("failed")):
             raise RecordError(f"record: status {self.status!r} is unknown")
 
@@ -165,6 +176,21 @@ class RecordData:
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self.arrays]
 
+    def columns(self, group: str) -> Mapping[str, np.ndarray]:
+        """Return the columns of "curve", "events" or "episodes" as read-only arrays.
+
+        They take less time than the table. Columns of events that take long are not among them,
+        unless the table was asked for.
+        """
+        return self.__dict__[f"_{group}"]
+
+    def _frame(self, group: str) -> pd.DataFrame:
+        """Return a table, which is made when it is asked for first."""
+        kept = f"_{group}_frame"
+        if kept not in self.__dict__:
+            self.__dict__[kept] = table(group, self.columns(group))
+        return self.__dict__[kept]
+
     @property
     def done(self) -> bool:
         """Whether the run is complete, or ended where its engine ends."""
@@ -184,7 +210,7 @@ class RecordData:
         Raises:
             SceneError: there is no such event.
         """
-        count = len(self.__dict__["_events"])
+        count = len(self.columns("events")["t_start"])
         allowed = f"an event of the record, 1 to {count}" if count else "none: nothing slipped"
         if isinstance(event, bool) or not isinstance(event, int | np.integer):
             raise SceneError("event", event, "", allowed, "not an integer")

@@ -14,7 +14,6 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from pyfric.record.held import RecordError, held_in
 
@@ -43,8 +42,8 @@ def build_episodes(
     *,
     t_begin: float,
     last: State | LastSlip | None,
-) -> pd.DataFrame:
-    """Slip episodes, one row each, ordered by start (ties: by step, then by block number).
+) -> dict[str, np.ndarray]:
+    """Columns of slip episodes, ordered by start (ties: by step, then by block number).
 
     Args:
         log: the switch log, with columns of the types of `SWITCH_COLUMNS`.
@@ -90,7 +89,7 @@ def build_episodes(
         "p_start": log["p"][at_start],
     }
     by_time = np.lexsort((table["n"], table["step_start"], table["t_start"]))
-    return pd.DataFrame({name: column[by_time] for name, column in table.items()})
+    return {name: column[by_time] for name, column in table.items()}
 
 
 def _starts_and_stops(
@@ -116,7 +115,7 @@ def _slips(mode: np.ndarray) -> np.ndarray:
 
 def _with_earlier_starts(
     log: Mapping[str, np.ndarray], t_begin: float, last: State | LastSlip | None
-) -> dict[str, np.ndarray]:
+) -> Mapping[str, np.ndarray]:
     """Add a start at ``t_begin`` for each block that slips until its first switch or the end."""
     blocks, first = np.unique(log["block"], return_index=True)
     slips = _slips(log["old"][first])
@@ -125,6 +124,8 @@ def _with_earlier_starts(
         never = np.setdiff1d(np.flatnonzero(_slips(last.mode)), log["block"])
         blocks = np.append(blocks, never)
         mode, corner = np.append(mode, last.mode[never]), np.append(corner, last.corner[never])
+    if not blocks.size:
+        return log
     unknown = np.full(blocks.size, np.nan)
     earlier = {
         "step": np.full(blocks.size, -1),

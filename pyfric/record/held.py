@@ -99,13 +99,15 @@ class Held(NamedTuple):
             RecordError: they are of another kind, or have another number of dimensions.
         """
         array, where = np.asarray(values), f"record: {self.group}.{self.name}"
-        if np.ma.is_masked(values):
+        if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
             raise RecordError(f"{where} has masked values, needs numbers without gaps")
         if array.ndim != len(self.dims):
             raise RecordError(f"{where} has {array.ndim} dimensions, needs {len(self.dims)}")
+        if array.dtype == self.dtype:
+            return array
         if array.dtype.kind not in "biuf" or not np.can_cast(array.dtype, self.dtype):
             raise RecordError(f"{where} holds {array.dtype}, needs {self.dtype}")
-        return array.astype(self.dtype, copy=False)
+        return array.astype(self.dtype)
 
 
 GROUPS = {
@@ -196,16 +198,11 @@ def checked(
     return found
 
 
-def table(group: str, columns: Mapping[str, Any] | pd.DataFrame) -> pd.DataFrame:
-    """Return a group as a table; events are counted from 1.
-
-    Raises:
-        RecordError: see `checked`.
-    """
-    frame = pd.DataFrame(checked(group, columns, {}))
-    if group == "events":
-        frame.index = pd.RangeIndex(1, len(frame) + 1, name="event")
-    return frame
+def table(group: str, columns: Mapping[str, np.ndarray]) -> pd.DataFrame:
+    """Return the columns of a group as a table; events are counted from 1."""
+    count = len(next(iter(columns.values())))
+    events = pd.RangeIndex(1, count + 1, name="event") if group == "events" else None
+    return pd.DataFrame(dict(columns), index=events)
 
 
 def _enter(held: Held) -> None:

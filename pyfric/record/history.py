@@ -77,10 +77,13 @@ class History:
         """Keep the first n points of the curve."""
         del self._points[n * len(self.names) :], self.motion[n:]
 
+    def points(self) -> np.ndarray:
+        """Return the points of the curve, shape (n, number of columns)."""
+        return np.array(self._points).reshape(-1, len(self.names))
+
     def curve(self) -> pd.DataFrame:
         """Return the loading curve."""
-        points = np.array(self._points).reshape(-1, len(self.names))
-        return pd.DataFrame(points, columns=self.names)
+        return pd.DataFrame(self.points(), columns=self.names)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the motion, arrays (points of the curve, N_x) by name."""

@@ -33,6 +33,7 @@ from pyfric.signals import held_back
 from pyfric.statics import StaticSolver
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray as xr
 
     from pyfric.record.catalogue import Catalogue
@@ -45,6 +46,8 @@ READERS = {
     "": "; pyfric.measured.read reads measured curves",
 }
 """Ends of names of files -> what reads them."""
+WITHOUT_ARRAYS = {"method", "versions", "timings", "counts", "notes", "status", "errors"}
+"""Fields of a record whose change needs no check of its arrays."""
 UNSEALED = "the file was changed after pyfric wrote it: what it holds need not be what a run made"
 
 
@@ -92,22 +95,34 @@ class Record(RecordData, Shown):
 
         `late` adds columns of events that take long; a reference run does not need them.
         """
-        what = {name: getattr(catalogue, name) for name in ("events", "episodes", "arrays")}
-        record = cls(**what, **rest)
-        return record.with_late_columns() if late else record
+        record = cls(**_tables(catalogue), **rest)
+        record.__dict__["_late"] = late
+        return record
 
     def with_late_columns(self) -> Self:
-        """Return the record with the columns of events that are found from a whole record."""
-        events = self.events
-        missing = [column for name, column in held_in("events").items() if name not in events]
-        found = {
-            column.name: values for column in missing if (values := column.find(self)) is not None
-        }
-        if not found:
+        """Return the record with the columns of events that are found from a whole record.
+
+        They are found when the table of events is asked for first.
+        """
+        if self.__dict__.get("_late"):
             return self
-        new = self._copied()  # as many events as before: nothing else needs a check
-        object.__setattr__(new, "events", events.assign(**found))
+        new = self._copied()
+        new.__dict__["_late"] = True
         return new
+
+    def _frame(self, group: str) -> pd.DataFrame:
+        if group == "events" and self.__dict__.get("_late"):
+            self.__dict__["_late"] = False  # the columns below are found from the others
+            events = self.__dict__["_events"]
+            missing = [column for name, column in held_in("events").items() if name not in events]
+            found = {
+                column.name: column.checked(values)
+                for column in missing
+                if (values := column.find(self)) is not None
+            }
+            self.__dict__["_events"] = MappingProxyType({**events, **found})
+            self.__dict__.pop("_events_frame", None)
+        return super()._frame(group)
 
     def _copied(self) -> Self:
         """Return a record with the same attributes, whose tables are not checked again."""
@@ -148,7 +163,7 @@ class Record(RecordData, Shown):
             last=last,
             solver=self._solver(),
         )
-        made = {name: getattr(catalogue, name) for name in ("events", "episodes", "arrays")}
+        made = _tables(catalogue)
         method = dataclasses.replace(self.method, threshold=threshold, t_gap=t_gap)
         return self.replace(**made, **fast, method=method, notes=notes).with_late_columns()
 
@@ -174,7 +189,9 @@ class Record(RecordData, Shown):
         new = self._copied()
         for name, value in changes.items():
             object.__setattr__(new, name, value)
-        new.__post_init__()
+        if changes.keys() - WITHOUT_ARRAYS:
+            new._check_arrays()
+        new._check_texts()
         return new
 
     def summary(self) -> str:
@@ -357,4 +374,10 @@ class Record(RecordData, Shown):
 Record.__init__ = usage('pyfric.load("run.nc"), or pyfric.simulate(scene, "400 ms")')(
     Record.__init__
 )
+def _tables(catalogue: Catalogue) -> dict[str, Any]:
+    """Return the tables and arrays of a record by name."""
+    tables = {"events": catalogue.columns, "episodes": catalogue.slips}
+    return tables | {"arrays": catalogue.arrays}
+
+
 load = Record.load

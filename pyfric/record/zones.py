@@ -30,7 +30,6 @@ from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
-import pandas as pd
 
 from pyfric.scene import PrescribedLoad, Scene
 from pyfric.theory import A_II, Material
@@ -158,9 +157,9 @@ def viscous_error(scene: Scene, blocks: float) -> float:
 class Slipped(Protocol):
     """What notes look at in a `Catalogue`; see there."""
 
-    events: pd.DataFrame
-    arrays: Mapping[str, np.ndarray]
-    episodes: pd.DataFrame
+    slips: Mapping[str, np.ndarray]
+
+    def __getitem__(self, name: str) -> np.ndarray: ...
 
     @property
     def front_speed(self) -> np.ndarray: ...
@@ -175,7 +174,7 @@ def zone_notes(scene: Scene, engine: str, catalogue: Slipped) -> tuple[str, ...]
         engine: name of the engine.
         catalogue: of the run; main events whose fronts have speeds count.
     """
-    main = catalogue.events["is_main"].to_numpy(dtype=bool)
+    main = catalogue["is_main"]
     fast = np.isfinite(catalogue.front_speed) & main[:, None]
     if not scene.law.rests:  # on junctions there is no cohesive zone
         blocks = scene.law.blocks_in_L_b(scene.F_N / scene.N_x, scene.slider.k)
@@ -184,14 +183,14 @@ def zone_notes(scene: Scene, engine: str, catalogue: Slipped) -> tuple[str, ...]
         said = f"weakening acts over L_b = {blocks:.2g} blocks, fewer than {RESOLVED_L_B}"
         return (f"{engine}: {said}: results depend on l",)
     if not scene.law.weakens:
-        short = bool((main & catalogue.events["is_precursor"]).any())
+        short = bool((main & catalogue["is_precursor"]).any())
         said = ["front speeds are set by the lattice"] * bool(fast.any())
         said += ["number and lengths of short precursors depend on l (see pyfric resolve)"] * short
         return (f"{engine}: d_c = 0: {', '.join(said)}",) if said else ()
-    mean, unknown = _mean_p(scene), np.isnan(catalogue.arrays["p_before"])
-    at_rest = np.where(unknown, zone_at_rest(scene, mean), catalogue.arrays["X_c0_over_l"])[fast]
+    mean, unknown = _mean_p(scene), np.isnan(catalogue["p_before"])
+    at_rest = np.where(unknown, zone_at_rest(scene, mean), catalogue["X_c0_over_l"])[fast]
     moving = zone_moving(scene, mean, catalogue.front_speed)
-    moving = np.where(unknown, moving, catalogue.arrays["X_c_over_l"])[fast]
+    moving = np.where(unknown, moving, catalogue["X_c_over_l"])[fast]
     blocks, why = at_rest[np.isfinite(at_rest)], []
     if not blocks.size:
         return ()
@@ -214,7 +213,7 @@ def chain_notes(scene: Scene, engine: str, catalogue: Slipped) -> tuple[str, ...
     it slips if the sum of tau_i - mu_k p_i up to it exceeds (mu_s - mu_k) p. Without inertia a
     front needs m >= 1/tau_bar - 1 blocks at a uniform scaled prestress tau_bar; with it, fewer.
     """
-    top, slipped = scene.top, catalogue.episodes["n"].to_numpy()
+    top, slipped = scene.top, catalogue.slips["n"]
     alone = scene.driver.K * scene.driver.fastest == 0 and not top.push
     if scene.N_z > 1 or not alone or top.k_top or not (scene.law.rests and slipped.size):
         return ()

@@ -1,6 +1,6 @@
 """Static states of the slider."""
 
-from pyfric.statics.blas import one_thread, one_thread_if_small
+from pyfric.statics.blas import SMALL, one_thread, one_thread_if_small
 from pyfric.statics.complementarity import Contact, ContactProblem, Route, Static
 from pyfric.statics.condensation import LARGE
 from pyfric.statics.contact import BARE, CONTACT_TOL, LEAST_DEFINITENESS, States, Values
@@ -25,6 +25,14 @@ from pyfric.statics.routes import (
     stretches,
 )
 from pyfric.statics.rows import ends, table_rows
+from pyfric.statics.sequences import (
+    Start,
+    follows,
+    interfaces_of,
+    legs_of,
+    rules_of,
+    slider_of,
+)
 from pyfric.statics.stability import stability_limit
 from pyfric.statics.starts import check_pushes, forced, overstressed, ramped, weakened
 from pyfric.statics.system import System

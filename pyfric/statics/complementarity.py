@@ -44,6 +44,10 @@ RATE_TOL = 1e-11
 """Rate of a force, over stiffness times rate of displacement, below which it is rounding."""
 LEAST = 1e-6
 """Normal force, over F_N/N_x, below which a block does not stick."""
+LOST = 1e-3
+"""Violation of conditions that is rounding, over F_N/N_x, beyond which displacements are those of a
+slider that nothing holds."""
+UNHELD = "the slider is not held by the blocks that stick"
 BASES = 64
 """Number of tables with all blocks held that are kept, one for each set of open blocks."""
 CHANGES = 10
@@ -104,6 +108,14 @@ class ContactProblem:
         w = np.array([[route.way, route.drive], [0.0, 1.0], [F_N_gain, F_N], [T_gain, T]])
         self._loads, self._F_T = self.slider.G @ w, self.slider.c @ w
         self._bases: Memory[np.ndarray] = Memory(BASES)
+
+    @property
+    def loads(self) -> tuple[np.ndarray, np.ndarray]:
+        """Loads on the interface, shape (2 N_x, 2), and F_T at u = 0, (2,), by drive and constant.
+
+        In N/m and N.
+        """
+        return self._loads, self._F_T
 
     def along(self, route: Route) -> ContactProblem:
         """Return the problem in which "drive" means the parameter s of a route."""
@@ -166,6 +178,10 @@ class ContactProblem:
         else:
             applied.hold_at(home, none)
         return applied
+
+    def applied(self) -> Contact | None:
+        """Return the slider under F_N without its driver, None if blocks slip in this state."""
+        return None if self._applied.slip.any() else self._applied
 
     @functools.cached_property
     def _loaded(self) -> tuple[np.ndarray, float, np.ndarray]:
@@ -468,6 +484,8 @@ class Contact(States):
         u_x = self.column[self.at.u_x]
         largest = max(self.k * np.abs(u_x).max(), min(self.k, self.K) * abs(self.drive))
         self.tol = rounding(self.scene, float(largest))
+        if self.tol > LOST * self.problem.unit:
+            raise EquilibriumError(UNHELD, np.nan, self.tol, 0)
         self.table, self._now = self.problem.base(self.closed).copy(), None
         table = self.table
         self.free = ~self.stuck
@@ -480,8 +498,7 @@ class Contact(States):
         try:
             inverse = np.linalg.inv(held[:, free])
         except np.linalg.LinAlgError:
-            what = "the slider is not held by the blocks that stick"
-            raise EquilibriumError(what, np.nan, self.tol, 0) from None
+            raise EquilibriumError(UNHELD, np.nan, self.tol, 0) from None
         held = -(inverse @ held)
         held[:, free] = inverse
         factor = table[:, free].copy()

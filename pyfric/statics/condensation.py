@@ -31,17 +31,19 @@ from scipy.linalg.lapack import dposv
 
 from pyfric.scene import PrescribedLoad
 from pyfric.statics.memory import Memory
-from pyfric.statics.operators import coordinates, driven_dofs, stiffness
+from pyfric.statics.operators import bond_stiffness, coordinates, driven_dofs
 from pyfric.statics.rest import EquilibriumError
 from pyfric.statics.rows import ends
 
 if TYPE_CHECKING:
+    from collections.abc import Hashable
+
     from pyfric.scene import OnDriven, Scene
 
 LARGE = 10_000
 """Number of unknowns above which condensation takes seconds. It needs 3 N_z (2 N_x)^3 operations:
 7e8 in the Fig. 1 scene, 1e12 with 561 x 301 blocks."""
-KEPT = 2
+KEPT = 4
 """Condensed sliders that are kept."""
 
 
@@ -95,8 +97,9 @@ _known: Memory[Condensed] = Memory(KEPT)
 def condense(scene: Scene) -> Condensed:
     """Eliminate the slider above its bottom row, with the rod; `Condensed.driven` adds the driver.
 
-    The last `KEPT` results are kept, for all scenes that differ in their interface only: neither
-    friction nor foundation is part of the result. Its arrays are read-only.
+    The bonds are eliminated at k = 1 N/m and scaled; the spring of the mattress is added as one
+    more force. The last `KEPT` results of elimination are kept, for all scenes with the same
+    `_inputs`.
 
     Args:
         scene: the scene.
@@ -104,18 +107,38 @@ def condense(scene: Scene) -> Condensed:
     Raises:
         EquilibriumError: a part of the slider is not supported.
     """
-    names = (part.name for part in dataclasses.fields(scene))
-    key = tuple(getattr(scene, name) for name in names if name not in ("interface", "name"))
-    return _known.made(key, lambda: _condensed(scene))
+    k, found = scene.slider.k, _known.made(_inputs(scene), lambda: _condensed(scene))
+    found = Condensed(k * found.S, found.G, found.c, found.P, found.D / k, found.F / k)
+    return _on_mattress(found, scene.kappa) if scene.rigid else found
+
+
+def _inputs(scene: Scene) -> tuple[Hashable, ...]:
+    """Return all that the elimination of bonds depends on.
+
+    The interface, the driver's spring and speed, protocols, the size of loads, k and the mattress
+    are not among it.
+    """
+    slider, driver, top = scene.slider, scene.driver, scene.top
+    lattice = scene.N_x, scene.N_z, slider.l, slider.edges, scene.walls
+    at = scene.j_h, scene.j_h_top, driver.side, scene.rigid, scene.k_top / slider.k
+    loads = (scene.load / scene.F_N).tobytes(), isinstance(top, PrescribedLoad)
+    shear = scene.shear.tobytes() if loads[1] else b""
+    weights = (scene.weights.tobytes(), scene.M_rod if scene.rigid else 0.0) if slider.g else ()
+    return (*lattice, *at, *loads, shear, slider.g, *weights)
 
 
 def _condensed(scene: Scene) -> Condensed:
-    """Return the slider condensed; see `condense`."""
-    N_x, N_z, n_driven = scene.N_x, scene.N_z, scene.n_driven
-    stiff = stiffness(scene, closed=np.zeros(N_x, dtype=bool), driver=False)
+    """Return the slider condensed at k = 1 N/m and without its mattress.
+
+    Under a rod its torque is a force more, after those on driven blocks, and phi its displacement.
+    """
+    N_x, N_z = scene.N_x, scene.N_z
+    stiff = bond_stiffness(scene)
     n = stiff.shape[0]
     unit = coordinates(scene)[driven_dofs(scene)].toarray().T  # forces of 1 N on driven blocks
-    r, c = np.hstack([np.zeros((n, 4)), unit]), np.zeros((n_driven, 4 + n_driven))
+    if scene.rigid:
+        unit = np.column_stack([unit, np.arange(n) == n - 1])
+    r, c = np.hstack([np.zeros((n, 4)), unit]), np.zeros((unit.shape[1], 4 + unit.shape[1]))
     if scene.slider.g:
         weights = np.stack([0 * scene.weights, scene.weights], axis=1)
         r[:, 1] = -(coordinates(scene).T @ weights.ravel())
@@ -146,5 +169,23 @@ def _condensed(scene: Scene) -> Condensed:
         G = r[row] - BT @ to_G
     found = A, G[:, :4], np.zeros(4), G[:, 4:], -c[:, :4], -c[:, 4:]
     for part in found:
-        part.flags.writeable = False
+        part.flags.writeable = False  # scenes share them
     return Condensed(*found)
+
+
+def _on_mattress(free: Condensed, kappa: float) -> Condensed:
+    """Return a slider under a rod with the mattress, which turns the rod by -kappa phi.
+
+    The torque t = -kappa (P' v + D w + F f + F_t t) is the last force of the free slider.
+    """
+    Y = kappa / (1 + kappa * free.F[-1, -1])
+    P, D, F = free.P[:, -1], free.D[-1], free.F[-1, :-1]
+    half = Y * np.outer(P, P)
+    return Condensed(
+        S=free.S + (half + half.T) / 2,
+        G=free.G - np.outer(P, Y * D),
+        c=free.c,
+        P=free.P[:, :-1] - np.outer(P, Y * F),
+        D=free.D[:-1] - np.outer(Y * F, D),
+        F=free.F[:-1, :-1] - Y * np.outer(F, F),
+    )

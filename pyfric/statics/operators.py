@@ -11,6 +11,8 @@ Source: PRL 107, 074301 (2011), model section.
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -98,6 +100,18 @@ def stiffness(
     closed, T = np.ones(scene.N_x, bool) if closed is None else closed, coordinates(scene)
     lattice, springs = bonds(scene), ground(scene, T, closed, driver=driver)
     return assembled(differences(lattice, T), spring_tangents(lattice), springs)
+
+
+def bond_stiffness(scene: Scene) -> sp.csr_array:
+    """Return the stiffness of bonds and k_top in coordinates, over k, shape (n_q, n_q).
+
+    It does not depend on k: the bonds of all lattices have the same shares of it.
+    """
+    lattice, T = bonds(scene), coordinates(scene)
+    springs = np.zeros(2 * scene.N_x * scene.N_z)
+    springs[ends(scene.N_x).top_x] = scene.k_top / scene.slider.k
+    lattice = dataclasses.replace(lattice, k=lattice.k / scene.slider.k)
+    return assembled(differences(lattice, T), spring_tangents(lattice), T.T @ springs)
 
 
 def damping(scene: Scene, du: list[np.ndarray] | None = None) -> sp.csr_array:

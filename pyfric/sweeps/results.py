@@ -15,7 +15,7 @@ import pandas as pd
 
 from pyfric.display import Shown
 from pyfric.planning import level_of
-from pyfric.record import Record, analysis
+from pyfric.record import RUN_COLUMNS, Outline, Record
 from pyfric.scene import SceneError, check_folder_name, unknown, write_all
 from pyfric.sweeps.runs import Job, JobError
 from pyfric.sweeps.shared import Shared
@@ -28,14 +28,10 @@ if TYPE_CHECKING:
 
     from pyfric.scene import Scene
 
+OF_RUNS = ("n_events", "n_main_events", "n_precursors", "F_first", "F_max", "L_p_max", "t_slide")
+"""Numbers of runs that are columns of the table."""
 MEASURED = {
-    "n_events": ("1", "number of events"),
-    "n_main_events": ("1", "number of events of at least 4 blocks"),
-    "n_precursors": ("1", "number of precursors before the first system-size event"),
-    "F_first": ("N", "static force at which the first main event starts"),
-    "F_max": ("N", "largest force of the loading curve"),
-    "L_p_max": ("1", "longest precursor before the first system-size event, over L"),
-    "t_slide": ("s", "start of the first system-size event"),
+    **{name: RUN_COLUMNS[name][:2] for name in OF_RUNS},
     "error": ("1", "measured error that the tolerance bounds; NaN where it was not measured"),
     "seconds": ("s", "processor time of the run"),
 }
@@ -210,17 +206,10 @@ def _status(outcome: Any) -> dict[str, str]:
 def _measured(outcome: Any) -> dict[str, float]:
     if not isinstance(outcome, Record):
         return dict.fromkeys(MEASURED, math.nan)
-    error = None if outcome.errors is None else outcome.errors.measured()
-    main = outcome.events[outcome.events["is_main"]]
-    lengths, sliding = analysis.precursor_lengths(outcome), analysis.system_size_events(outcome)
+    error, outline = outcome.errors, Outline.of_record(outcome)
+    error = None if error is None else error.measured()
     return {
-        "n_events": float(len(outcome.events)),
-        "n_main_events": float(len(main)),
-        "n_precursors": float(len(lengths)),
-        "F_first": float(main["F_T_start"].iloc[0]) if len(main) else math.nan,
-        "F_max": float(outcome.curve["F_T"].max()),
-        "L_p_max": float(lengths["L_p_over_L"].max()),
-        "t_slide": float(sliding["t_start"].iloc[0]) if len(sliding) else math.nan,
+        **{name: outline[name] for name in OF_RUNS},
         "error": math.nan if error is None else error,
         "seconds": float(outcome.timings.get("processor", math.nan)),
     }

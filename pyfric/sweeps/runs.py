@@ -132,7 +132,7 @@ class Job:
         """Return whether a stored record will do."""
         return True
 
-    @property
+    @functools.cached_property
     def key(self) -> str:
         """Hash of all that determines the record: scene (not its name), end, options, code.
 
@@ -277,7 +277,7 @@ def run_all(
     return [
         JobError(job, made)
         if isinstance(made := found[job.key], Exception)
-        else dataclasses.replace(made, scene=job.scene)
+        else made.replace(scene=job.scene)
         for job in jobs
     ]
 

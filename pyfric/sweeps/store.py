@@ -1,4 +1,6 @@
-"""The store of finished runs: record files in one folder, named by the hash of what was run.
+"""The store of finished runs: files in one folder, named by the hash of what was run.
+
+A file is the record of a run, or a part of the table of an ensemble (`pyfric.sweeps.measures`).
 
 Records are kept in the folder that `PYFRIC_CACHE` names, or else in the user's cache folder. Files
 are written and deleted whole, and carry the hash of their content. Processes and machines may share
@@ -10,26 +12,30 @@ lost, a run is made twice, with the same result.
 from __future__ import annotations
 
 import functools
+import io
 import logging
 import os
 import re
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple, Self
 
+import numpy as np
 from platformdirs import user_cache_path
 
 from pyfric.record import Record, RecordError
-from pyfric.scene import Scene, SceneError, clean_drafts, write
+from pyfric.scene import Scene, SceneError, clean_drafts, sealed, unsealed, write
 
 CACHE_VARIABLE = "PYFRIC_CACHE"
 """Environment variable that names another folder for finished runs."""
 MAX_BYTES = 2**30
 """Most bytes of finished runs in pyfric's own folder; those that users name are not trimmed."""
+TABLE = ".npz"
+"""End of the name of a part of a table."""
 FAILED = ".failed"
 """End of the name of a note why a run failed."""
 FORGET = 30.0
@@ -62,10 +68,10 @@ class Entry(NamedTuple):
         """Time since its last use, in days."""
         return (time.time() - self.used) / DAY
 
-    def read(self) -> Record | str:
-        """Return the record, or what is wrong with its file."""
+    def read(self) -> Record | dict[str, np.ndarray] | str:
+        """Return the record, or the arrays of a part of a table, or what is wrong with the file."""
         try:
-            return Record.load(self.path)
+            return table_in(self.path) if self.path.suffix == TABLE else Record.load(self.path)
         except (OSError, RecordError) as error:
             return str(error)
 
@@ -78,6 +84,20 @@ class Entry(NamedTuple):
         except OSError:
             return False
         return True
+
+
+def table_in(path: Path) -> dict[str, np.ndarray]:
+    """Return the arrays of a part of a table.
+
+    Raises:
+        OSError: the file cannot be read.
+        RecordError: it is damaged.
+    """
+    inside = unsealed(path.read_bytes())
+    if inside is None:
+        raise RecordError(f"{path}: damaged, or no part of a table")
+    with np.load(io.BytesIO(inside), allow_pickle=False) as arrays:
+        return dict(arrays)
 
 
 @dataclass(frozen=True)
@@ -143,6 +163,37 @@ class Store:
         except OSError as error:
             log(f"finished runs are not kept in {self.folder}: {error.strerror or error}")
 
+    def load_table(self, key: str) -> dict[str, np.ndarray] | None:
+        """Return the arrays of a part of a table; None where there is none.
+
+        A file that is damaged or cannot be read is as good as none, with a line in the log.
+        """
+        if self.folder is None:
+            return None
+        path = self.folder / f"{key}{TABLE}"
+        try:
+            found = table_in(path)
+        except FileNotFoundError:
+            return None
+        except (OSError, RecordError) as error:
+            log(f"a part of a table is made again: {error}")
+            return None
+        with suppress(OSError):  # the folder may be read-only
+            os.utime(path)  # used just now
+        return found
+
+    def save_table(self, key: str, arrays: Mapping[str, np.ndarray]) -> None:
+        """Keep a part of a table; where that fails, go on, with a line in the log."""
+        if self.folder is None:
+            return
+        content = io.BytesIO()
+        np.savez(content, **arrays)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            write(self.folder / f"{key}{TABLE}", sealed(content.getbuffer()), TABLE)
+        except OSError as error:
+            log(f"parts of tables are not kept in {self.folder}: {error.strerror or error}")
+
     def note_failure(self, key: str, reason: str) -> None:
         """Note why a run failed, until it is complete; where that fails, go on."""
         if self.folder is not None:
@@ -196,15 +247,15 @@ class Store:
 
     # --- what goes -------------------------------------------------------------------------------
 
-    def entries(self, end: str = ".nc") -> list[Entry]:
-        """Return the files of the store with this end of their names, those used last first.
+    def entries(self, *ends: str) -> list[Entry]:
+        """Return the files of the store with these ends of their names, those used last first.
 
-        Files with other names are not its own.
+        None means records and tables. Files with other names are not its own.
         """
-        found = []
-        for path in self.folder.glob(f"*{end}") if self.folder else ():
+        found, ends = [], ends or (".nc", TABLE)
+        for path in self.folder.iterdir() if self.folder and self.folder.is_dir() else ():
             with suppress(OSError):  # another process was faster
-                if NAME.fullmatch(path.name):
+                if path.suffix in ends and NAME.fullmatch(path.name):
                     stat = path.stat()
                     found.append(Entry(path, stat.st_size, stat.st_mtime))
         return sorted(found, key=lambda entry: -entry.used)

@@ -6,6 +6,7 @@
     results.table            # one row for each point
     results.to_xarray()      # the same with units, on the axes of a grid
     results.mean("n_precursors")  # over seeds, with standard errors
+    sweep.measure().table    # numbers only: many quasi-static runs take little time
 
 A file of a sweep (docs/sweeps.md) is TOML with the entries `ENTRIES`. Numbers are in SI, and text
 has its unit.
@@ -22,7 +23,7 @@ import functools
 import itertools
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self, get_args
@@ -52,9 +53,11 @@ from pyfric.scene import (
     unknown,
     usage,
 )
+from pyfric.sweeps.measures import Ensemble, measured
 from pyfric.sweeps.results import Results
 from pyfric.sweeps.runs import DEFAULTS, Job, JobError, run_all
-from pyfric.sweeps.shared import measured, sharing
+from pyfric.sweeps.shared import measured as measured_at
+from pyfric.sweeps.shared import sharing
 from pyfric.sweeps.store import Cache, Store
 from pyfric.sweeps.varied import MAX_POINTS, Span, drawn, full_field, varied
 
@@ -209,14 +212,23 @@ class Sweep(Shown):
     @functools.cached_property
     def jobs(self) -> tuple[Job | SceneError, ...]:
         """The job of each point, or why it is refused."""
-        return tuple(map(self._job, self.rows.to_dict("records")))
+        return tuple(map(self.job, range(len(self.rows))))
 
-    def _job(self, values: dict[str, Any]) -> Job | SceneError:
+    @functools.cached_property
+    def _records(self) -> list[dict[str, Any]]:
+        return self.rows.to_dict("records")
+
+    def job(self, point: int) -> Job | SceneError:
+        """Return the job of a point, counted from 0, or why it is refused."""
+        if "jobs" in self.__dict__:
+            return self.jobs[point]
+        values = dict(self._records[point])
         t_end = values.pop("t_end", self.t_end)
         names = [name for name in values if name.startswith("options.")]
         options = {name.removeprefix("options."): values.pop(name) for name in names}
         try:
-            options = sharing(dataclasses.replace(self.options, **options))
+            options = dataclasses.replace(self.options, **options) if options else self.options
+            options = sharing(options)
             job = Job(scene=as_scene(self.scene, values), t_end=t_end, options=options)
             check_run(job.scene, job.options)
             return job
@@ -239,7 +251,7 @@ class Sweep(Shown):
         pairs = zip(self.jobs, outcomes, strict=True)
         left = [job for job, found in pairs if not isinstance(found, Record | SceneError)]
         asked = left[:: math.ceil(len(left) / ASKED) or 1]
-        share = measured(len(left)) / max(len(left), 1)
+        share = measured_at(len(left)) / max(len(left), 1)
         costs = [_cost(job, share) for job in asked]
         seconds, size = np.mean(costs, axis=0) * len(left) if left else (0.0, 0.0)
         return Estimate(len(outcomes), refused, finished, seconds / 3600, size / 1e9)
@@ -278,6 +290,35 @@ class Sweep(Shown):
         jobs = self.in_order
         made = dict(zip(jobs, run_all(jobs, cache=cache, errors="return", **how), strict=True))
         return Results(self, tuple(made.get(job, job) for job in self.jobs))
+
+    def measure(
+        self,
+        columns: Sequence[str] | None = None,
+        *,
+        events: Sequence[str] = (),
+        cache: Cache = True,
+        threads: int | None = None,
+        progress: bool | Callable[[int, int], None] | None = None,
+        **how: Any,
+    ) -> Ensemble:
+        """Return numbers of all points, without records where no record is needed.
+
+        Quasi-static sequences without conditions for their end run in the core, many at a time.
+        Other runs are made as in `run`.
+
+        Args:
+            columns: numbers of each run, names in `pyfric.RUN_COLUMNS`; None means all.
+            events: columns of events, for a table of the events of all runs.
+            cache: as in `run_all`; of sequences in the core, parts of the table are kept.
+            threads: largest number of threads of the core; results do not depend on it.
+            progress: as in `run_all`.
+            **how: workers and executor of `run_all`, for other runs.
+
+        Raises:
+            SceneError: an argument is refused.
+            KeyboardInterrupt: after Ctrl-C; what was finished is kept, and the next call goes on.
+        """
+        return measured(self, columns, events, cache, threads, progress, how)
 
     @classmethod
     def from_toml(cls, path: str | os.PathLike[str]) -> Self:

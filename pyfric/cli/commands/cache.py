@@ -92,6 +92,8 @@ def _row(entry: Entry) -> dict[str, Any]:
     found = entry.read()
     if isinstance(found, str):
         return row | {"problem": found}
+    if isinstance(found, dict):
+        return row | {"runs": len(found["status"])}
     return row | {
         "scene": found.scene.name,
         "t": float(found.curve["t"].iloc[-1]),
@@ -102,8 +104,12 @@ def _row(entry: Entry) -> dict[str, Any]:
 
 def _line(row: dict[str, Any]) -> str:
     used = time.strftime("%Y-%m-%d %H:%M", time.localtime(row["used"]))
-    what = row.get("problem") or (
-        f"{row['scene'] or 'scene'} to t = {row['t']:.4g} s, {row['engine']}, "
-        f"{row['events']} events"
+    what = (
+        row.get("problem")
+        or ("runs" in row and f"numbers of {row['runs']} runs")
+        or (
+            f"{row['scene'] or 'scene'} to t = {row['t']:.4g} s, {row['engine']}, "
+            f"{row['events']} events"
+        )
     )
     return f"{row['key'][:12]}  {used}  {row['bytes'] / MB:7.2f} MB  {what}"

@@ -73,6 +73,7 @@ class Method(NamedTuple):
 
 
 METHODS = (
+    Method("rk46", "located", "finite"),
     Method("rk4", "step_end", "finite"),
     Method("rk4", "located", "finite"),
     Method("verlet", "step_end", "finite"),
@@ -82,6 +83,7 @@ METHODS = (
     Method("adaptive", "located", "finite", (2.0,), RTOLS),
     Method("rk4", "step_end", "linear"),
     Method("rk4", "located", "linear"),
+    Method("rk46", "located", "linear"),
 )
 
 
@@ -298,6 +300,7 @@ def orders(table: pd.DataFrame, question: str = "rupture") -> pd.DataFrame:
 
 
 COLOURS = {
+    "rk46": "#D55E00",
     "rk4": "#0072B2",
     "verlet": "#009E73",
     "symplectic_euler": "#E69F00",

@@ -16,7 +16,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from pyfric.engines import RunError, default_switching, full_work, machine_speed
+from pyfric.engines import (
+    RunError,
+    default_stepper,
+    default_switching,
+    full_work,
+    machine_speed,
+)
 from pyfric.figures import DataFigure
 from pyfric.planning import simulate
 from pyfric.record import Record, differences, material_of
@@ -52,13 +58,14 @@ class Method(NamedTuple):
 def methods(scene: Scene) -> list[Method]:
     """Return all that is tried, levels from below."""
     found = [Method("equilibrium"), Method("quasistatic")]
+    six = default_stepper(scene, "located")
     for geometry in ("linear", "finite"):
-        for share in (0.9, 0.5, 0.25):
-            found.append(Method("hybrid", geometry, "located", share))
+        for share in (0.9, 0.7, 0.5, 0.25):
+            found.append(Method("hybrid", geometry, "located", share, six))
     own = default_geometry(scene)
     other = "linear" if own == "finite" else "finite"
     for geometry in (own, other):
-        for stepper in ("rk4", "verlet", "symplectic_euler"):
+        for stepper in dict.fromkeys((six, "rk4", "verlet", "symplectic_euler")):
             for switching in ("step_end", "located"):
                 for share in (0.9, 0.25) if geometry == own else (0.9,):
                     found.append(Method("dynamic", geometry, switching, share, stepper))
@@ -129,10 +136,14 @@ def _default_end(scene: Scene) -> float:
 
 def _reference(scene: Scene, t_end: float, budget: float) -> Method:
     """Return full dynamics at the smallest step of a row of halves that the budget pays for."""
-    share = 0.5
-    while share > FINEST and _expected(scene, t_end, Method("dynamic", share=share / 2)) <= budget:
-        share /= 2
-    return Method("dynamic", default_geometry(scene), default_switching(scene), share)
+    geometry, switching = default_geometry(scene), default_switching(scene)
+    finest = Method("dynamic", geometry, switching, 0.5, default_stepper(scene))
+    while finest.share > FINEST:
+        finer = finest._replace(share=finest.share / 2)
+        if _expected(scene, t_end, finer) > budget:
+            break
+        finest = finer
+    return finest
 
 
 def _expected(scene: Scene, t_end: float, method: Method) -> float:
@@ -141,7 +152,7 @@ def _expected(scene: Scene, t_end: float, method: Method) -> float:
         return 0.0
     dt = _step(scene, method)
     geometry = method.geometry or default_geometry(scene)
-    return full_work(scene, geometry, dt, t_end, "rk4") * machine_speed()
+    return full_work(scene, geometry, dt, t_end, method.stepper) * machine_speed()
 
 
 def _step(scene: Scene, method: Method) -> float | None:
@@ -236,13 +247,16 @@ def report(table: pd.DataFrame) -> str:
 
 
 LOOKS = {
-    ("equilibrium", "rk4"): ("s", "0.4"),
-    ("quasistatic", "rk4"): ("D", "#E69F00"),
-    ("hybrid", "rk4"): ("o", "#0072B2"),
-    ("dynamic", "rk4"): ("^", "#D55E00"),
-    ("dynamic", "verlet"): ("v", "#009E73"),
-    ("dynamic", "symplectic_euler"): ("<", "#CC79A7"),
-    ("dynamic", "adaptive"): (">", "#56B4E9"),
+    "equilibrium": ("s", "0.4"),
+    "quasistatic": ("D", "#E69F00"),
+    "hybrid": ("o", "#0072B2"),
+    "dynamic rk46": ("X", "#000000"),
+    "dynamic rk46_waves": ("X", "#000000"),
+    "dynamic imex": ("X", "#000000"),
+    "dynamic rk4": ("^", "#D55E00"),
+    "dynamic verlet": ("v", "#009E73"),
+    "dynamic symplectic_euler": ("<", "#CC79A7"),
+    "dynamic adaptive": (">", "#56B4E9"),
 }
 """Marker and colour of each level and stepper; hollow where the geometry is linear."""
 
@@ -256,14 +270,14 @@ def figure(table: pd.DataFrame) -> DataFigure:
     ran, shown = table[table["status"] == "ok"], {}
     for want, axes in zip(wants, panels, strict=False):
         for row in ran.itertuples():
-            marker, colour = LOOKS[row.fidelity, row.stepper]
+            dynamic = f" {row.stepper}" * (row.fidelity == "dynamic")
+            marker, colour = LOOKS[row.fidelity + dynamic]
             full = colour if row.geometry == "finite" or math.isnan(row.share) else "none"
             error = getattr(row, want)
             if not error > 0:  # where both are the same a logarithm shows nothing
                 continue
             (point,) = axes.loglog(row.seconds, error, marker, color=colour, mfc=full, ms=5)
-            name = row.fidelity if row.fidelity != "dynamic" else f"dynamic, {row.stepper}"
-            shown.setdefault(name.replace("_", " "), point)
+            shown.setdefault((row.fidelity + dynamic).replace("_", " "), point)
         axes.axvline(table["seconds"].iloc[0], color="0.6", lw=0.8, ls=":")
         axes.set_title(WANTS[want], fontsize=7, loc="left")
         axes.tick_params(labelsize=7, direction="in", which="both")

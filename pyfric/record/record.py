@@ -374,6 +374,8 @@ class Record(RecordData, Shown):
 Record.__init__ = usage('pyfric.load("run.nc"), or pyfric.simulate(scene, "400 ms")')(
     Record.__init__
 )
+
+
 def _tables(catalogue: Catalogue) -> dict[str, Any]:
     """Return the tables and arrays of a record by name."""
     tables = {"events": catalogue.columns, "episodes": catalogue.slips}

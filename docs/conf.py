@@ -14,6 +14,7 @@ import click
 import latex2mathml.converter
 import matplotlib
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
 from docutils import nodes
 from PIL import Image
@@ -179,6 +180,55 @@ def plan_accuracy(data):
     )
 
 
+SCENES = {
+    "d_c": "$d_c$ = 1 um",
+    "setup 2": "setup 2",
+    "theta = 0.833": r"$\theta$ = 0.833, finite, to 0.3 s",
+    "whole curve": "$l$ = 2.5 mm, to 0.9 s",
+    "sequence": "quasi-static, to 0.9 s",
+    "plan": "`plan`",
+}
+"""Words of the cases of `studies finer`."""
+
+
+def case_in_words(name):
+    """Return the scene of a case of `studies finer`."""
+    parts = [
+        SCENES.get(part, f"$l$ = {part}" if "mm" in part else part) for part in name.split(", ")
+    ]
+    return ", ".join(parts)
+
+
+def finer(data):
+    """Return what runs on finer and finer lattices cost, and their errors."""
+    rows = []
+    for _, one in data[data["build"] == "this"].iterrows():
+        steps, counts = "", ("steps", "attempts", "refused")
+        attempts, errors = "", [f"{one[name]:.0e}" for name in ("error", "error_jumps")]
+        if np.isfinite(one["steps"]):
+            steps, tried, refused = (f"{one[name]:.0f}" for name in counts)
+            attempts = f"{tried} ({refused})"
+        errors = ["" if "nan" in error else error for error in errors]
+        rows.append([case_in_words(one["case"]), f"{one['seconds']:.2g}", steps, attempts, *errors])
+        rows[-1].append(f"{one['GB']:.2g}")
+    head = ["scene", "time (s)", "steps", "attempts to jump (refused)", "error of steps and jumps"]
+    return table([*head, "error of jumps", "memory (GB)"], rows)
+
+
+def builds(data):
+    """Return the times and errors of other builds beside those of this one."""
+    others = [build for build in data["build"].unique() if build != "this"]
+    rows = []
+    for case, part in data.groupby("case", sort=False):
+        part = part.set_index("build")
+        cells = [f"{part['seconds'][build] / part['seconds']['this']:.2f}" for build in others]
+        errors = [f"{part['error'][build]:.0e}" for build in ("this", *others)]
+        errors = ["" if "nan" in error else error for error in errors]
+        rows.append([case_in_words(case), *cells, *errors])
+    head = ["scene", *(f"time of {build} over that of this build" for build in others)]
+    return table([*head, *(f"error, {build}" for build in ("this build", *others))], rows)
+
+
 def method_costs(data):
     """Return errors and costs of methods in the Fig. 1 scene, beside the paper's method."""
     named = data[data["kind"].isin(["method", "peer"]) & data["name"].notna()]
@@ -287,6 +337,8 @@ tried = stored("plans/plans.csv")
 write_commands()
 myst_substitutions = {
     "held": held(),
+    "builds": builds(stored("speed/finer.csv")),
+    "finer": finer(stored("speed/finer.csv")),
     "half_step": half_step(
         "half_step.csv", ["alpha", "tau_bar", "class", "v/c", "v/c, half the step"]
     ),

@@ -152,7 +152,8 @@ def test_loads_that_fold_are_refused_or_noted():
         geometry = None if fidelity == "quasistatic" else "linear"
         how = {"fidelity": fidelity, "geometry": geometry, "progress": False}
         assert "strains reach about 1.3" in pyfric.simulate(scene, 1e-5, **how).notes[0]
-        assert not pyfric.simulate(rod(V=1e-3), 1e-5, **how).notes
+        notes = pyfric.simulate(rod(V=1e-3), 1e-5, **how).notes
+        assert not any("strains" in note for note in notes)
     soft = dataclasses.replace(free(), top=dataclasses.replace(free().top, F_N=5e4))
     with pytest.raises(SceneError, match=r"top\.F_N = 50000"):  # no loaded state at all
         pyfric.simulate(soft, 1e-3, fidelity="hybrid", progress=False)

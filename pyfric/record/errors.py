@@ -1,15 +1,17 @@
 """Measured errors of a run: two records of one scene, compared event by event.
 
-Each main event of either record (each event, as long as there are no main ones) is paired with an
-event of the other one (`pairing`), also with one that begins after the shorter run has ended. An
-event that the other run has not had at its end differs by at least the force that this one has
-reached meanwhile; by how much more is not known, so that the comparison ends where that event
-begins. It ends also where an event begins in which blocks slip again and again, in both runs at
-other times (`AGAIN`). One that begins while the last event of the other run goes on to the end is
-part of that: a pause near `t_gap` parts them. What goes on in one of the runs is compared as far as
-both know it: forces on the way in place of arrests, front speeds where both runs know the five
+Each main event of either record is paired with an event of the other one (`pairing`); without main
+events, all events are. The partner may begin after the shorter run has ended.
+
+The comparison ends where an event begins that the other run has not had. Its error is at least the
+force that the other run still lacks; by how much more is not known. The comparison also ends at an
+event in which blocks slip again and again, and not alike in both runs (`AGAIN`).
+
+A pause near `t_gap` may part one event in two. So an event that begins while the last event of the
+other run goes on belongs to that one. What goes on in one of the runs is compared as far as both
+know it: forces on the way in place of arrests, and front speeds where both runs know the five
 rupture times of a block. A prescribed interface has no forces: its rupture times are compared.
-Where nothing slips in either run, only their loading curves are compared, which tells nothing of
+Where nothing slips in either run, only their loading curves are compared. That tells nothing of
 events.
 
 What is local stays with its event: lengths, front speeds, arrest. Start forces hang on the stresses
@@ -181,7 +183,10 @@ class _Pairs:
         return rows, pd.DataFrame(np.hstack(speeds).T, columns=["event", "t_start", "error"])
 
     def _chosen(self) -> list[tuple[int, int]]:
-        """Return events of a and their partners in b, 0 for one that b may have after its end."""
+        """Return the events of a, each with its partner in b.
+
+        The partner is 0 if b ends before it can have had one.
+        """
         cost = event_distances(self.ours, self.theirs, self.a.scene, self.covered)
         late = (self.covered - self.ours["t_start"].to_numpy()) * pace(self.a.scene, self.covered)
         off = np.abs(self.ours["F_T_start"].to_numpy() - self.force) / self.a.scene.F_N

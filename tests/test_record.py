@@ -443,7 +443,8 @@ def test_saving_replaces_the_file_whole(tmp_path, monkeypatch):
 
 
 def test_another_run_is_saved_beside_the_file_that_exists(tmp_path):
-    path, old, new = tmp_path / "run.nc", make_record(n_events=1), make_record(n_events=2)
+    path, old = tmp_path / "run.nc", make_record(n_events=1)
+    new = old.replace(method=dataclasses.replace(old.method, dt=0.1e-6))
     old.save(path)
     for n in (2, 3):
         with pytest.raises(SceneError, match=rf"the file exists.*the new one is run-{n}\.nc"):

@@ -794,7 +794,6 @@ def test_a_prediction_names_the_friction_that_it_takes():
         prediction_curve(setup2(T=200.0))
 
 
-
 # --- what is guessed wrong: numbers of docs/faq.md, docs/laws.md and docs/explanation/model.md --
 
 
@@ -830,8 +829,8 @@ def test_pushed_higher_there_are_fewer_precursors():
 def test_half_blocks_do_not_shift_forces_one_way():
     change = {}
     for l in ("5 mm", "2.5 mm", "1.25 mm"):
-        whole, half = (sliding(l=l, edges=edges)["F_T_start"].iloc[0] for edges in ("whole", "half"))
-        change[l] = half / whole - 1
+        both = [sliding(l=l, edges=edges)["F_T_start"].iloc[0] for edges in ("half", "whole")]
+        change[l] = both[0] / both[1] - 1
     assert list(change.values()) == pytest.approx([0.031, -0.038, 0.130], abs=1e-3)
 
 

@@ -611,7 +611,7 @@ def test_hdf5_and_matlab_7_3(tmp_path):
 @pytest.mark.parametrize("shape", [(-1,), (1, -1), (-1, 1)])
 @pytest.mark.parametrize("head", [b"MATLAB 7.3 MAT-file", b""])
 def test_vectors_of_either_orientation(tmp_path, shape, head):
-    """Writers of MATLAB files from Python store vectors as rows, columns or lines, text as codes."""
+    """Writers of MATLAB files from Python store vectors in several shapes, and text as codes."""
     with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
         file["time"], file["F_T"] = np.reshape(T, shape), np.reshape(F, shape)
         for name, dtype in (("name", "u2"), ("other", "u4")):

@@ -57,7 +57,7 @@ COUNTS = ("precursors", "system_size")
 NOISE = 1e-3
 """Error of measured forces over F_N, and of a recurrence over itself, unless given: a policy."""
 ROUNDED = 1e-9
-"""Singular values, over the largest, and shares of parameters in their directions that are rounding."""
+"""Singular values over the largest, and shares of parameters in directions, that are rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +89,7 @@ class Sensitivity(Shown):
                     f"  {row.parameter} -/+ {row.step:.4g}: {row.low - base:+.3g}, "
                     f"{row.high - base:+.3g}" + ", a jump" * jump
                 )
-        lines.append(f"standard errors, of forces known to {NOISE:g} F_N: alone, with the others free")
+        lines.append(f"standard errors, forces known to {NOISE:g} F_N: alone, with the others free")
         for row in self.known().itertuples():
             alone, free = (f"{x:.2g}" if np.isfinite(x) else "unknown" for x in row[2:])
             lines.append(f"  {row.parameter}: {alone}, {free}")

@@ -815,6 +815,7 @@ def test_a_plate_on_the_top_slides_the_whole_slider(condition):
     assert record.status.startswith("ended")
     event = record.events.iloc[-1]
     assert (event["L_p_over_L"], event["first_block"], event["n_blocks"]) == (1.0, 5, 97)
+    assert record.curve["t"].iloc[-1] == event["t_stop"]
     assert record.region[-1][:4].tolist() == [2, 2, 2, 2]
     assert event["F_T_start"] / scene.F_N == pytest.approx(0.5112, abs=1e-4)
     assert record.events["is_main"].sum() == 1

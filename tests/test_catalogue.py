@@ -277,9 +277,21 @@ def test_open_and_corner_blocks_fill_the_gap(how):
     assert not row["is_main"]
 
 
-def test_block_open_only_during_the_event_does_not_count():
-    run = Run(opened=[1]).slip(0, 1 * MS, 2 * MS).set(1.5 * MS, 1, STUCK)
-    assert run.catalogue().events["L_p_over_L"].item() == 1 / 8
+@pytest.mark.parametrize("opened", [[1], []])
+def test_a_block_that_lands_in_an_event_does_not_end_it(opened):
+    """It did not hold the slider: with inertia it would slip as it lands."""
+    run = Run(opened=opened).slip(0, 1 * MS, 2 * MS)
+    if not opened:
+        run.set(1.2 * MS, 1, OPEN)
+    catalogue = run.set(1.5 * MS, 1, STUCK).catalogue()
+    assert catalogue["region"][0].tolist() == [1, 2, 0, 0, 0, 0, 0, 0]
+    assert catalogue.events["L_p_over_L"].item() == 2 / 8
+    assert catalogue.events["n_blocks"].item() == 1
+
+
+def test_a_block_that_lands_between_events_does_not_count():
+    run = Run(opened=[1]).slip(0, 1 * MS, 2 * MS).slip(0, 8 * MS, 9 * MS).set(5 * MS, 1, STUCK)
+    assert run.catalogue()["region"][:, 1].tolist() == [2, 0]
 
 
 def test_corner_slip_outside_the_event_does_not_count():

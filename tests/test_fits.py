@@ -16,7 +16,7 @@ from scipy import stats
 import pyfric
 from pyfric.cli.commands import main
 from pyfric.figures import fit_page, tornado
-from pyfric.fitting import QUANTITIES, fits, misfit, profiles, search
+from pyfric.fitting import QUANTITIES, Sensitivity, fits, misfit, profiles, search
 from pyfric.fitting.misfits import CAP, onset, overview
 from pyfric.fitting.problem import Data, Problem
 from pyfric.fitting.profiles import _interval
@@ -339,6 +339,43 @@ def test_sensitivities_are_differences_of_runs():
     ):
         with pytest.raises(SceneError, match=text):
             pyfric.sensitivity(SCENE, T_END, steps)
+
+
+def as_found(J, base=1.0):
+    """A table of sensitivities whose half differences over steps are J, quantity by parameter."""
+    rows = [
+        {"parameter": name, "value": 2.0, "step": 0.1, "quantity": quantity}
+        | {"low": base - 0.1 * slope, "base": base, "high": base + 0.1 * slope}
+        for name, slopes in J.items()
+        for quantity, slope in slopes.items()
+    ]
+    return Sensitivity(table=pd.DataFrame(rows), scene=SCENE)
+
+
+def test_what_is_known_alone_and_with_the_others_free():
+    """Errors are those of least squares: half of the normal equations' inverse, by hand."""
+    quantities = ("first_force", "largest_force", "recurrence", "precursors")
+    slopes = {"a": (3.0, 4.0, 0.0, 50.0), "b": (4.0, 3.0, 0.0, 0.0), "c": (0.0, 0.0, 2.0, 0.0)}
+    J = {name: dict(zip(quantities, values, strict=True)) for name, values in slopes.items()}
+    found = as_found(J).known(1e-3).set_index("parameter")
+    np.testing.assert_allclose(found["alone"], [1e-4, 1e-4, 2.5e-4])  # 1e-3/5/2, 1e-3/2/2
+    # the determinant of [[3, 4], [4, 3]] is -7: a = (-3 f + 4 l)/7
+    np.testing.assert_allclose(found["others_free"], [5e-4 * 5 / 7, 5e-4 * 5 / 7, 2.5e-4])
+    two = as_found(J | {"d": J["a"]}).known().set_index("parameter")
+    np.testing.assert_array_equal(np.isinf(two["others_free"]), [True, False, False, True])
+    none = as_found(J | {"d": dict.fromkeys(quantities, 0.0)}).known().set_index("parameter")
+    assert np.isinf(none.loc["d"]).all()
+    np.testing.assert_allclose(none.loc["a"], found.loc["a"])
+    with pytest.raises(SceneError, match="noise"):
+        as_found(J).known(0.0)
+
+
+def test_a_curve_tells_a_parameter_alone_better_than_with_others():
+    steps = {"mu_s": 0.01, "mu_k": 0.01, "K": "5 %", "k_f": "5 %"}
+    found = pyfric.sensitivity(SCENE, T_END, steps)
+    known = found.known().set_index("parameter")
+    assert (known["others_free"] > 3 * known["alone"]).all()
+    assert "with the others free" in str(found)
 
 
 # --- commands, and the stored study --------------------------------------------------------------

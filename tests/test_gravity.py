@@ -98,3 +98,10 @@ def test_a_known_p_carries_the_weight_too():
 def test_gravity_is_refused_where_p_is_given():
     refused(lambda: pyfric.chain().replace(G), "slider.g", "prescribed")
     refused(lambda: small_rod().replace({"slider.g": -1.0}), "slider.g", ">= 0 m/s^2")
+
+
+def test_the_weight_of_setup_1_is_small():
+    scene = pyfric.preset("fig1").replace({"slider.g": 9.81})
+    more = pyfric.loaded_state(scene).p.sum() / scene.F_N - 1
+    assert more == pytest.approx(4.24e-4, abs=1e-6)
+    assert scene.M_rod == scene.slider.M

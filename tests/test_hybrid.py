@@ -413,6 +413,22 @@ def test_a_mirrored_scene_gives_the_mirror_image(make, geometry):
     np.testing.assert_allclose(right.tau_after, left.tau_after[:, ::-1], rtol=0, atol=limit)
 
 
+def test_mirror_images_of_a_pull_differ_by_rounding():
+    """Pulling amplifies it: up to the first event over the whole interface to below 1e-6 F_N."""
+    both = []
+    for side in ("pull left", "pull right"):
+        scene = pyfric.preset("fig1", l="5 mm", side=side)
+        how = {"stop_when": "system_size", "verify": "none"}
+        record = pyfric.simulate(scene, 1.0, fidelity="hybrid", **how)
+        both.append(record.events)
+    left, right = both
+    names = ["n_blocks", "first_block", "last_block"]
+    np.testing.assert_array_equal(left[names], right[names])
+    np.testing.assert_allclose(left["F_T_start"], right["F_T_start"], atol=1e-6 * 3500.0)
+    assert (left["is_main"] & left["is_precursor"]).sum() == 17
+    assert left["F_T_start"].iloc[0] < 0.07 * 3500.0  # pushed: 0.115
+
+
 def test_doubling_load_and_speed_doubles_a_whole_run():
     one, two = (jump(rod(F_N=400.0 * n, V=2e-3 * n), 0.06, geometry="linear") for n in (1, 2))
     assert one.events["finished"].sum() > 2

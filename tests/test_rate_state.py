@@ -411,3 +411,19 @@ def test_tau_over_p_after_a_precursor_is_the_friction_at_its_speed(monkeypatch):
     assert "V = 0.4 mm/s: 2" in rated_ruptures.report(table.assign(case="V = 0.4 mm/s"))
     monkeypatch.setattr(rated_ruptures, "fronts", lambda *_: np.nan)
     assert rated_ruptures.regime(record) == "too short for a speed"
+
+
+def first_main(V, v_slip):
+    """F_T/F_N at the start of the first main event."""
+    size = {"l": "10 mm", "H": "70 mm", "h": "10 mm", "D_c": "0.3 um"}
+    scene = pyfric.preset("rate_and_state", size, V=f"{V} mm/s", v_slip=f"{v_slip} mm/s")
+    how = {"stop_when": "main_events", "accuracy": 1e-3, "verify": "none", "progress": False}
+    record = pyfric.simulate(scene, 0.72 / V, fidelity="hybrid", **how)
+    main = record.events[record.events["is_main"]]
+    return float(main["F_T_start"].iloc[0] / scene.F_N)
+
+
+def test_the_first_event_hangs_on_what_counts_as_slip_and_hardly_on_the_driver():
+    creep, fast = [[first_main(V, share * V) for V in (0.4, 4.0)] for share in (0.25, 2.5)]
+    assert creep == pytest.approx([0.325, 0.320], abs=2e-3)
+    assert fast == pytest.approx([0.471, 0.486], abs=2e-3)

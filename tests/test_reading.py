@@ -608,6 +608,22 @@ def test_hdf5_and_matlab_7_3(tmp_path):
     assert "MATLAB 7.3" in str(curve)
 
 
+@pytest.mark.parametrize("shape", [(-1,), (1, -1), (-1, 1)])
+@pytest.mark.parametrize("head", [b"MATLAB 7.3 MAT-file", b""])
+def test_vectors_of_either_orientation(tmp_path, shape, head):
+    """Writers of MATLAB files from Python store vectors in several shapes, and text as codes."""
+    with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
+        file["time"], file["F_T"] = np.reshape(T, shape), np.reshape(F, shape)
+        for name, dtype in (("name", "u2"), ("other", "u4")):
+            file[name] = np.array([[ord(c) for c in "name"]], dtype=dtype).T
+            file[name].attrs["MATLAB_class"] = np.bytes_("char")
+            file[name].attrs["Python.Type"] = np.bytes_("str")
+    with (tmp_path / "a.mat").open("r+b") as file:
+        file.write(head)
+    curve = read(tmp_path / "a.mat", {"t": "time", "F_T": "F_T"}, **SAID)
+    same(curve, t=T, F_T=F)
+
+
 def test_tdms(tmp_path):
     nptdms = pytest.importorskip("nptdms")
     path = tmp_path / "a.tdms"

@@ -167,7 +167,7 @@ class Stopping:
     Attributes:
         t: time of the last check, in s.
         first: time of each block's first slip, without corner slip, in s; NaN if there is none.
-        region: blocks that slipped in the present or last event.
+        region: blocks that slipped, lifted off or landed in the present or last event.
         slips: whether blocks slip now, without corner slip.
         t_rest: time at which slip last stopped, in s.
         begun: number of events that have begun after `since`.
@@ -220,7 +220,10 @@ class Stopping:
             self.region[:] = False
         starts = (np.abs(switches["new"]) == 1) & (np.abs(switches["old"]) != 1)
         starts &= switches["t"] > self.since
-        self.region[switches["block"][starts & (switches["step"] >= begin)]] = True
+        opens = (switches["old"] == OPEN) != (switches["new"] == OPEN)  # or lands, in an event
+        opens &= self.slips | (switches["t"] <= self.t_rest)
+        free = (starts | opens) & (switches["step"] >= begin)
+        self.region[switches["block"][free]] = True
         plain = starts & ~switches["corner"]
         blocks, times = switches["block"][plain], switches["t"][plain]
         self.t_switch = max(self.t_switch, times.max(initial=self.since), self.t_rest)

@@ -2,6 +2,12 @@
 
 Each parameter is changed either way by what a measurement would not notice. Counts jump; forces and
 lengths jump with them, so that a change is a difference and no derivative.
+
+A parameter that is free alone takes all that is measured for itself. With others free, they may
+make up for its change: what is left then tells it. J holds the changes of quantities, over their
+errors, with parameters, by half the difference of both ends. With independent errors the standard
+error of parameter j is 1/|J_j| alone, and the root of the j-th diagonal entry of the inverse of J'J
+with the others free.
 """
 
 from __future__ import annotations
@@ -44,6 +50,10 @@ QUANTITIES = {
 }
 """Quantities: unit and meaning. NaN where a run has none."""
 COUNTS = ("precursors", "system_size")
+NOISE = 1e-3
+"""Error of measured forces over F_N, and of a recurrence over itself, unless given: a policy."""
+ROUNDED = 1e-9
+"""Singular values over the largest, and shares of parameters in directions, that are rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,9 +85,48 @@ class Sensitivity(Shown):
                     f"  {row.parameter} -/+ {row.step:.4g}: {row.low - base:+.3g}, "
                     f"{row.high - base:+.3g}" + ", a jump" * jump
                 )
+        lines.append(f"standard errors, forces known to {NOISE:g} F_N: alone, with the others free")
+        for row in self.known().itertuples():
+            alone, free = (f"{x:.2g}" if np.isfinite(x) else "unknown" for x in row[2:])
+            lines.append(f"  {row.parameter}: {alone}, {free}")
         return "\n".join(lines)
 
     __repr__ = __str__
+
+    def known(self, noise: float = NOISE) -> pd.DataFrame:
+        """Return how well the quantities tell each parameter.
+
+        Counts and front speeds are left out. Lengths are known to a block.
+
+        Args:
+            noise: standard error of forces over F_N, and of the recurrence over itself.
+
+        Returns:
+            A row for each parameter, with columns parameter, alone, others_free: its standard error
+            over its value if it is the only unknown, and if the others of the table are unknown,
+            too. inf: the quantities do not tell it.
+
+        Raises:
+            SceneError: noise is refused.
+        """
+        noise = check_number("noise", noise, "", gt=0.0)
+        of = self.table.assign(J=(self.table["high"] - self.table["low"]) / 2 / self.table["step"])
+        base = of.groupby("quantity")["base"].first()
+        errors = {name: noise for name in ("first_force", "largest_force", "largest_drop")}
+        errors |= {"longest": 1 / self.scene.N_x, "recurrence": noise * base["recurrence"]}
+        J = of.pivot_table("J", "quantity", "parameter", sort=False).reindex(list(errors))
+        J = J.div(pd.Series(errors), axis=0).dropna()
+        value = of.groupby("parameter", sort=False)["value"].first().abs()
+        J = J.reindex(columns=value.index).fillna(0.0).to_numpy() * value.to_numpy()
+        size = np.linalg.norm(J, axis=0)
+        _, s, rows = np.linalg.svd(J / np.where(size > 0, size, 1.0))
+        s = np.append(s, np.zeros(len(rows) - len(s)))
+        lost = s <= ROUNDED * s.max(initial=0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            alone = 1 / size
+            free = np.linalg.norm(rows[~lost] / s[~lost, None], axis=0) / size
+        free[(np.abs(rows[lost]) > ROUNDED).any(axis=0)] = np.inf
+        return pd.DataFrame({"parameter": value.index, "alone": alone, "others_free": free})
 
 
 @usage('sensitivity(scene, "1 s", {"mu_k": 0.01, "F_N": "10 N", "K": "5 %"})')
@@ -140,14 +189,19 @@ def _steps(scene: Scene, steps: Mapping[str, float | str] | None) -> dict[str, t
 
 
 def _value(scene: Scene, name: str) -> Any:
-    """Return the value of a field by its name, None if no part, or several, have it."""
+    """Return the value of a field by its name, None if no part, or several, have it.
+
+    A field that was not given, such as k_f, has the value that the scene derives.
+    """
     part, _, end = name.rpartition(".")
     parts = {"slider": scene.slider, "top": scene.top, "driver": scene.driver}
     parts["interface"] = scene.interface
     found = [
         getattr(of, end) for key, of in parts.items() if part in ("", key) and hasattr(of, end)
     ]
-    return found[0] if len(found) == 1 else None
+    if len(found) != 1:
+        return None
+    return getattr(scene, end, None) if found[0] is None else found[0]
 
 
 def _all_quantities(

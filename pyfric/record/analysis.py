@@ -219,7 +219,7 @@ def stress_profile(
     Returns:
         One row per block. Columns: n; x_over_L; tau and p over F_N/N_x; tau_over_p;
         p_over_p_initial, over p at F_T = 0, NaN where that was 0; scaled, the scaled prestress;
-        region, 1 slipped in the event, 2 corner slip or open at its end, 0 neither.
+        region, 1 slipped in the event, 2 corner slip or open in it, 0 neither.
 
     Raises:
         SceneError: no such event, its state was never reached, or unknown ``when``.

@@ -10,8 +10,8 @@ event
     slip. Corner episodes are recorded, but neither start, join nor end an event.
 slipped region of an event
     Per block: 1 slipped in an episode of the event; 2 only slipped in a corner episode that
-    overlaps the event, or is open at its end; 0 neither. L_p/L is the number of consecutive
-    non-zero blocks, counted from block 1, divided by N_x.
+    overlaps the event, or was open at some time of it; 0 stuck all the time. L_p/L is the number of
+    consecutive non-zero blocks, counted from block 1, divided by N_x.
 front of an event
     See `pyfric.record.rupture`.
 
@@ -440,9 +440,12 @@ def _share_resolved(blocks: np.ndarray, of: np.ndarray) -> np.ndarray:
 # --- arrays over events and blocks ---------------------------------------------------------------
 
 
-@block_array("1", "1 slipped in the event, 2 corner slip or open at its end, 0 neither", np.int8)
+@block_array("1", "1 slipped in the event, 2 corner slip or open in it, 0 neither", np.int8)
 def region(of: Catalogue) -> np.ndarray:
-    """Corner slip counts where it overlaps the event; a block that also slipped is 1."""
+    """Corner slip counts where it overlaps the event; a block that also slipped is 1.
+
+    A block is open in an event if it is at its end, or if it lifts off or lands before.
+    """
     found = np.zeros((of.first.size, of.scene.N_x), dtype=np.int8)
     if len(found) == 0:
         return found
@@ -460,6 +463,10 @@ def region(of: Catalogue) -> np.ndarray:
     if np.isinf(end[-1]):  # only the last event can be unfinished: it ends with the log
         open_at_end[-1] = _last_modes(of) == OPEN
     found[open_at_end] = 2
+    old, new, t = (of.switches[name] for name in ("old", "new", "t"))
+    row = np.searchsorted(begin, t, side="right") - 1  # of the last event that has begun
+    within = ((old == OPEN) != (new == OPEN)) & (row >= 0) & (t <= end[row])
+    found[row[within], of.switches["block"][within]] = 2
     found[of.joined["row"], of.joined["i"]] = 1
     return found
 

@@ -82,7 +82,8 @@ class Slider:
             with half of the mass, of the springs along the edge, and of what foundation and loads
             give to a column. Mass and stiffness then converge to second order in l. In a chain it
             halves both ends. Linear geometry only, and neither a driven top nor junctions.
-        g: gravity, m/s^2, >= 0, downward on all blocks and the rod, in addition to F_N.
+        g: gravity, m/s^2, >= 0, downward on all blocks and the rod, in addition to F_N. In setup 1
+            9.81 m/s^2 adds 4e-4 F_N, half of it the weight of the rod.
 
     Source: PRL 107, 074301 (2011), model section.
     """

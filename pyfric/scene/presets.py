@@ -270,7 +270,8 @@ def grooves(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     """Return setup 1 with grooves across its interface: lands of 10 mm and grooves of 10 mm.
 
     Blocks less than 10 mm, or 20 to 30 mm and so on, from the trailing edge touch the substrate. l
-    should divide 10 mm. The default l is 2.5 mm; other values are those of `setup1`.
+    should divide 10 mm. The others have no contact and bear no load; with mu_s = mu_k = 0 blocks
+    bear load without friction. The default l is 2.5 mm; other values are those of `setup1`.
 
     Changes and errors are those of `preset`.
     """

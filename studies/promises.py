@@ -80,9 +80,9 @@ def _uneven_chain() -> list[tuple[str, Any, Any]]:
 
 def _rod() -> list[tuple[str, Any, Any]]:
     """Finite geometry on a stiff foundation, where jumps leave most."""
-    size = {"L": 10 * 2.5e-3, "H": 7 * 2.5e-3, "h": 2.5e-3, "F_N": 660.0}
-    k, t_end = setup1(**size).slider.k, 0.3
-    scene = setup1(**size, K=0.041 * k, k_f=19 * k)
+    fixed = {"L": 10 * 2.5e-3, "H": 7 * 2.5e-3, "h": 2.5e-3, "F_N": 660.0}
+    k, t_end = setup1(**fixed).slider.k, size(0.3, 0.01)
+    scene = setup1(**fixed, K=0.041 * k, k_f=19 * k)
     scene = scene.replace({"driver.V": plans._way(scene) / t_end})
     row = plans.trial(scene, t_end, "precursors", 0.001)
     speed = "error of front speeds, 95th percentile, at most"
@@ -120,9 +120,10 @@ def _viscosity() -> list[tuple[str, Any, Any]]:
 def _no_plan() -> list[tuple[str, Any, Any]]:
     """A run whose engine is given is not verified."""
     scene = setup1(L=0.03, H=0.01, h=2.5e-3, F_N=700.0)
-    made = simulate(scene, 0.3, fidelity="hybrid", progress=False)
+    t_end = size(0.3, 0.1)
+    made = simulate(scene, t_end, fidelity="hybrid", progress=False)
     fine = simulate(
-        scene, 0.3, fidelity="dynamic", dt=made.method.dt / 4, switching="located", progress=False
+        scene, t_end, fidelity="dynamic", dt=made.method.dt / 4, switching="located", progress=False
     )
     said = "not measured" if "errors not measured" in made.summary() else "nothing"
     return [("error of start forces (F_N)", said, differences(made, fine).errors()["start"])]

@@ -7,7 +7,7 @@
 # Seen: they are right in N/m and in MN/m. In TN/m they are 2 000 to 29 000 times too large, without a warning: the residual is
 # compared with a number, 1.5e-8 times the number of blocks, whatever the size of the matrix. The documentation says that tol is a
 # stopping criterion. With a tol that follows the unit they are right.
-# pyfric takes modes from Lanczos steps of its own or from LAPACK, over k and m. Who checks them with lobpcg scales the matrix.
+# pyfric finds modes by block Lanczos of its own, over k and m. Who checks them with lobpcg scales the matrix.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

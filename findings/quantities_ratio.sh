@@ -5,7 +5,7 @@
 # Expected: 0.001, as pint and unyt give, or an error. Other functions of the package, such as exp, refuse the ratio.
 # Seen: float() of it is 1.0, and so is NumPy's interp at it: a ratio keeps the unit mm/m, and the number alone is taken. With
 # .simplified it is 0.001.
-# pyfric refuses quantities of this package with a sentence; who has some passes .simplified.magnitude.
+# pyfric refuses quantities of this package, and arrays with a unit of any other where it takes plain numbers.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

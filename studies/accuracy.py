@@ -64,7 +64,7 @@ WANTS = {
 """Want -> what its error is."""
 REFERENCE = size(1 / 16, 1 / 2)
 """Step of the reference over the stability limit."""
-SCENE = {"l": 5e-3, "V": 5e-3}
+SCENE = {"l": 5e-3, "V": 20e-3}
 """Of the one scene at tiny sizes."""
 TRIES = size(2, 1)
 """Runs of a method; the quickest one counts. Full dynamics runs once."""

@@ -62,7 +62,7 @@ MU_S, MU_K, P, L = 0.7, 0.45, 60.0, 2.5e-3
 """Friction coefficients, normal force of a block (N) and lattice constant (m)."""
 SLIDER_ALPHA = size((0.0, 0.03, 0.1, 0.3), (0.0,))
 """Viscosities of the slider, over sqrt(k m) of the chain to which it is lumped."""
-T_END, SCENE = size((0.5, {}), (0.05, {"l": 5e-3, "V": 5e-3}))
+T_END, SCENE = size((0.5, {}), (0.015, {"l": 5e-3, "V": 20e-3}))
 """End of its runs, s, where no event over the whole interface ends them before."""
 
 

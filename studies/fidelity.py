@@ -43,7 +43,7 @@ ROWS = (
     ("quasistatic", "linear", "located"),
 )
 """Engine, geometry, switching; the ladder has no steps and stands beside located dynamics."""
-T_END, SCENE = size((0.9, {}), (0.04, {"l": 5e-3, "V": 5e-3}))
+T_END, SCENE = size((0.9, {}), (0.012, {"l": 5e-3, "V": 20e-3}))
 PAPER_STEPS, EVALUATIONS, SHARE = 4_500_000, 4, 0.45
 REPEATS = size(5, 1)
 LONG = 5.0

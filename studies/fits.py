@@ -26,13 +26,13 @@ from pyfric.measured import events, sampled
 
 __all__ = ["pulls", "report", "report_of_pulls", "study"]
 
-SETS: dict[str, int] = {"right": size(200, 1), "disorder": size(10, 1), "height": size(10, 1)}
+SETS: dict[str, int] = {"right": size(200, 1), "disorder": size(10, 0), "height": size(10, 0)}
 """Sets of truths, and how many."""
 RANGES = {"mu_s": (0.6, 0.8), "mu_k": (0.35, 0.55)}
 RANGES = size(RANGES, {"mu_s": (0.7, 0.71)})
 """Of truths, drawn evenly."""
 BOUNDS = size({"mu_s": (0.55, 0.85), "mu_k": (0.3, 0.6)}, {"mu_s": (0.69, 0.72)})
-NOISE, STEP, T_END = 1e-3, "0.5 ms", size(1.3, 0.4)
+NOISE, STEP, T_END = 1e-3, "0.5 ms", size(1.3, 0.6)
 INSIDE = 1.645
 """Of a normal distribution, 90 % are within so many standard deviations."""
 STD = 0.03

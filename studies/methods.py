@@ -138,7 +138,7 @@ def event_points(
         reference_shares: steps of the reference over the limit, the last one of which counts.
         repeats: runs of each point that are timed.
     """
-    scene = preset("fig1", **size({}, {"l": 5e-3, "V": 5e-3})) if scene is None else scene
+    scene = preset("fig1", **size({}, {"l": 5e-3, "V": 20e-3})) if scene is None else scene
     limit = stability_limit(scene)[0]
     starts: dict[str, _Start] = {}
     for geometry in ("finite", *({one.geometry for one in methods} - {"finite"})):

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 __all__ = ["QUANTITIES", "drawn", "drawn_wide", "run", "stored", "table", "trial"]
 
-WORK = size(3e7, 3e5)
+WORK = size(3e7, 1e5)
 """Block evaluations of full dynamics with steps of `WAY`."""
 EVENTS = 10
 """Main events of a trial, by the ladder."""

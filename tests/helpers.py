@@ -40,7 +40,7 @@ STUDIES = runpy.run_path(str(Path(__file__).parents[1] / "studies"))["main"]
 
 
 def peer(name):
-    """Return another program's module; without it the test is skipped, but not in `make test-peers`."""
+    """Return another program's module; without it skip the test, but not in `make test-peers`."""
     there = "PYFRIC_PEERS" in os.environ
     return importlib.import_module(name) if there else pytest.importorskip(name)
 

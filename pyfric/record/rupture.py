@@ -97,9 +97,7 @@ def front_speed(rupture_times: np.ndarray, l: float, d: int = 1) -> np.ndarray:
         raise SceneError("rupture_times", type(rupture_times).__name__, "", allowed)
     names = ("magnitude", *("unit", "units") * isinstance(rupture_times, np.ndarray))
     if any(hasattr(rupture_times, name) for name in names):
-        raise SceneError(
-            "rupture_times", rupture_times, "s", "plain numbers, in s", "it has a unit"
-        )
+        raise SceneError("rupture_times", rupture_times, "s", "plain numbers, in s")
     l = check_number("l", l, "m", gt=0.0)
     t = np.asarray(rupture_times, dtype=float)[..., ::d]
     v_c, half = np.full(t.shape, np.nan), AVERAGED // 2

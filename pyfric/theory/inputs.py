@@ -21,10 +21,8 @@ def refusal(field: str, value: Any, unit: str, allowed: str) -> ValueError:
 
 def _has_unit(value: Any) -> bool:
     """Whether a value is a quantity of a library of units, some of which are arrays of NumPy."""
-    own = isinstance(value, np.ndarray | np.generic)
-    return hasattr(value, "magnitude") or (
-        own and (hasattr(value, "unit") or hasattr(value, "units"))
-    )
+    names = ("magnitude", *("unit", "units") * isinstance(value, np.ndarray | np.generic))
+    return any(hasattr(value, name) for name in names)
 
 
 def checked_array(field: str, value: Any, unit: str = "", **limits: float) -> np.ndarray:

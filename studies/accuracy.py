@@ -81,6 +81,7 @@ METHODS = (
     FULL,
     Method("dynamic", "finite", "located", 0.5),
 )
+METHODS = size(METHODS, (METHODS[0], METHODS[2], METHODS[5], FULL))
 
 
 def drawn(seed: int) -> Scene:

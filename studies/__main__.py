@@ -5,11 +5,13 @@ They need more time, or other programs, than users of pyfric need, and are not i
 
 from __future__ import annotations
 
+import os
 import shlex
 from pathlib import Path
 from typing import Any
 
 import click
+from sizes import TINY, tiny
 
 from pyfric.cli.app import Commands
 from pyfric.cli.shared import (
@@ -26,14 +28,30 @@ from pyfric.cli.shared import (
     telling,
 )
 
-RUN = "python studies"
-"""How files say that they were made."""
+
+def made_by(*words: object) -> str:
+    """Return how files say that they were made."""
+    run = ["python", "studies", *(["--tiny"] if tiny() else [])]
+    return shlex.join([*run, *map(str, words)])
+
+
+def _tiny(_: object, __: object, given: bool) -> None:
+    if given:
+        os.environ[TINY] = "1"
 
 
 @click.group(
     cls=Commands,
     sections=("Speed", "Methods", "Physics"),
     context_settings={"help_option_names": ["-h", "--help"]},
+)
+@click.option(
+    "--tiny",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_tiny,
+    help="Make each study with sizes at which it ends in seconds; its numbers mean nothing.",
 )
 def main() -> None:
     """Measure the speed of pyfric, how its methods converge, and what the model says.
@@ -156,7 +174,7 @@ def finer(
     frame = fine.finer(names, commits=commits, errors=errors, say=tell.step, **more)
     words = [word for name in cases for word in ("--case", name)] + ["--errors"] * errors
     words += [word for commit in commits for word in ("--beside", commit)]
-    save_table(frame, out, shlex.join([*RUN.split(), "finer", *words]), "%.4g")
+    save_table(frame, out, made_by("finer", *words), "%.4g")
     tell.table(frame, fine.report)
 
 
@@ -205,7 +223,7 @@ def lattices(out: Path, commits: tuple[str, ...], tell: Tell) -> None:
     cases = [name for line in fine.LINES.values() for name in line]
     frame = fine.finer(cases, commits=commits, say=tell.step)
     words = [word for commit in commits for word in ("--beside", commit)]
-    command = shlex.join([*RUN.split(), "lattices", *words])
+    command = made_by("lattices", *words)
     save_figure(fine.figure(frame), out / "lattices", command, tell)
     tell.table(frame, fine.report)
 
@@ -225,7 +243,7 @@ def chart(out: Path, tell: Tell) -> None:
 
     points = accuracy.chart(progress=tell.progress)
     points = pd.concat([points, pd.DataFrame(chart_points(points))], ignore_index=True)
-    save_figure(accuracy.figure(points), out / "chart", f"{RUN} chart", tell)
+    save_figure(accuracy.figure(points), out / "chart", made_by("chart"), tell)
 
 
 @main.command(section="Methods")
@@ -237,7 +255,7 @@ def stability(out: Path, tell: Tell) -> None:
     import limits
 
     figure = limits.figure(limits.stability_map(progress=tell.progress))
-    save_figure(figure, out / "stability", f"{RUN} stability", tell)
+    save_figure(figure, out / "stability", made_by("stability"), tell)
 
 
 @main.command(section="Methods")
@@ -249,7 +267,7 @@ def price(out: Path, tell: Tell) -> None:
     import price
 
     figure = price.figure(price.points(progress=tell.progress))
-    save_figure(figure, out / "price", f"{RUN} price", tell)
+    save_figure(figure, out / "price", made_by("price"), tell)
 
 
 @main.command(section="Methods")
@@ -264,11 +282,11 @@ def methods(out: Path, tell: Tell) -> None:
     import methods
 
     figure = methods.figure(methods.table(progress=tell.progress))
-    save_figure(figure, out / "methods", f"{RUN} methods", tell)
+    save_figure(figure, out / "methods", made_by("methods"), tell)
 
 
 @main.command(section="Methods")
-@click.option("--trials", type=click.IntRange(1), default=200, show_default=True, help="How many.")
+@click.option("--trials", type=click.IntRange(1), help="How many.  [default: 200]")
 @click.option("--first", type=click.IntRange(0), default=0, help="Number of the first trial.")
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the draws.")
 @click.option(
@@ -298,7 +316,7 @@ def methods(out: Path, tell: Tell) -> None:
 )
 @telling
 def plans(
-    trials: int,
+    trials: int | None,
     first: int,
     seed: int,
     viscosity: tuple[float, float],
@@ -326,7 +344,7 @@ def plans(
     check_out(out, overwrite or resume)
     if not resume:
         out.unlink(missing_ok=True)
-    numbers = range(first, first + trials)
+    numbers = range(first, first + (trials or plans.TRIALS))
     how = {"progress": tell.progress, "verify": verify, "viscosity": viscosity}
     how |= {"wide": wide, "weakening": weakening}
     rows = plans.run(out, numbers, seed, **how)
@@ -349,7 +367,7 @@ def promises(cases: tuple[str, ...], out: Path | None, overwrite: bool, tell: Te
     if unknown := sorted(set(cases) - set(promises.CASES)):
         raise click.BadParameter(f"{unknown[0]}: one of {', '.join(promises.CASES)}")
     frame = promises.table(cases or promises.CASES)
-    save_table(frame, out, shlex.join([*RUN.split(), "promises", *cases]), "%.3g")
+    save_table(frame, out, made_by("promises", *cases), "%.3g")
     tell.table(frame, lambda table: table.drop(columns="scene").to_string(index=False))
 
 
@@ -374,7 +392,7 @@ def tpv3(out: Path | None, overwrite: bool, tell: Tell, quick: bool) -> None:
     import tpv3
 
     frame = tpv3.tpv3(quick=quick, progress=tell.progress)
-    save_table(frame, out, f"{RUN} tpv3", "%.6g")
+    save_table(frame, out, made_by("tpv3"), "%.6g")
     tell.table(frame, tpv3.report)
 
 
@@ -391,7 +409,7 @@ def viscosity(out: Path | None, overwrite: bool, tell: Tell) -> None:
     import cracks
 
     frame = cracks.viscosity(say=tell.step)
-    save_table(frame, out, f"{RUN} viscosity", "%.6g")
+    save_table(frame, out, made_by("viscosity"), "%.6g")
     tell.table(frame, lambda table: table.to_string(index=False))
 
 
@@ -404,7 +422,7 @@ def resolution(out: Path, tell: Tell) -> None:
     import resolution
 
     figure = resolution.figure(resolution.study(progress=tell.progress))
-    save_figure(figure, out / "resolution", f"{RUN} resolution", tell)
+    save_figure(figure, out / "resolution", made_by("resolution"), tell)
 
 
 @main.command(section="Physics")
@@ -452,7 +470,7 @@ def fronts(
     import fronts_found
 
     figure = fronts_found.figure(fronts.study(folder, **given, say=tell.step))
-    save_figure(figure, out / "fronts", shlex.join([*RUN.split(), "fronts", *words]), tell)
+    save_figure(figure, out / "fronts", made_by("fronts", *words), tell)
 
 
 @main.command(section="Physics")
@@ -470,7 +488,7 @@ def resolved(runs: Path, out: Path, tell: Tell) -> None:
 
     fronts = resolved.study(runs, say=tell.step)
     found = resolved_found.figure(fronts, resolved.checks(runs, say=tell.step))
-    save_figure(found, out / "resolved", f"{RUN} resolved", tell)
+    save_figure(found, out / "resolved", made_by("resolved"), tell)
     tell.table(found.tables["summary"], resolved_found.report)
 
 
@@ -483,7 +501,7 @@ def rated(out: Path, tell: Tell) -> None:
     import rated
 
     frame = rated.study(say=tell.step)
-    save_figure(rated.draw(frame), out / "rated", f"{RUN} rated", tell)
+    save_figure(rated.draw(frame), out / "rated", made_by("rated"), tell)
     tell.table(frame, rated.report)
 
 
@@ -497,7 +515,7 @@ def rated_spacing(out: Path | None, overwrite: bool, tell: Tell) -> None:
     import rated_spacing as own
 
     frame = own.study(say=tell.step)
-    save_table(frame, out, f"{RUN} rated-spacing", "%.5g")
+    save_table(frame, out, made_by("rated-spacing"), "%.5g")
     tell.table(frame, own.report)
 
 
@@ -511,7 +529,7 @@ def rated_ruptures(out: Path, tell: Tell) -> None:
 
     frame = own.study(say=tell.step)
     figure = own.draw(frame, own.regimes(say=tell.step), own.coulomb())
-    save_figure(figure, out / "rated", f"{RUN} rated-ruptures", tell)
+    save_figure(figure, out / "rated", made_by("rated-ruptures"), tell)
     tell.table(frame, own.report)
 
 
@@ -530,7 +548,7 @@ def collapse(fronts: Path, out: Path | None, overwrite: bool, tell: Tell) -> Non
     import pandas as pd
 
     frame = collapse.collapse(pd.read_csv(fronts))
-    save_table(frame, out, shlex.join([*RUN.split(), "collapse", str(fronts)]), "%.6g")
+    save_table(frame, out, made_by("collapse", fronts), "%.6g")
     tell.table(frame, collapse.report)
 
 
@@ -547,10 +565,11 @@ def fits(out: Path, tell: Tell) -> None:
 
     from pyfric.record import provenance
 
+    out.mkdir(parents=True, exist_ok=True)
     table = fits.study(out / "fits.csv", say=tell.step)
     pulls = fits.pulls(say=tell.step)
     pulls.to_csv(out / "pulls.csv", index=False, float_format="%.6g")
-    provenance(out / "fits_provenance.toml", f"{RUN} fits")
+    provenance(out / "fits_provenance.toml", made_by("fits"))
     tell.step(fits.report_of_pulls(pulls))
     tell.table(table, fits.report)
 
@@ -569,7 +588,7 @@ def disorder(out: Path, runs: Path | None, tell: Tell) -> None:
     import disorder
 
     figure = disorder.figure(disorder.study(folder, say=tell.step))
-    save_figure(figure, out / "disorder", f"{RUN} disorder", tell)
+    save_figure(figure, out / "disorder", made_by("disorder"), tell)
 
 
 @main.command(section="Physics")
@@ -604,10 +623,10 @@ def slow(out: Path, runs: Path | None, cases: tuple[str, ...], tell: Tell) -> No
     if unknown := [name for name in cases if name not in slow.CASES]:
         raise click.BadParameter(f"{unknown[0]!r}; known are {', '.join(slow.CASES)}")
     records = slow.study(folder, cases or tuple(slow.CASES), say=tell.step)
-    save_figure(slow.figure(records), out / "slow", f"{RUN} slow", tell)
+    save_figure(slow.figure(records), out / "slow", made_by("slow"), tell)
     name, record = next(iter(records.items()))
     fig = slow.speed_figure(record.scene, slow.slip_speeds(record), name)
-    save_figure(fig, out / "speeds", f"{RUN} slow", tell)
+    save_figure(fig, out / "speeds", made_by("slow"), tell)
 
 
 @main.command(section="Physics")
@@ -624,7 +643,7 @@ def prepared(out: Path, runs: Path | None, tell: Tell) -> None:
     import prepared
 
     figure = prepared.figure(prepared.diagram(folder), prepared.checks(folder))
-    save_figure(figure, out / "prepared", f"{RUN} prepared", tell)
+    save_figure(figure, out / "prepared", made_by("prepared"), tell)
 
 
 @main.command(section="Physics")
@@ -641,7 +660,7 @@ def creeping(out: Path, runs: Path | None, tell: Tell) -> None:
     import creeping
 
     figure = creeping.figure(creeping.study(folder, say=tell.step))
-    save_figure(figure, out / "creeping", f"{RUN} creeping", tell)
+    save_figure(figure, out / "creeping", made_by("creeping"), tell)
 
 
 @main.command(section="Physics")
@@ -653,7 +672,7 @@ def one_block(out: Path, tell: Tell) -> None:
     import one_block as study
 
     figure = study.figure(study.study(say=tell.step))
-    save_figure(figure, out / "one_block", f"{RUN} one-block", tell)
+    save_figure(figure, out / "one_block", made_by("one-block"), tell)
 
 
 @main.command(section="Physics")
@@ -668,7 +687,7 @@ def sticks(out: Path, tell: Tell) -> None:
     import sticks as study
 
     figure = study.figure(study.study(say=tell.step), study.chains(say=tell.step))
-    save_figure(figure, out / "sticks", f"{RUN} sticks", tell)
+    save_figure(figure, out / "sticks", made_by("sticks"), tell)
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.lines import Line2D
+from sizes import size, tiny
 
 from pyfric.checks.chart import Method, after_events, run
 from pyfric.engines import RunError
@@ -51,9 +52,9 @@ __all__ = [
     "scenes",
 ]
 
-EVENTS = 4
+EVENTS = size(4, 1)
 """Main events of a run."""
-TOLERANCES = (0.1, 0.03, 0.01, 0.003, 0.001)
+TOLERANCES = size((0.1, 0.03, 0.01, 0.003, 0.001), (0.1,))
 WANTS = {
     "loading_curve": "loading curve: $F_\\mathrm{T}(t)$, RMS over $F_\\mathrm{N}$",
     "precursors": "precursors: start and arrest force over $F_\\mathrm{N}$, worst",
@@ -61,9 +62,11 @@ WANTS = {
     "front_speed": "front speeds, 95th percentile of relative differences",
 }
 """Want -> what its error is."""
-REFERENCE = 1 / 16
+REFERENCE = size(1 / 16, 1 / 2)
 """Step of the reference over the stability limit."""
-TRIES = 2
+SCENE = {"l": 5e-3, "V": 20e-3}
+"""Of the one scene at tiny sizes."""
+TRIES = size(2, 1)
 """Runs of a method; the quickest one counts. Full dynamics runs once."""
 
 
@@ -78,6 +81,7 @@ METHODS = (
     FULL,
     Method("dynamic", "finite", "located", 0.5),
 )
+METHODS = size(METHODS, (METHODS[0], METHODS[2], METHODS[5], FULL))
 
 
 def drawn(seed: int) -> Scene:
@@ -97,12 +101,17 @@ def drawn(seed: int) -> Scene:
 
 def scenes() -> dict[str, Scene]:
     """Return the scenes of the chart by name."""
-    return {
-        "Fig. 1": preset("fig1"),
-        "run 4": preset("run4"),
-        "setup 2": preset("setup2"),
-        "random": drawn(7),
-    }
+    small = {"Fig. 1": preset("fig1", **SCENE)}
+    return (
+        small
+        if tiny()
+        else {
+            "Fig. 1": preset("fig1"),
+            "run 4": preset("run4"),
+            "setup 2": preset("setup2"),
+            "random": drawn(7),
+        }
+    )
 
 
 @at_once()

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 import peers
+from sizes import size
 
 from pyfric import core
 from pyfric.core import State
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 __all__ = ["LATTICES", "RIVAL", "kernel", "limit", "report", "scenes", "threads", "time_peer"]
 
-LATTICES = ((40, 25), (57, 31), (200, 50), (400, 250), (1000, 1000))
+LATTICES = size(((40, 25), (57, 31), (200, 50), (400, 250), (1000, 1000)), ((5, 4),))
 """Blocks along x and z; 57 x 31 is the paper's setup 1."""
 RIVAL = "LAMMPS harmonic + nve"
 """The peer that ratios are given against: a plain LAMMPS run, `bond_style harmonic`, `fix nve`."""
@@ -38,7 +39,9 @@ RIVAL_FORCES = "LAMMPS harmonic, forces only"
 """The same without moving the atoms, for the core's force evaluation alone."""
 SLIPPING = {"pyfric, all slip": 0.0, "pyfric, all weaken": 1e-3}
 """Rows where all bottom blocks slip, and the d_c (m) of each; what a table of the law costs."""
-REPEATS, SECONDS, LEAST = 5, 0.15, 40
+REPEATS, SECONDS, LEAST = size((5, 0.15, 40), (1, 1e-3, 4))
+SCENES_END = size(0.25, 1e-3)
+"""End of the runs of `scenes`, s."""
 
 Timed = Callable[[int], None]
 """A function that makes n force evaluations."""
@@ -154,7 +157,8 @@ def scenes(*, quick: bool = False, progress: bool = False) -> pd.DataFrame:
         Columns: workers, runs, seconds (from the first job to the last record, start of the
         processes included), gain (over one worker).
     """
-    t_end, heights = (0.01 if quick else 0.25), 2.5e-3 * np.arange(1, 5 if quick else 9)
+    t_end = min(SCENES_END, 0.01) if quick else SCENES_END
+    heights = 2.5e-3 * np.arange(1, 5 if quick else 9)
     how = {"fidelity": "dynamic", "geometry": "linear", "energies": False}
     jobs = [Job(scene=preset("fig1", h=float(h)), t_end=t_end, options=how) for h in heights]
     most = core.useful_threads(10**9)

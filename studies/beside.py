@@ -22,6 +22,7 @@ import accuracy as chart
 import numpy as np
 import peers
 from scipy.integrate import solve_ivp
+from sizes import size
 
 from pyfric import core
 from pyfric.core import OPEN
@@ -38,8 +39,8 @@ if TYPE_CHECKING:
 
 __all__ = ["chart_points", "slider_points", "wave_points"]
 
-REPEATS = 3
-SHARES = (0.9, 0.5, 0.25, 0.125, 0.0625, 0.03125)
+REPEATS = size(3, 1)
+SHARES = size((0.9, 0.5, 0.25, 0.125, 0.0625, 0.03125), (0.9,))
 """Steps over the stability limit."""
 AMPLITUDE = 1e-3
 """Of the wave, in l."""
@@ -53,7 +54,7 @@ def wave_points(say: Callable[[str], None] = lambda _: None) -> Iterator[dict[st
     u[:, 0] = AMPLITUDE * scene.slider.l * np.cos(np.pi * (scene.x / scene.slider.L + 0.5))
     t_end = 4 * (scene.N_x - 1) / math.sqrt(1.5) * unit
     least = math.ceil(t_end / (1.6 * unit))
-    numbers = [least * 2**k for k in range(7)]
+    numbers = [least * 2**k for k in range(size(7, 2))]
 
     say("wave: reference")
     truth = _wave(scene, u, t_end, 4 * numbers[-1], "rk4")[0]
@@ -126,7 +127,7 @@ def slider_points(say: Callable[[str], None] = lambda _: None) -> Iterator[dict[
         mu_k=0.2,
     )
     truth, _, _ = _ivp(scene, 1e-12)
-    for rtol in (1e-3, 1e-5, 1e-7, 1e-9):
+    for rtol in size((1e-3, 1e-5, 1e-7, 1e-9), (1e-3,)):
         say(f"slider: solve_ivp, {rtol:g}")
         runs = [_ivp(scene, rtol) for _ in range(REPEATS)]
         found, _, evaluations = runs[0]
@@ -221,7 +222,7 @@ def _ivp(scene: Scene, rtol: float) -> tuple[list[tuple], float, int]:
         found.append((t, i, old, mode[i]))
 
 
-LAMMPS_STEPS = 2000
+LAMMPS_STEPS = size(2000, 20)
 """Steps that are timed for the chart."""
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pandas as pd
+from sizes import size
 
 from pyfric import theory
 from pyfric.engines import step_size
@@ -29,11 +30,14 @@ WINDOW = 250.0
 """Speeds of a crack are means over twice this length, m."""
 FROM, TO = 3e3, 12e3
 """Half lengths of a crack at which speeds are compared, m."""
-VISCOSITIES: tuple[tuple[float, float, Literal["along", "full"]], ...] = (
-    *((6.0, eta2, "full") for eta2 in (1.0, 0.1, 0.01, 1e-3, 1e-4)),
-    *((blocks, eta2, "full") for blocks in (3.0, 4.0, 8.0) for eta2 in (0.1, 0.01)),
-    *((blocks, eta2, "along") for blocks in (4.0, 6.0, 8.0) for eta2 in (0.1, 0.01)),
-    (6.0, 1e-3, "along"),
+VISCOSITIES: tuple[tuple[float, float, Literal["along", "full"]], ...] = size(
+    (
+        *((6.0, eta2, "full") for eta2 in (1.0, 0.1, 0.01, 1e-3, 1e-4)),
+        *((blocks, eta2, "full") for blocks in (3.0, 4.0, 8.0) for eta2 in (0.1, 0.01)),
+        *((blocks, eta2, "along") for blocks in (4.0, 6.0, 8.0) for eta2 in (0.1, 0.01)),
+        (6.0, 1e-3, "along"),
+    ),
+    ((2.0, 0.1, "full"),),
 )
 """Blocks in X_c0, eta^2/(k m) and dashpots of the cracks of `viscosity`."""
 ROCK = theory.Material(c_P=3464 * math.sqrt(3), c_S=3464.0, rho=2670.0)

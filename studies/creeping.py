@@ -27,6 +27,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from scipy.optimize import brentq
+from sizes import size
 
 import pyfric
 from pyfric import figures, theory
@@ -45,23 +46,23 @@ if TYPE_CHECKING:
 
 __all__ = ["figure", "overdamped", "report", "slab_job", "slider_job", "study"]
 
-ROWS = (2, 3, 5)
+ROWS = size((2, 3, 5), (2,))
 """Blocks over the height of the slabs."""
-ALPHA = (0.3, 1.0, 3.0)
+ALPHA = size((0.3, 1.0, 3.0), (1.0,))
 """Viscosities of slip, over sqrt(k m) of the lumped chain."""
-TAU_BAR = (0.1, 0.2, 0.4, 0.6)
+TAU_BAR = size((0.1, 0.2, 0.4, 0.6), (0.6,))
 """Prestresses."""
-WEAKENING = (3.0, 30.0, 300.0)
+WEAKENING = size((3.0, 30.0, 300.0), (3.0,))
 """Times t_w over l/c."""
 COLOURS = (BLUE, VERMILION, GREEN)
 """Colours of slabs in pictures."""
-BLOCKS = 120
+BLOCKS = size(120, 30)
 """Blocks along the slabs."""
 MU_S, MU_K, P, L = 0.7, 0.45, 60.0, 2.5e-3
 """Friction coefficients, normal force of a block (N) and lattice constant (m)."""
-SLIDER_ALPHA = (0.0, 0.03, 0.1, 0.3)
+SLIDER_ALPHA = size((0.0, 0.03, 0.1, 0.3), (0.0,))
 """Viscosities of the slider, over sqrt(k m) of the chain to which it is lumped."""
-T_END = 0.5
+T_END, SCENE = size((0.5, {}), (0.015, {"l": 5e-3, "V": 20e-3}))
 """End of its runs, s, where no event over the whole interface ends them before."""
 
 
@@ -97,7 +98,7 @@ def slab_job(rows: int, tau_bar: float, alpha: float, t_w: float = 0.0) -> Job:
 
 def slider_job(alpha: float) -> Job:
     """Return the run of the Fig. 1 slider with viscosity alpha."""
-    scene = preset("fig1")
+    scene = preset("fig1", **SCENE)
     scene = scene.replace({"interface.alpha": alpha * lumped(scene)[1]})
     options = {"fidelity": "dynamic", "geometry": "linear", "energies": False, "verify": "none"}
     return Job(scene=scene, t_end=T_END, options=options | {"stop_when": "system_size"})

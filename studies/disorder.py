@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from sizes import size
 
 from pyfric.figures import DataFigure
 from pyfric.record import analysis
@@ -31,9 +32,9 @@ if TYPE_CHECKING:
 
 __all__ = ["SEEDS", "WIDTHS", "disordered", "figure", "jobs", "study", "summary", "tables"]
 
-WIDTHS = (0.0, 0.01, 0.03, 0.1)
+WIDTHS = size((0.0, 0.01, 0.03, 0.1), (0.0, 0.1))
 """Standard deviation of mu_s over its mean; 0 is run once."""
-SEEDS = tuple(range(1, 21))
+SEEDS = tuple(range(1, size(21, 3)))
 BINS = 6
 """Bins of the prestress; the run without disorder has few points."""
 COLOURS = ("black", "#0072B2", "#009E73", "#D55E00")

@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 import peers
 from bench import RIVAL, time_peer
+from sizes import size
 
 from pyfric.engines import prediction_curve
 from pyfric.planning import simulate
@@ -42,9 +43,9 @@ ROWS = (
     ("quasistatic", "linear", "located"),
 )
 """Engine, geometry, switching; the ladder has no steps and stands beside located dynamics."""
-T_END = 0.9
+T_END, SCENE = size((0.9, {}), (0.012, {"l": 5e-3, "V": 20e-3}))
 PAPER_STEPS, EVALUATIONS, SHARE = 4_500_000, 4, 0.45
-REPEATS = 5
+REPEATS = size(5, 1)
 LONG = 5.0
 """Runs longer than this are made once, s."""
 
@@ -67,7 +68,7 @@ def fidelity(*, progress: bool = False) -> pd.DataFrame:
         if progress:
             print(text, file=sys.stderr, flush=True)
 
-    scene = preset("fig1")
+    scene = preset("fig1", **SCENE)
     say(f"{RIVAL} on {scene.N_x} x {scene.N_z} blocks")
     evaluations = PAPER_STEPS * EVALUATIONS * scene.N_x * scene.N_z
     lammps = not peers.available()["lammps"].startswith("missing")
@@ -99,7 +100,7 @@ def fidelity(*, progress: bool = False) -> pd.DataFrame:
                 "steps": record.counts.get("steps", 0),
                 "block_evaluations": record.counts["block_evaluations"],
                 "per_switch": steps_per_switch(record),
-                **agreement(record, long)._asdict(),
+                **agreement(record, long),
             }
         )
     for name in ("fig1", "setup2-", "setup2", "setup2+"):

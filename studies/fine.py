@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from sizes import size
 
 if TYPE_CHECKING:
     from pyfric.figures import DataFigure
@@ -74,8 +75,9 @@ CASES = {
     "0.625 mm, d_c, to 0.745 s": Case("fig1", WEAK | {"l": 0.625e-3}, 0.745),
 }
 """Fig. 1 scene with blocks of l, without and with d_c = 1 um, in linear geometry if not said."""
-LATTICES = ("5 mm", "2.5 mm", "1.25 mm", "0.625 mm")
-LINES = {"d_c = 0": LATTICES, "d_c = 1 um": tuple(f"{name}, d_c" for name in LATTICES)}
+LATTICES = size(("5 mm", "2.5 mm", "1.25 mm", "0.625 mm"), ("5 mm", "2.5 mm"))
+LINES = {"d_c = 0": LATTICES}
+LINES |= size({"d_c = 1 um": tuple(f"{name}, d_c" for name in LATTICES)}, {})
 """Cases of the chart of cost against l."""
 SLOPES = {3: r"$\times$ 8", 4: r"$\times$ 16"}
 """Powers of 1/l beside them: blocks times steps; and as many waits again."""
@@ -84,11 +86,11 @@ BUILDS = (("-", "o"), (":", "s"), ("-.", "^"))
 QUICK = ("2.5 mm", "sequence", "plan")
 LONG = ("561 x 301, to 0.33 s", "0.625 mm, d_c, to 0.745 s")
 """Cases of minutes a run, which are made if they are named."""
-USUAL = tuple(name for name in CASES if name not in LONG)
-REPEATS = 2
+USUAL = size(tuple(name for name in CASES if name not in LONG), LATTICES[:1])
+REPEATS = size(2, 1)
 SHORT, JUMPS = 0.25, 1e-8
 """Steps and accuracy of runs with which errors are measured, over the stability limit and F_N."""
-LOADED = 0.12
+LOADED = size(0.12, 0.01)
 """End of a small run that loads all modules before the time is taken, s."""
 SIZES = {"slip_1": (1, 1), "slip_2_3": (2, 3), "slip_4_10": (4, 10), "fronts": (11, 2**31)}
 """Kinds of spells, by the least and the largest number of blocks that slip."""
@@ -182,9 +184,8 @@ def built(commit: str) -> Iterator[Path]:
 def _alone(case: Case, folder: Path | None) -> dict[str, Any]:
     """Return what a case costs in a process with the package in a folder; None: as installed."""
     env = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"}
-    env.pop("PYTHONPATH", None)
-    if folder is not None:
-        env["PYTHONPATH"] = str(folder)
+    found = [folder, THERE.parent] if folder is not None else [THERE.parent]
+    env["PYTHONPATH"] = os.pathsep.join(map(str, found))
     run = [sys.executable, str(THERE), json.dumps(case)]
     done = subprocess.run(run, env=env, check=True, stdout=subprocess.PIPE, text=True)
     return json.loads(done.stdout)
@@ -289,7 +290,7 @@ def figure(frame: pd.DataFrame) -> DataFigure:
     fig = DataFigure(figsize=(4.6, 3.4))
     axes = fig.subplots()
     style(axes)
-    for (name, cases), colour in zip(LINES.items(), ("#0072B2", "#C00000"), strict=True):
+    for (name, cases), colour in zip(LINES.items(), ("#0072B2", "#C00000"), strict=False):
         l = np.array([1e3 * CASES[case].changes.get("l", 2.5e-3) for case in cases])
         text = f"{name.replace('d_c', r'$d_{c}$')}, to {CASES[cases[0]].t_end:g} s"
         for build, part in frame.groupby("build", sort=False):

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from sizes import size
 
 import pyfric
 from pyfric.fitting import fit, misfit
@@ -25,12 +26,13 @@ from pyfric.measured import events, sampled
 
 __all__ = ["pulls", "report", "report_of_pulls", "study"]
 
-SETS: dict[str, int] = {"right": 200, "disorder": 10, "height": 10}
+SETS: dict[str, int] = {"right": size(200, 1), "disorder": size(10, 0), "height": size(10, 0)}
 """Sets of truths, and how many."""
 RANGES = {"mu_s": (0.6, 0.8), "mu_k": (0.35, 0.55)}
+RANGES = size(RANGES, {"mu_s": (0.7, 0.71)})
 """Of truths, drawn evenly."""
-BOUNDS = {"mu_s": (0.55, 0.85), "mu_k": (0.3, 0.6)}
-NOISE, STEP, T_END = 1e-3, "0.5 ms", 1.3
+BOUNDS = size({"mu_s": (0.55, 0.85), "mu_k": (0.3, 0.6)}, {"mu_s": (0.69, 0.72)})
+NOISE, STEP, T_END = 1e-3, "0.5 ms", size(1.3, 0.6)
 INSIDE = 1.645
 """Of a normal distribution, 90 % are within so many standard deviations."""
 STD = 0.03
@@ -57,8 +59,8 @@ def truth_of(name: str, seed: int) -> dict[str, float]:
 
 
 def pulls(
-    seeds: Iterable[int] = range(200),
-    draws: int = 4,
+    seeds: Iterable[int] = range(SETS["right"]),
+    draws: int = size(4, 1),
     say: Callable[[str], None] = print,
 ) -> pd.DataFrame:
     """Return a row for each truth of the set "right" and each draw of noise, first that of its fit.

@@ -29,6 +29,7 @@ import numpy as np
 import pandas as pd
 from cracks import Crack, kept_crack, viscous
 from finer import refined
+from sizes import size
 
 from pyfric.core import STEPPERS
 from pyfric.engines import step_size
@@ -44,13 +45,13 @@ if TYPE_CHECKING:
 
 __all__ = ["BLOCKS", "SPACINGS", "begun", "kept", "main_events", "planned", "study"]
 
-BLOCKS = (2.0, 4.0, 6.0, 8.0)
+BLOCKS = size((2.0, 4.0, 6.0, 8.0), (2.0, 2.0, 2.0))
 """Blocks in X_c0 of the cracks."""
-SPACINGS = (2.5e-3, 1.25e-3, 0.625e-3)
+SPACINGS = size((2.5e-3, 1.25e-3, 0.625e-3), (5e-3,))
 """Lattice constants of the Fig. 1 scene, m."""
-T_END = 0.745
+T_END = size(0.745, 0.4)
 """End of its runs, s: the precursor of half the slider's length is over."""
-COLLAPSE = {"run1": 0.56, "run2": 0.63, "run3": 0.7, "run4": 0.77}
+COLLAPSE = size({"run1": 0.56, "run2": 0.63, "run3": 0.7, "run4": 0.77}, {"run1": 0.56})
 """Runs of Fig. 4(b) and their ends, s: seven tenths of the time to the first event over all."""
 D_C = 1e-6
 """Slip of weakening, m."""

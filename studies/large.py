@@ -11,6 +11,7 @@ import time
 from concurrent.futures import ProcessPoolExecutor
 
 import pandas as pd
+from sizes import size
 
 from pyfric.planning import simulate
 from pyfric.scene import preset
@@ -18,7 +19,7 @@ from pyfric.signals import at_once
 
 __all__ = ["large", "report"]
 
-FINE, T_END = 0.25e-3, 0.33
+FINE, T_END = size((0.25e-3, 0.33), (5e-3, 0.01))
 """Distance of blocks, m: 561 x 301 of them; past the third main precursor, s."""
 
 

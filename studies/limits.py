@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from sizes import size
 
 from pyfric.checks.stability import LIMITED, measured_limit
 from pyfric.figures import DataFigure
@@ -33,9 +34,9 @@ if TYPE_CHECKING:
 
 __all__ = ["ETAS", "STIFFNESSES", "figure", "stability_map"]
 
-ETAS = (0.0, 0.03, 0.1, math.sqrt(0.1), 1.0, 3.0)
+ETAS = size((0.0, 0.03, 0.1, math.sqrt(0.1), 1.0, 3.0), (0.0, 1.0))
 """eta/sqrt(k m); the paper's is sqrt(0.1)."""
-STIFFNESSES = (0.01, 1.0, 10.0, 100.0)
+STIFFNESSES = size((0.01, 1.0, 10.0, 100.0), (1.0,))
 """k_f/k; the paper's is 1."""
 
 

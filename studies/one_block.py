@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 from scipy.interpolate import BSpline
+from sizes import size
 
 from pyfric import core, figures
 from pyfric.scene import chain
@@ -35,7 +36,7 @@ __all__ = ["MU_D", "MU_S", "U_S", "Dragged", "figure", "slipping_share", "study"
 
 MU_S, MU_D, U_S = 0.4, 0.17, 1e-6
 T_R, T_R_STD = 1e-3, 0.3e-3
-QS = (0.25, 0.5, 1.0, 2.0, 4.0)
+QS = size((0.25, 0.5, 1.0, 2.0, 4.0), (1.0,))
 """Values of q at which sliding is steady."""
 
 
@@ -49,7 +50,9 @@ class Dragged:
     STEPS = 400
     """To the stretch u_s: a junction breaks late by 1/800 of it in the mean."""
 
-    def __init__(self, t_R: float, t_R_std: float = 0.0, n_s: int = 33_334, **how: Any) -> None:
+    def __init__(
+        self, t_R: float, t_R_std: float = 0.0, n_s: int = size(33_334, 100), **how: Any
+    ) -> None:
         law = Junctions(n_s=n_s, u_s=U_S, t_R=t_R, t_R_std=t_R_std, **how)
         own = {"L": 5e-3, "p": 1.0, "M": 1e15, "k": 1.0, "K": 1e-9, "V": 0.0, "eta": 0.0}
         self.scene = chain(mu_s=MU_S, mu_k=MU_D, law=law, **own)

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
+from sizes import size
 
 from pyfric.checks import regression
 from pyfric.engines import ENGINES, QuasistaticRun, RunError, default_stepper, step_size
@@ -42,11 +43,11 @@ if TYPE_CHECKING:
 
 __all__ = ["QUANTITIES", "drawn", "drawn_wide", "run", "stored", "table", "trial"]
 
-WORK = 3e7
+WORK = size(3e7, 1e5)
 """Block evaluations of full dynamics with steps of `WAY`."""
 EVENTS = 10
 """Main events of a trial, by the ladder."""
-FINE = 0.04
+FINE = size(0.04, 0.25)
 """Its steps, over the stability limit."""
 WAY = 0.1
 """Step over the stability limit with which `WORK` gives the length of a trial."""
@@ -54,6 +55,8 @@ ROUNDING = 1e-6
 """Errors of the reference run itself are of this size: no measured error counts as smaller."""
 VISCOSITY = (0.1, 2.0)
 """Range of eta over its default."""
+TRIALS = size(200, 1)
+"""Trials of one call."""
 WANTS = ("loading_curve", "precursors", "stress", "front_speed", "motion")
 QUANTITIES = ("start", "arrest", "length", "stress", "speed_median", "speed_95", "speed_worst")
 

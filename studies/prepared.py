@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
+from sizes import size
 from slow import SLOW, longest_stretch
 
 from pyfric import figures
@@ -39,11 +40,11 @@ if TYPE_CHECKING:
 
 __all__ = ["CHECKS", "checks", "diagram", "figure", "job", "kind", "slowest"]
 
-TAU = tuple(np.round(np.arange(0.1, 0.1701, 0.005), 3))
+TAU = size(tuple(np.round(np.arange(0.1, 0.1701, 0.005), 3)), (0.1, 0.17))
 """tau_0/p."""
-WIDTH = tuple(np.round(np.arange(0.0, 0.501, 0.1), 3))
+WIDTH = size(tuple(np.round(np.arange(0.0, 0.501, 0.1), 3)), (0.0, 0.2))
 """Half width of stretches over u_s."""
-T_END = 60e-3
+T_END = size(60e-3, 2e-3)
 """End of runs that do not pass all blocks before, s: 30 mean times t_R."""
 SAMPLE = 1e-4
 """Time between points of the curve, s."""
@@ -106,7 +107,7 @@ def diagram(folder: Path) -> PhaseDiagram:
     return phase_diagram(job, label=labels, lines=False, **axes)
 
 
-def checks(folder: Path, widths: tuple[float, ...] = (0.2, 0.4)) -> pd.DataFrame:
+def checks(folder: Path, widths: tuple[float, ...] = size((0.2, 0.4), WIDTH)) -> pd.DataFrame:
     """Return kinds and speeds of slow stretches along the map, made in other ways."""
     rows = []
     for name, how in CHECKS.items():

@@ -57,7 +57,7 @@ def points(*, progress: bool = False) -> pd.DataFrame:
             print(text, file=sys.stderr, flush=True)
 
     named = methods()
-    table = pd.DataFrame(chart.points(SCENE, preset("fig1"), say, tuple(named.values())))
+    table = pd.DataFrame(chart.points(SCENE, chart.scenes()[SCENE], say, tuple(named.values())))
     table = pd.concat([table, pd.DataFrame(chart_points(table))], ignore_index=True)
     table["name"] = table["kind"].map({"plan": "plan", "peer": "LAMMPS, bonds only"})
     table.loc[table["kind"] == "method", "name"] = list(named)

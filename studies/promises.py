@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 import plans
+from sizes import size
 from tpv3 import STATIONS, distance, misfit, ruptured
 
 from pyfric.engines import step_size
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["CASES", "table"]
 
-SLABS = 12
+SLABS = size(12, 1)
 """Slabs whose fronts go on to the end."""
 
 
@@ -51,7 +52,8 @@ def _slabs() -> list[tuple[str, Any, Any]]:
 
 def _light_load() -> list[tuple[str, Any, Any]]:
     """Small strains, in which linear geometry still takes much of a tolerance of 0.01."""
-    row = plans.trial(preset("fig1", F_N=350.0), 0.09, "precursors", 0.01)
+    small, t_end = size(({}, 0.09), ({"l": 5e-3, "V": 8e-3}, 0.0045))
+    row = plans.trial(preset("fig1", F_N=350.0, **small), t_end, "precursors", 0.01)
     return [
         ("error of forces (F_N), at most", row["measured"], row["real"]),
         ("error of stresses (F_N/N_x), at most", row["measured_stress"], row["real_stress"]),
@@ -68,20 +70,20 @@ def _paid(scene: Any, t_end: float, tolerance: float) -> list[tuple[str, Any, An
 
 def _free_slider() -> list[tuple[str, Any, Any]]:
     """Many events, and a trailing edge that lifts."""
-    return _paid(preset("setup2+"), 0.5, 0.05)
+    return _paid(preset("setup2+"), size(0.5, 0.05), 0.05)
 
 
 def _uneven_chain() -> list[tuple[str, Any, Any]]:
     """About 150 events, a few of which no step determines."""
     p = 60 * np.random.default_rng(43).uniform(0.5, 1.5, 43)
-    return _paid(chain(p=p.tolist(), L=42 * 2.5e-3, k_top=1e6), 1.0, 0.02)
+    return _paid(chain(p=p.tolist(), L=42 * 2.5e-3, k_top=1e6), size(1.0, 0.1), 0.02)
 
 
 def _rod() -> list[tuple[str, Any, Any]]:
     """Finite geometry on a stiff foundation, where jumps leave most."""
-    size = {"L": 10 * 2.5e-3, "H": 7 * 2.5e-3, "h": 2.5e-3, "F_N": 660.0}
-    k, t_end = setup1(**size).slider.k, 0.3
-    scene = setup1(**size, K=0.041 * k, k_f=19 * k)
+    fixed = {"L": 10 * 2.5e-3, "H": 7 * 2.5e-3, "h": 2.5e-3, "F_N": 660.0}
+    k, t_end = setup1(**fixed).slider.k, size(0.3, 0.01)
+    scene = setup1(**fixed, K=0.041 * k, k_f=19 * k)
     scene = scene.replace({"driver.V": plans._way(scene) / t_end})
     row = plans.trial(scene, t_end, "precursors", 0.001)
     speed = "error of front speeds, 95th percentile, at most"
@@ -106,10 +108,11 @@ def _viscosity() -> list[tuple[str, Any, Any]]:
     plain = slab(**lattice)
     of = plain.eta / math.sqrt(plain.slider.k * plain.m)
     rows = []
+    l = size(100.0, 500.0)
     for share, dashpots in ((of, plain.slider.dashpots), (math.sqrt(0.1), "full")):
-        scene = preset("tpv3", l=100.0)
+        scene = preset("tpv3", l=l)
         eta = share * math.sqrt(scene.slider.k * scene.m)
-        scene = preset("tpv3", l=100.0, eta=eta, dashpots=dashpots)
+        scene = preset("tpv3", l=l, eta=eta, dashpots=dashpots)
         times, _, _ = ruptured(scene, step_size(scene), 6.0)
         rows.append(misfit(np.interp(STATIONS, distance(scene), times)))
     return [("RMS of rupture times: of slab, and with the paper's viscosity", *rows)]
@@ -118,9 +121,10 @@ def _viscosity() -> list[tuple[str, Any, Any]]:
 def _no_plan() -> list[tuple[str, Any, Any]]:
     """A run whose engine is given is not verified."""
     scene = setup1(L=0.03, H=0.01, h=2.5e-3, F_N=700.0)
-    made = simulate(scene, 0.3, fidelity="hybrid", progress=False)
+    t_end = size(0.3, 0.1)
+    made = simulate(scene, t_end, fidelity="hybrid", progress=False)
     fine = simulate(
-        scene, 0.3, fidelity="dynamic", dt=made.method.dt / 4, switching="located", progress=False
+        scene, t_end, fidelity="dynamic", dt=made.method.dt / 4, switching="located", progress=False
     )
     said = "not measured" if "errors not measured" in made.summary() else "nothing"
     return [("error of start forces (F_N)", said, differences(made, fine).errors()["start"])]

@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
+from sizes import size
 
 import pyfric
 from pyfric.figures import DataFigure
@@ -18,7 +19,7 @@ from pyfric.figures import DataFigure
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-V, PUSHED = 0.4e-3, 0.92e-3
+V, PUSHED = 0.4e-3, size(0.92e-3, 0.4e-3)
 """Speed of the driver (m/s), and how far it goes (m)."""
 CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "V = 0.4 mm/s": ({}, {}),
@@ -29,6 +30,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "l = 1.25 mm": ({"l": 1.25e-3}, {}),
     "full dynamics": ({}, {"fidelity": "dynamic", "accuracy": None, "energies": False}),
 }
+CASES = size(CASES, {"V = 4 mm/s": ({"V": 10 * V, "l": 5e-3}, {"accuracy": 1e-3})})
 """Name of a case -> changes of the preset, and options."""
 OPTIONS = {"fidelity": "hybrid", "geometry": "linear", "accuracy": 1e-4, "progress": False}
 """Of all runs that do not say others."""

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 import rated
+from sizes import size
 
 import pyfric
 from pyfric.figures import DataFigure
@@ -23,13 +24,16 @@ from pyfric.record import SLOW, material_of
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-CASES = ("V = 0.4 mm/s", "V = 4 mm/s", "V = 0.04 mm/s", "slip law")
+CASES = size(("V = 0.4 mm/s", "V = 4 mm/s", "V = 0.04 mm/s", "slip law"), ("V = 4 mm/s",))
 """Those of `rated`."""
-RATIOS, LENGTHS, FASTER = (1 / 3, 1 / 2, 2 / 3, 4 / 5), (2e-7, 4e-7, 8e-7), (0.1, 1.0, 10.0)
+RATIOS, LENGTHS, FASTER = size(
+    ((1 / 3, 1 / 2, 2 / 3, 4 / 5), (2e-7, 4e-7, 8e-7), (0.1, 1.0, 10.0)),
+    ((1 / 2, 4 / 5), (8e-7, 16e-7), (10.0,)),
+)
 """a/b, D_c (m), and V over that of the preset, of the other runs; b is that of the preset."""
-PUSHED = 0.7e-3
+PUSHED = size(0.7e-3, 0.2e-3)
 """How far the driver goes in the other runs, m."""
-CHECK = {"half the step": {"dt": 0.3e-6}, "accuracy 1e-5": {"accuracy": 1e-5}}
+CHECK = size({"half the step": {"dt": 0.3e-6}, "accuracy 1e-5": {"accuracy": 1e-5}}, {})
 """Options with which the first case is made again."""
 BEFORE = 2e-5
 """How long before an event the state of blocks is taken, s: a hundredth of a pause."""
@@ -200,7 +204,7 @@ def draw(frame: pd.DataFrame, found: pd.DataFrame, known: pd.DataFrame) -> DataF
     """
     figure = DataFigure(figsize=(8.4, 7.2), layout="constrained")
     (arrests, plain), (scaled, phases) = figure.subplots(2, 2)
-    for name, marker in zip(CASES, "os^D", strict=True):
+    for name, marker in zip(CASES, "os^D", strict=False):
         part = frame[frame["case"] == name]
         arrests.plot(part["steady_friction"], part["tau_over_p_after"], marker, ms=4, label=name)
         plain.semilogy(part["tau_over_p_before"], part["front_over_c_S"], marker, ms=4)

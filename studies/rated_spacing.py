@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
+from sizes import size
 
 import pyfric
 from pyfric import core
@@ -23,7 +24,7 @@ from pyfric.statics import StaticSolver, loaded_state
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-BLOCKS, RATIOS = (1, 3, 6, 12), (0.35, 0.5, 0.7)
+BLOCKS, RATIOS = size(((1, 3, 6, 12), (0.35, 0.5, 0.7)), ((1, 2), (0.5,)))
 """Blocks in L_b, and a/b."""
 L_B, B, P, K = 12e-3, 0.015, 2.5, 13.5e6
 """L_b (m), b, p of a block over l/mm (N), and k (N/m)."""

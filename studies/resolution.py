@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from sizes import size
 
 from pyfric.engines import prediction_curve
 from pyfric.figures import DataFigure
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SPACINGS", "figure", "study", "summary"]
 
-SPACINGS = (5e-3, 2.5e-3, 1.25e-3, 0.625e-3)
+SPACINGS = size((5e-3, 2.5e-3, 1.25e-3, 0.625e-3), (5e-3, 2.5e-3))
 """Lattice constants, m."""
 T_END = 0.45
 """End of the runs, s: six main precursors at l = 2.5 mm."""

@@ -46,6 +46,7 @@ import numpy as np
 import pandas as pd
 from finer import held, moved
 from fronts import COLLAPSE, kept, main_events
+from sizes import size
 
 from pyfric.engines import step_size
 from pyfric.planning import simulate
@@ -64,15 +65,18 @@ if TYPE_CHECKING:
 
 __all__ = ["D_C", "VISCOSITIES", "Event", "checks", "front", "study"]
 
-L = 1.25e-3
+L = size(1.25e-3, 5e-3)
 """Lattice constant of the runs that give the tractions, and distance between places, m."""
 OF_RUNS = 1e-6
 """Their slip of weakening, m."""
-LAST = 2
+LAST = size(2, 1)
 """Precursors of each run, the last ones."""
-D_C = (4e-6, 3e-6, 2e-6)
+D_C = size((4e-6, 3e-6, 2e-6), (1e-6,))
 """Slip of weakening, m."""
-SPACING = {"run1": 0.625e-3 / 3, "run2": 0.625e-3 / 3, "run3": 0.625e-3 / 3, "run4": 1.25e-3 / 3}
+SPACING = size(
+    {"run1": 0.625e-3 / 3, "run2": 0.625e-3 / 3, "run3": 0.625e-3 / 3, "run4": 1.25e-3 / 3},
+    {"run1": 5e-3},
+)
 """Lattice constant for each um of d_c, m."""
 VISCOSITIES: dict[str, dict[str, Any]] = {
     "0.001 k m, along bonds": {"damping": 1e-3, "dashpots": "along"},

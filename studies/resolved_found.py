@@ -124,7 +124,7 @@ def figure(fronts: pd.DataFrame, checks: pd.DataFrame) -> DataFigure:
         style(axes)
         axes.set_title(title, fontsize=8, loc="left")
         some = points[points["viscosity"] == viscosity]
-        for d_c, colour in zip(sorted(D_C), COLOURS, strict=True):
+        for d_c, colour in zip(sorted(D_C), COLOURS, strict=False):
             label = rf"$d_\mathrm{{c}}$ = {d_c * 1e6:g} $\mu$m"
             axes.plot([], [], "o", color=colour, ms=3, label=label)
             for name, marker in MARKERS.items():

@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from sizes import size
 
 from pyfric import figures
 from pyfric.engines import step_size
@@ -47,8 +48,8 @@ __all__ = ["CASES", "amontons_coulomb", "figure", "jobs", "longest_stretch",
 
 STORED = Path(__file__).parents[1] / "reference_data"
 """Stored runs of the paper."""
-T_END = 1.6
-"""Time of the end of each run, s."""
+T_END, FASTER = size((1.6, 1), (0.03, 20))
+"""Time of the end of each run, s, and the driver's speed over that of the preset."""
 SAMPLE = 5e-5
 """Time between points of the motion, s."""
 BAND, RATIO, LEAST = (0.01, 0.03), 20.0, 5
@@ -72,6 +73,7 @@ CASES: Mapping[str, Mapping[str, Any]] = {
     "t_R = 0.5 ms": {"t_R": 0.5e-3, "t_R_std": 0.15e-3},
     "t_R = 8 ms": {"t_R": 8e-3, "t_R_std": 2.4e-3},
 }
+CASES = size(CASES, {"seed 0": {}})
 """Names of runs to changes of the law; dt is a share of the automatic step, and switching an
 option."""
 
@@ -83,6 +85,7 @@ def jobs(cases: Sequence[str], t_end: float = T_END) -> list[Job]:
         changes = dict(CASES[name])
         share, switching = changes.pop("dt", 1.0), changes.pop("switching", None)
         scene = preset("slow", {f"law.{field}": value for field, value in changes.items()})
+        scene = scene.replace({"driver.V": FASTER * scene.driver.V})
         how = {"fidelity": "dynamic", "geometry": "linear", "verify": "none", "sample": SAMPLE}
         how["switching"] = switching
         how |= {} if share == 1 else {"dt": share * step_size(scene)}

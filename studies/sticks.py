@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pandas as pd
 from scipy.integrate import solve_ivp
+from sizes import size, tiny
 from sticks_peers import (
     ETA,
     K_BOND,
@@ -62,18 +63,20 @@ ENVIRONMENT = ROOT / ".venv" / "sticks"
 DEBIAN = "/usr/bin/python3"
 HELD = (0.5, 0.999)
 """Shares of the threshold at which the spring is held."""
-HOLD, PULL = 10.0, 4.0
+HOLD, PULL = size((10.0, 4.0), (0.1, 3.5))
 """Times after the ramp, s. Slip begins after 3 s of pulling and takes 0.3 s."""
-STEPS = (5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4)
+STEPS = size((5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4), (5e-3,))
 OF_HOLDING = 1e-3
 """Steps, s, of pulling and of holding."""
+RTOLS = size((1e-4, 1e-6, 1e-8, 1e-10, 1e-12), (1e-4,))
+"""Tolerances of programs that choose their steps."""
 COLUMNS = [
     *("program", "version", "settings", "coefficients", "step", "creep_half", "creep_near"),
     *("F_max", "F_min", "error", "seconds"),
 ]
 
 IN_CHAIN = ["program", "version", "settings", "coefficients", "step", "error", "seconds"]
-FINEST = 1e-12
+FINEST = size(1e-12, 1e-6)
 """Tolerance of what chains are compared with."""
 
 
@@ -244,8 +247,8 @@ NO_SLIP = 'noslip_iterations="50"'
 STIFF = 'cone="elliptic" impratio="100"'
 PEERS = (
     Peer("pyfric", "located switches, RK4", of_pyfric, two=True),
-    Peer("solve_ivp", "DOP853, events", of_solve_ivp, True, (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)),
-    Peer("CVODE", "Adams, events", outside("cvode"), True, (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)),
+    Peer("solve_ivp", "DOP853, events", of_solve_ivp, True, RTOLS),
+    Peer("CVODE", "Adams, events", outside("cvode"), True, RTOLS),
     Peer("Siconos", "Moreau–Jean, theta 0.5", outside("siconos", DEBIAN)),
     Peer("OpenSees", "flatSliderBearing, kInit 1e6 N/m, Newmark", outside("opensees")),
     Peer(
@@ -265,7 +268,7 @@ PEERS = (
 COARSE = STEPS[:3]
 CHAINS = (
     Peer("pyfric", "located switches, RK4", chain_of_pyfric, two=True),
-    Peer("solve_ivp", "DOP853, events", chain_of_solve_ivp, True, (1e-4, 1e-6, 1e-8, 1e-10)),
+    Peer("solve_ivp", "DOP853, events", chain_of_solve_ivp, True, RTOLS[:4]),
     Peer("Siconos", "Moreau–Jean, theta 0.5", outside("siconos_chain", DEBIAN), steps=COARSE),
     Peer("MuJoCo", "defaults", outside("mujoco_chain"), steps=COARSE),
     Peer(
@@ -274,10 +277,13 @@ CHAINS = (
     ),
 )
 """Programs that pull a chain of ten blocks."""
+PEERS, CHAINS = size((PEERS, CHAINS), (PEERS[:2], CHAINS[:2]))  # those that are at hand
 
 
 def install(say: Callable[[str], None]) -> None:
     """Make the environment of the other programs, once."""
+    if tiny():
+        return
     if not (ENVIRONMENT / "done").exists():
         say("installing the other programs")
         subprocess.run([sys.executable, "-m", "venv", "--clear", ENVIRONMENT], check=True)

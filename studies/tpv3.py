@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from sizes import size
 
 from pyfric import core
 from pyfric.engines import step_size
@@ -38,7 +39,7 @@ REFERENCE = np.array(
 """Rupture times there, s, converged to 1 ms: spectral elements of 125 m with 6 nodes."""
 SLIP_RATE = 0.5e-3
 """Slip rate of one body at which the front passes, m/s."""
-LATTICES = (100.0, 50.0, 25.0)
+LATTICES = size((100.0, 50.0, 25.0), (500.0,))
 """Lattice constants, m."""
 PLACES = {5: (4.93, 5.153), 10: (7.63, 4.1435)}
 """km: largest slip rate (m/s, within 1 % at 5 km) and slip at 6 s (m) of the reference."""

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from sizes import size
 
 import pyfric
 from pyfric.engines import cost, step_size
@@ -32,7 +33,8 @@ SMALL = 1e-3
 """Part of a price by which it is changed, to find what it contributes."""
 HELD = 0.05
 """Weight of a price's relative distance from the stored one, beside relative errors of runs."""
-REPEATS = 3
+REPEATS, SHARE, EVERY = size((3, 1.0, 1), (1, 0.02, 5))
+"""Times a run is made, part of its time that is run, and every which run is made."""
 
 
 class Case(NamedTuple):
@@ -49,7 +51,7 @@ class Case(NamedTuple):
         fixed = {"fidelity": self.engine, "energies": False, "progress": False, "threads": 1}
         if self.engine != "quasistatic":
             fixed["geometry"] = self.geometry
-        return pyfric.simulate(self.scene, self.t_end, **(fixed | self.more))
+        return pyfric.simulate(self.scene, SHARE * self.t_end, **(fixed | self.more))
 
 
 def cases() -> list[Case]:
@@ -123,7 +125,7 @@ def shares(case: Case, record: Record) -> np.ndarray:
 def measured(*, progress: bool = False) -> pd.DataFrame:
     """Return each price over the stored one, and its largest share of the time of a run."""
     rows, taken = [], []
-    for case in cases():
+    for case in cases()[::EVERY]:
         seconds = []
         for _ in range(REPEATS):
             start = time.process_time()

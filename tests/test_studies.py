@@ -1,13 +1,16 @@
 """The studies' commands: what they call, what they write, and that they are not installed."""
 
 import json
+import os
 import subprocess
 import sys
 from importlib import metadata
+from pathlib import Path
 
 import bench
 import pandas as pd
 import pytest
+import sizes
 import tpv3
 from click.testing import CliRunner
 from helpers import STUDIES
@@ -68,3 +71,38 @@ def test_they_are_not_installed():
     assert {"pyfric"} < files
     assert not files & {"studies", "fronts.py", "bench.py"}
     assert not any("studies" in path.parts for path in metadata.files("pyfric"))
+
+
+@pytest.fixture(scope="module")
+def tried(tmp_path_factory):
+    """All commands at tiny sizes, by name, and the folder of their outputs."""
+    folder = tmp_path_factory.mktemp("studies")
+    own = Path(__file__)
+    env = os.environ | {"PYTHONPATH": str(own.parents[1] / "studies"), "OMP_NUM_THREADS": "1"}
+    env |= {"XDG_CACHE_HOME": str(folder / "cache")}
+    run = [sys.executable, "-P", own.with_name("tiny_studies.py"), folder]
+    done = subprocess.run(run, env=env, capture_output=True, text=True, check=True)
+    return {row.pop("name"): row for row in json.loads(done.stdout)}, folder
+
+
+@pytest.mark.parametrize("name", sorted(STUDIES.commands))
+def test_every_command_works_at_tiny_sizes(name, tried):
+    rows, folder = tried
+    assert rows[name]["code"] == 0, rows[name]["said"]
+    kinds = {one.name: one.metavar for one in STUDIES.commands[name].params}
+    if kinds.get("out") == "DIR":
+        about = [one.read_text() for one in (folder / name).glob("*provenance.toml")]
+        assert about
+        assert all(f"python studies --tiny {name}" in one for one in about)
+    elif "out" in kinds:
+        table = pd.read_csv(folder / f"{name}.csv")
+        assert len(table)
+    else:
+        assert len(rows[name]["said"].splitlines()) > 1
+
+
+def test_sizes_are_tiny_only_when_asked_for(monkeypatch):
+    monkeypatch.delenv("PYFRIC_TINY", raising=False)
+    assert sizes.size(2, 1) == 2
+    monkeypatch.setenv("PYFRIC_TINY", "1")
+    assert sizes.size(2, 1) == 1

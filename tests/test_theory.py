@@ -12,6 +12,8 @@ from scipy.special import beta
 
 import pyfric
 from pyfric import chain, setup2, simulate, theory
+from pyfric.record import front_speed
+from pyfric.scene import SceneError
 from pyfric.statics import dispersion, solve_static, spring_stiffness
 from pyfric.statics.operators import bonds
 from pyfric.theory.cracks import _I
@@ -594,3 +596,22 @@ def test_masked_values_are_refused():
     tau_bar[1] = np.ma.masked
     with pytest.raises(ValueError, match=r"(?s)tau_bar = .*numbers without gaps"):
         theory.chain_speed(tau_bar)
+
+
+class WithUnit(np.ndarray):
+    """An array as some libraries of units have it; NumPy drops its unit without a word."""
+
+    unit = "ms"
+
+
+def test_arrays_with_a_unit_are_refused():
+    """So they are where front speeds follow from times."""
+    values = np.linspace(0.0, 1e-3, 7)
+    given = values.view(WithUnit)
+    assert theory.fracture_energy(0.7, 0.45, values, 1e-6).shape == (7,)
+    for p in (given, [given]):
+        with pytest.raises(ValueError, match="allowed: plain numbers, in Pa"):
+            theory.fracture_energy(0.7, 0.45, p, 1e-6)
+    assert np.isfinite(front_speed(values, 1e-3)[3])
+    with pytest.raises(SceneError, match="plain numbers, in s"):
+        front_speed(given, 1e-3)

@@ -83,7 +83,7 @@ def front_speed(rupture_times: np.ndarray, l: float, d: int = 1) -> np.ndarray:
         latter as ``n_not_increasing``.
 
     Raises:
-        SceneError: a record is given instead of times, or l is refused.
+        SceneError: a record, or times of a library of units, are given, or l is refused.
 
     Source: the paper, Fig. 4 (v_c as an average over five blocks).
 
@@ -95,6 +95,9 @@ def front_speed(rupture_times: np.ndarray, l: float, d: int = 1) -> np.ndarray:
             "times, shape (..., N_x); analysis.front(record, event) has the speeds of an event"
         )
         raise SceneError("rupture_times", type(rupture_times).__name__, "", allowed)
+    names = ("magnitude", *("unit", "units") * isinstance(rupture_times, np.ndarray))
+    if any(hasattr(rupture_times, name) for name in names):
+        raise SceneError("rupture_times", rupture_times, "s", "plain numbers, in s")
     l = check_number("l", l, "m", gt=0.0)
     t = np.asarray(rupture_times, dtype=float)[..., ::d]
     v_c, half = np.full(t.shape, np.nan), AVERAGED // 2

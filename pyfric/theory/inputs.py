@@ -19,6 +19,12 @@ def refusal(field: str, value: Any, unit: str, allowed: str) -> ValueError:
     return ValueError(f"{field} = {value!r} {unit}".rstrip() + f"; allowed: {allowed}")
 
 
+def _has_unit(value: Any) -> bool:
+    """Whether a value is a quantity of a library of units, some of which are arrays of NumPy."""
+    names = ("magnitude", *("unit", "units") * isinstance(value, np.ndarray | np.generic))
+    return any(hasattr(value, name) for name in names)
+
+
 def checked_array(field: str, value: Any, unit: str = "", **limits: float) -> np.ndarray:
     """Return a number, array or column of numbers as floats, each finite and within the limits.
 
@@ -36,7 +42,7 @@ def checked_array(field: str, value: Any, unit: str = "", **limits: float) -> np
     if np.ma.is_masked(value):
         raise refusal(field, value, unit, "numbers without gaps: leave out or fill what is masked")
     given = value if isinstance(value, list | tuple) else [value]
-    if any(isinstance(value, str) or hasattr(value, "magnitude") for value in given):
+    if any(isinstance(value, str) or _has_unit(value) for value in given):
         raise refusal(field, value, unit, f"plain numbers{unit and f', in {unit}'}")
     try:
         array = np.asarray(value)

@@ -207,7 +207,7 @@ def many(
     frame = many.costs(names, commits=commits, quick=quick, say=tell.step, **more)
     words = [word for name in cases for word in ("--case", name)]
     words += [word for commit in commits for word in ("--beside", commit)]
-    save_table(frame, out, shlex.join([*RUN.split(), "many", *words]), "%.4g")
+    save_table(frame, out, made_by("many", *words), "%.4g")
     tell.table(frame, many.report)
 
 
@@ -603,7 +603,7 @@ def scatter(out: Path, tell: Tell) -> None:
     import scatter
 
     figure = scatter.figure(scatter.study(say=tell.step))
-    save_figure(figure, out / "scatter", f"{RUN} scatter", tell)
+    save_figure(figure, out / "scatter", made_by("scatter"), tell)
 
 
 @main.command(section="Physics")

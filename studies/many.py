@@ -33,25 +33,29 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from sizes import size
 
 __all__ = ["CASES", "costs", "report"]
 
 T_END = 0.9
-CASES = {
-    "sequence": 20,
-    "events": 20,
-    "ensemble": 10_000,
-    "diagram": 40,
-    "sensitivity": 3,
-    "fit": 1,
-}
+QUICK = {"sequence": 3, "events": 3, "ensemble": 50, "diagram": 2, "sensitivity": 1}
+CASES = size(
+    {
+        "sequence": 20,
+        "events": 20,
+        "ensemble": 10_000,
+        "diagram": 40,
+        "sensitivity": 3,
+        "fit": 1,
+    },
+    QUICK,
+)
 """Repeats of a case, runs of the ensemble, and values on each axis of the diagram."""
 FEWER = {"ensemble": 200, "diagram": 8}
 """The same of builds without ensembles."""
-QUICK = {"sequence": 3, "events": 3, "ensemble": 50, "diagram": 2, "sensitivity": 1}
 ONCE = ("fit",)
 """Cases that are made once."""
-WIDTH, CORES, REPEATS = 0.05, 2, 3
+WIDTH, CORES, REPEATS = 0.05, 2, size(3, 1)
 THERE = Path(__file__).resolve()
 
 
@@ -98,9 +102,8 @@ def costs(
 def _alone(name: str, quick: bool, folder: Path | None) -> dict[str, Any]:
     """Return what a case costs in a process with the package in a folder; None: as installed."""
     env = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"}
-    env.pop("PYTHONPATH", None)
-    if folder is not None:
-        env["PYTHONPATH"] = str(folder)
+    found = [*([] if folder is None else [folder]), THERE.parent]
+    env["PYTHONPATH"] = os.pathsep.join(map(str, found))
     run = [sys.executable, str(THERE), name, json.dumps(quick)]
     done = subprocess.run(run, env=env, check=True, stdout=subprocess.PIPE, text=True)
     return json.loads(done.stdout)
@@ -111,8 +114,8 @@ def measured(name: str, quick: bool) -> dict[str, Any]:
     import pyfric
 
     own = hasattr(pyfric, "ensemble")
-    size = QUICK[name] if quick else (CASES if own else CASES | FEWER)[name]
-    make, runs = _prepared(name, size, own)
+    times = QUICK[name] if quick else (CASES if own else CASES | FEWER)[name]
+    make, runs = _prepared(name, times, own)
     begin, clock = _processor(), time.perf_counter()
     make()
     took = {"processor": _processor() - begin, "wall": time.perf_counter() - clock}
@@ -125,7 +128,7 @@ def _processor() -> float:
     return times.user + times.system + times.children_user + times.children_system
 
 
-def _prepared(name: str, size: int, own: bool) -> tuple[Callable[[], Any], int]:
+def _prepared(name: str, times: int, own: bool) -> tuple[Callable[[], Any], int]:
     """Return a function that makes the runs of a case, and their number."""
     import numpy as np
 
@@ -138,29 +141,29 @@ def _prepared(name: str, size: int, own: bool) -> tuple[Callable[[], Any], int]:
     pyfric.simulate(scene, T_END, **how)  # loads modules
 
     def records(read: Callable[[Any], Any]) -> None:
-        for _ in range(size):
+        for _ in range(times):
             read(pyfric.simulate(scene, T_END, **how))
 
     def ensemble() -> Any:
         if own:
             vary = {"mu_s": field}
             return pyfric.ensemble(
-                "fig1", vary, size, T_END, cache=False, threads=CORES, progress=False
+                "fig1", vary, times, T_END, cache=False, threads=CORES, progress=False
             ).table
-        over = {"interface.mu_s": [pyfric.Spread(**_plain(field, n)) for n in range(size)]}
+        over = {"interface.mu_s": [pyfric.Spread(**_plain(field, n)) for n in range(times)]}
         options = {"fidelity": "quasistatic"}
         sweep = pyfric.Sweep(scene=scene, t_end=T_END, over=over, points="list", options=options)
         return sweep.run(cache=False, workers=CORES, progress=False).table
 
     def diagram() -> Any:
-        x, y = np.linspace(0.2, 0.6, size), np.linspace(0.62, 1.0, size)
+        x, y = np.linspace(0.2, 0.6, times), np.linspace(0.62, 1.0, times)
         options = {"fidelity": "quasistatic"}
         axes = {"x": ("mu_k", x), "y": ("mu_s", y), "t_end": T_END, "options": options}
         rest = {"lines": False, "cache": False, "workers": 1, "progress": False}
         return pyfric.phase_diagram("fig1", **axes, **rest)
 
     def sensitivity() -> None:
-        for _ in range(size):
+        for _ in range(times):
             pyfric.sensitivity(scene, T_END)
 
     def fit() -> Any:
@@ -171,12 +174,12 @@ def _prepared(name: str, size: int, own: bool) -> tuple[Callable[[], Any], int]:
         return pyfric.fit(scene, curve, bounds, part="all", **how)
 
     return {
-        "sequence": (lambda: records(lambda record: record.curve), size),
-        "events": (lambda: records(lambda record: record.events), size),
-        "ensemble": (ensemble, size),
-        "diagram": (diagram, size**2),
-        "sensitivity": (sensitivity, size),
-        "fit": (fit, size),
+        "sequence": (lambda: records(lambda record: record.curve), times),
+        "events": (lambda: records(lambda record: record.events), times),
+        "ensemble": (ensemble, times),
+        "diagram": (diagram, times**2),
+        "sensitivity": (sensitivity, times),
+        "fit": (fit, times),
     }[name]
 
 

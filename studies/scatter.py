@@ -28,6 +28,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from sizes import size
 
 from pyfric.figures import DataFigure
 from pyfric.record import b_value
@@ -36,12 +37,12 @@ from pyfric.sweeps import Ensemble, ensemble
 
 __all__ = ["LENGTHS", "SEEDS", "WIDTHS", "errors", "field", "figure", "sets", "study", "table"]
 
-WIDTHS = (1e-4, 1e-3, 0.01, 0.03, 0.05)
+WIDTHS = size((1e-4, 1e-3, 0.01, 0.03, 0.05), (0.05,))
 """Standard deviations of mu_s over its mean, of independent blocks."""
-LENGTHS = (5e-3, 10e-3, 20e-3, 40e-3, 80e-3)
+LENGTHS = size((5e-3, 10e-3, 20e-3, 40e-3, 80e-3), (5e-3, 10e-3, 20e-3))
 """Correlation lengths at the width `WIDTH`, in m; L is 140 mm."""
 WIDTH = 0.05
-SEEDS = 1000
+SEEDS = size(1000, 40)
 """Of each set."""
 T_END = 1.3
 """By then the slider has slid as a whole, s."""
@@ -172,10 +173,10 @@ def counts(found: dict[tuple[float, float], Ensemble]) -> pd.DataFrame:
     for (width, length), one in found.items():
         potency, seed = _sizes(one)
         runs = len(one.table)
-        for size in np.geomspace(LEAST * potency.max(), potency.max(), 61):
-            each = np.bincount(seed[potency >= size] - one.table.index[0], minlength=runs)
+        for least in np.geomspace(LEAST * potency.max(), potency.max(), 61):
+            each = np.bincount(seed[potency >= least] - one.table.index[0], minlength=runs)
             error = each.std(ddof=1) / np.sqrt(runs)
-            row = {"width": width, "correlation_length": length, "potency": size}
+            row = {"width": width, "correlation_length": length, "potency": least}
             rows.append(row | {"number": each.mean(), "error": error})
     return pd.DataFrame(rows)
 

@@ -45,7 +45,7 @@ def methods() -> dict[str, chart.Method]:
     return {
         PAPER: chart.Method("dynamic", "finite", "step_end", PAPER_DT / limit),
         "RK4, located switching": chart.Method("dynamic", "finite", "located", 0.5),
-        "six stages,\nlocated switching": chart.Method("dynamic", "finite", *own),
+        "six stages, located switching": chart.Method("dynamic", "finite", *own),
         VERLET: chart.FULL,
         HYBRID: chart.Method("hybrid", "finite", *own),
         "hybrid engine,\nlinear geometry": chart.Method("hybrid", "linear", *own),

@@ -1,0 +1,268 @@
+"""Measurements as objects: they add, are shared, priors count, fits are saved; a population."""
+
+import dataclasses
+import functools
+import itertools
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from test_fits import LENGTHS, SCENE, STATIC, cut_valley
+
+import pyfric
+from pyfric.figures import fit_page
+from pyfric.fitting import (
+    Arrivals,
+    CurveOf,
+    Events,
+    Fit,
+    Known,
+    Lengths,
+    Sizes,
+    Together,
+    fits,
+    posterior,
+    profiles,
+)
+from pyfric.fitting.measurement import KINDS, At, packed, unpacked
+from pyfric.fitting.problem import Problem
+from pyfric.measured import Curve, events, sampled
+from pyfric.scene import SceneError
+
+HOW = {"fidelity": "quasistatic", "progress": False}
+
+
+@functools.cache
+def curve(seed=0, t_end=1.2, noise=1e-3, **changes):
+    record = pyfric.simulate(SCENE.replace(**changes), t_end, fidelity="quasistatic")
+    return sampled(record, "0.5 ms", noise=noise, seed=seed)
+
+
+@functools.cache
+def all_kinds():
+    own = Events(curve(), "all")
+    later = events(curve()).iloc[-8:]
+    table = pd.DataFrame({"event": [3, 3, 3], "x": [0.0, 0.02, 0.03], "t": 0.0, "error": 1e-6})
+    return {
+        "events": own,
+        "sizes": Sizes(later),
+        "lengths": Lengths(LENGTHS, 1.0),
+        "arrivals": Arrivals(table, own),
+        "curve": CurveOf(curve(), points=40),
+        "known": Known("mu_k", 0.44, 0.01),
+    }
+
+
+@functools.cache
+def run():
+    return pyfric.simulate(SCENE, 1.32, fidelity="quasistatic", progress=False)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_each_kind_answers_the_same_questions(kind):
+    part, at = all_kinds()[kind], At({"mu_k": 0.45, "mu_s": 0.7})
+    assert part.kind == kind
+    seen = part.seen(run())
+    off = part.residuals(seen, at)
+    assert off.shape == part.none(at).shape == part.groups.shape == (part.size,)
+    assert part.overview(seen, at).shape == (part.of_overview,)
+    assert 0 < part.count <= part.size
+    assert part.told(seen, at) <= part.size
+    assert np.isfinite(off).all()
+    wide = part.residuals(seen, at._replace(tolerance=0.1))
+    assert wide @ wide <= off @ off + 1e-9
+    assert len(part.table(seen, at))
+    assert f"{part.count} numbers" in str(part) or kind == "known"
+    again = unpacked(json.loads(json.dumps(packed(part), allow_nan=False)))
+    assert type(again) is type(part)
+    np.testing.assert_array_equal(again.residuals(again.seen(run()), at), off)
+
+
+def test_measurements_add():
+    kinds = list(all_kinds().values())
+    whole = sum(kinds[:3])
+    assert whole == Together(kinds[:3])
+    assert kinds[0] + (kinds[1] + kinds[2]) == whole
+    assert whole + kinds[3] == Together(kinds[:4])
+    with pytest.raises(TypeError):
+        whole + "a curve"
+
+
+def test_sums_of_squares_add():
+    parts = all_kinds()["events"], all_kinds()["lengths"], all_kinds()["known"]
+    u, bounds = np.array([0.3]), {"mu_k": (0.4, 0.5)}
+    one = [Problem([SCENE], [Together.of(part)], bounds, HOW, 0.0) for part in parts[:2]]
+    whole = Problem([SCENE], [sum(parts)], bounds, HOW, 0.0)
+    prior = ((0.43 - 0.44) / 0.01) ** 2
+    assert whole.chi2(u) == pytest.approx(sum(each.chi2(u) for each in one) + prior)
+    assert whole.runs == 1
+
+
+def test_curves_and_tables_stand_for_measurements():
+    """The arguments of `fit` make the same objects."""
+    table = pd.DataFrame({"event": [1, 1], "x": [0.0, 0.02], "t": [0.0, 1e-5], "error": 1e-6})
+    (made,) = fits._made([curve()], "all", None, lengths=LENGTHS, arrivals=table)
+    own = Events(curve(), "all")
+    assert packed(tuple(made)) == packed(tuple(own + Lengths(LENGTHS) + Arrivals(table, own)))
+    (alone,) = fits._made([None], "onset", 1.0, lengths=LENGTHS, arrivals=None)
+    assert packed(tuple(alone)) == packed((Lengths(LENGTHS, 1.0),))
+
+
+def test_a_prior_is_a_measurement(monkeypatch):
+    """A quasi-static sequence does not depend on the mass: the prior is all that is known of it."""
+    monkeypatch.setattr(fits, "STARTS", 1)
+    data = Events(events(curve()).iloc[:9], "all") + Known("M", 0.07, 0.004)
+    found = pyfric.fit(SCENE, data, {"M": (0.05, 0.1)}, fidelity="quasistatic")
+    assert found.values["M"] == pytest.approx(0.07, abs=2e-4)
+    half = 1.645 * 0.004
+    np.testing.assert_allclose(found.intervals["M"], (0.07 - half, 0.07 + half), atol=5e-4)
+    assert "1 known before" in str(found)
+
+
+def test_parameters_are_shared_by_name(monkeypatch):
+    """mu_k is that of both experiments, the spring that of the second machine."""
+    monkeypatch.setattr(fits, "STARTS", 2)
+    K = SCENE.driver.K
+    data = [Events(events(curve(mu_k=0.44, K=K * share)).iloc[:12], "all") for share in (1, 0.8)]
+    bounds = {"mu_k": (0.42, 0.46), "K@2": (0.6 * K, 1.1 * K)}
+    found = pyfric.fit(SCENE, data, bounds, fidelity="quasistatic")
+    assert found.values["mu_k"] == pytest.approx(0.44, abs=2e-3)
+    assert found.values["K@2"] == pytest.approx(0.8 * K, rel=0.03)
+    assert [scene.driver.K for scene in found.scenes] == [K, found.values["K@2"]]
+    assert set(found.table["curve"]) == {1, 2}
+    for name, text in (("K@3", "vary.K@3 = '3'.*1, 2"), ("x@2", "vary.x@2")):
+        with pytest.raises(SceneError, match=text):
+            pyfric.fit(SCENE, data, {name: (0.1, 0.2)}, fidelity="quasistatic")
+
+
+def test_a_saved_fit_goes_on(monkeypatch, tmp_path):
+    """Profiles, posterior and page of a fit that was read are those of the fit."""
+    monkeypatch.setattr(fits, "STARTS", 1)
+    bounds, data = {"mu_k": (0.42, 0.46)}, events(curve(mu_k=0.44)).iloc[:12]
+    short = pyfric.fit(SCENE, data, bounds, level=None, **STATIC)
+    assert not short.profiles
+    assert "mu_k = 0.4" in str(short)
+    again = Fit.load(short.save(tmp_path / "short.json"))
+    assert str(again) == str(short)
+    assert again.scenes == short.scenes
+    whole, same = short.profiled(), again.profiled()
+    for other in (same, pyfric.fit(SCENE, data, bounds, **STATIC)):
+        np.testing.assert_allclose(other.intervals["mu_k"], whole.intervals["mu_k"], rtol=1e-9)
+    pd.testing.assert_frame_equal(whole.profiles["mu_k"], same.profiles["mu_k"])
+    assert np.diff(short.profiled(0.5).intervals["mu_k"]) < np.diff(whole.intervals["mu_k"])
+    read = Fit.load(whole.save(tmp_path / "whole.json"))
+    assert str(read) == str(whole)
+    for of in (short, read):
+        assert fit_page(of).tables["events"].equals(of.table)
+    pytest.importorskip("emcee")
+    pd.testing.assert_frame_equal(posterior(read, 100), posterior(whole, 100))
+
+
+def test_files_that_hold_no_fit_are_refused(tmp_path):
+    path = tmp_path / "a.json"
+    for text in ("", "[]", '{"format": "other"}', '{"format": "pyfric fit 1"}'):
+        path.write_text(text)
+        with pytest.raises(SceneError, match=r"path = .*no fit in it.*Fit\.save"):
+            Fit.load(path)
+    with pytest.raises(SceneError, match="No such file"):
+        Fit.load(tmp_path / "b.json")
+
+
+NEARBY = {part.name for part in dataclasses.fields(profiles.Policies)} - {"off", "draws"}
+
+
+@pytest.mark.parametrize("name", sorted(NEARBY))
+def test_policies_of_profiles_move_intervals_little(name):
+    """Twice or half of each, on valleys that jumps cut: by a seventh of their width.
+
+    Half of the points is too few: an end may then miss a third of the width.
+    """
+    usual = profiles.POLICIES
+    for factor, slope in itertools.product((0.5, 2.0), (0.8, 0.95)):
+        ends = []
+        for policies in (usual, changed(usual, name, factor)):
+            problem, start = cut_valley(slope, 5e-4), np.array([0.5, 0.5])
+            said = profiles.profiled(problem, start, 0.9, lambda text: None, policies)
+            ends.append(np.array(list(said[2].values())))
+        width = np.ptp(ends[0], axis=1)
+        limit = 0.35 if (name, factor) == ("points", 0.5) else 0.15
+        assert (np.abs(ends[1] - ends[0]).max(axis=1) < limit * width).all()
+
+
+def changed(policies, name, factor):
+    value = getattr(policies, name)
+    new = max(int(factor * value), 1) if isinstance(value, int) else factor * value
+    return dataclasses.replace(policies, **{name: new})
+
+
+@functools.cache
+def wrong():
+    """No constant mu_k has these forces at both speeds."""
+    speeds = {0.304: SCENE.driver.V, 0.504: 1.5 * SCENE.driver.V}  # as if mu_k grew with V
+    two = [events(curve(seed=1, mu_k=mu_k, V=V)).iloc[:9] for mu_k, V in speeds.items()]
+    scenes = [SCENE.replace(V=V) for V in speeds.values()]
+    return pyfric.fit(scenes, two, {"mu_k": (0.25, 0.55)}, level=None, **STATIC)
+
+
+@pytest.mark.parametrize("name", ["draws", "off"])
+def test_policies_of_wrong_models_move_intervals_little(name):
+    found = wrong()
+    assert not found.fits
+    for factor in (0.5, 1.0, 2.0):
+        problem, policies = found.problem, changed(profiles.POLICIES, name, factor)
+        u = problem.place(found.values)
+        low, high = profiles.known_of(problem, u, 0.9, lambda text: None, policies).intervals[
+            "mu_k"
+        ]
+        assert not low > 0.305  # that of the first curve; an open end is NaN
+        assert not high < 0.49  # near that of the second
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda: Known("mu_k", 0.4, 0.0), "error = 0.0"),
+        (lambda: Events(curve(), "end"), "'onset' or 'all'"),
+        (lambda: Sizes(events(curve()).iloc[-5:]), "events are no population"),
+        (lambda: CurveOf(curve(noise=0.0)), "error = 0.0: .*a sample"),
+        (lambda: CurveOf(curve(), points=2), "points = 2"),
+        (lambda: CurveOf(events(curve())), "a Curve with forces"),
+        (lambda: Arrivals(LENGTHS, curve()), r"Events\(curve\)"),
+        (lambda: pyfric.fit(SCENE, Lengths(LENGTHS), {"mu_k": (0.4, 0.5)}), "t_end"),
+        (
+            lambda: pyfric.fit(
+                SCENE, Events(curve()) + Known("mu_s", 0.7, 0.1), {"mu_k": (0.4, 0.5)}
+            ),
+            "name = 'mu_s'.*varied: mu_k",
+        ),
+        (
+            lambda: pyfric.fit(SCENE, Events(curve()), {"mu_k": (0.4, 0.5)}, lengths=LENGTHS),
+            r"lengths = .*add pyfric\.fitting\.Lengths",
+        ),
+    ],
+)
+def test_bad_measurements_are_refused(make, text):
+    with pytest.raises(SceneError, match=text):
+        make()
+
+
+# --- whole curves --------------------------------------------------------------------------------
+
+
+def test_means_of_a_curve_are_those_of_the_run():
+    """Against means of samples; the line between points of a run is straight."""
+    record = run()
+    fine = sampled(record, "10 us")
+    part = CurveOf(Curve.of(t=fine.t, F_T=fine.force(), F_N=SCENE.F_N), error=1e-3, points=60)
+    assert part.size == 60
+    assert np.abs(part.seen(record) - part.f).max() < 2e-5
+    samples = CurveOf(sampled(record, "50 ms", noise=1e-3), points=1000)
+    assert (samples.t_from == samples.t_to).all()
+    assert samples.error == pytest.approx(1e-3)
+    assert np.abs(samples.seen(record) - samples.f).max() < 5e-3
+    at = At({"offset": 0.01, "drift": 0.1})
+    off = samples.residuals(samples.seen(record), at) - samples.residuals(
+        samples.seen(record), At({})
+    )
+    np.testing.assert_allclose(off, (0.01 + 0.1 * samples.t_from) / 1e-3)

@@ -8,6 +8,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import integrate, optimize
 from test_fits import LENGTHS, SCENE, STATIC, cut_valley
 
 import pyfric
@@ -266,3 +267,103 @@ def test_means_of_a_curve_are_those_of_the_run():
         samples.seen(record), At({})
     )
     np.testing.assert_allclose(off, (0.01 + 0.1 * samples.t_from) / 1e-3)
+
+
+# --- what cannot be fitted -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("vary", "text"),
+    [
+        ({"mu_k": (0.6, 0.69)}, r"0 of \d+ events: they begin.*such as mu_k from 0\.[1-4]\d* to 0\.69"),
+        ({"mu_s": (0.46, 0.5)}, r"0 of \d+ events: they begin.*such as mu_s from 0\.46 to 0\.[6-8]"),
+        ({"K": (1e3, 1e4)}, "and none of its own; allowed: bounds within .*(K from|CurveOf)"),
+    ],
+)
+@pytest.mark.parametrize("part", ["all", "onset"])
+def test_bounds_without_an_event_are_refused_in_one_sentence(vary, text, part, monkeypatch):
+    monkeypatch.setattr(fits, "STARTS", 1)
+    with pytest.raises(SceneError, match=text) as refused:
+        pyfric.fit(SCENE, curve(), vary, part=part, fidelity="quasistatic")
+    assert "\n" not in str(refused.value)
+
+
+def test_parameters_at_a_bound_are_said(monkeypatch):
+    monkeypatch.setattr(fits, "STARTS", 1)
+    found = pyfric.fit(SCENE, curve(mu_k=0.44), {"mu_k": (0.441, 0.5)}, **STATIC)
+    assert found.at_bounds["mu_k"] == pytest.approx((0.382, 0.5))
+    assert "mu_k sits at its bound: widen its bounds to 0.382 to 0.5" in str(found)
+    inside = pyfric.fit(SCENE, curve(mu_k=0.44), {"mu_k": (0.43, 0.45)}, **STATIC)
+    assert not inside.at_bounds
+
+
+def test_a_scene_without_events_is_told_from_a_curve_with_some():
+    data = events(curve())
+    with pytest.raises(SceneError, match="none of its own.*CurveOf") as refused:
+        pyfric.fit(spring_slider(), data, {"a": (0.006, 0.02)}, **RATED)
+    assert "\n" not in str(refused.value)
+
+
+# --- a, b and D_c from velocity steps ------------------------------------------------------------
+
+V_0, V_1, WEIGHT, SPRING = 1e-6, 1e-5, 3500.0, 2e8
+STEPS = ((10.0, V_0), (10.0, V_1), (14.0, V_1), (14.0, V_0), (24.0, V_0))
+RATED = {"fidelity": "hybrid", "geometry": "linear", "accuracy": 1e-4, "sample": "50 ms"}
+TRUE = {"a": 0.0123, "b": 0.0161, "D_c": 9e-6}
+
+
+def spring_slider(**law):
+    """Return a block on a spring: blocks of a chain that a plate pushes move as one."""
+    law = pyfric.laws.RateAndState(**({"f_star": 0.6, "V_star": 1e-6} | TRUE | law))
+    return pyfric.chain(L=5e-3, F_N=WEIGHT, K=SPRING, V=V_0, side="top", protocol=STEPS, law=law)
+
+
+def by_ode(t, a, b, D_c):
+    """Return F_T/F_N of a spring-slider without mass, by SciPy: K (X(t) - x) = F_N f(v, psi)."""
+
+    def slow(load, psi):
+        return 2 * 1e-6 * np.exp(-(0.6 + b * psi) / a) * np.sinh(load / (a * WEIGHT))
+
+    def rates(V):
+        def of(t, y):
+            load, psi = y
+            v = slow(load, psi)
+            return SPRING * (V - v), 1e-6 / D_c * np.exp(-psi) - v / D_c
+
+        return of
+
+    y, found = [0.0, 0.0], []  # psi = ln(V* theta/D_c) with theta = D_c/V_0
+    for begin, end, V in ((0, 10, V_0), (10, 14, V_1), (14, 24, V_0)):
+        at = t[(t >= begin) & (t < end)]
+        how = {"method": "LSODA", "rtol": 1e-8, "atol": 1e-9}
+        done = integrate.solve_ivp(rates(V), (begin, end), y, t_eval=[*at, end], **how)
+        found.append(done.y[0, :-1] / WEIGHT)
+        y = done.y[:, -1]
+    return np.concatenate(found)
+
+
+def test_velocity_steps_tell_a_b_and_D_c():
+    """As a fit of the spring-slider by SciPy alone, with the same noise."""
+    noise, t = 5e-4, 0.05 * np.arange(479)
+    record = pyfric.simulate(spring_slider(), 24.0, progress=False, **RATED)
+    clean = by_ode(t, **TRUE)
+    exact = np.interp(t, record.curve["t"], record.curve["F_T"] / WEIGHT)
+    assert np.abs(exact - clean).max() < 0.2 * noise
+    f = clean + noise * np.random.default_rng(3).standard_normal(len(t))
+    data = CurveOf(Curve.of(t=t, F_T=f * WEIGHT, F_N=WEIGHT), error=noise)
+    bounds = {"a": (0.006, 0.02), "b": (0.008, 0.03), "D_c": (3e-6, 3e-5)}
+    found = pyfric.fit(spring_slider(a=0.01, b=0.02, D_c=2e-5), data, bounds, **RATED)
+    scale = np.array([0.01, 0.01, 1e-5])
+    own = optimize.least_squares(
+        lambda u: (by_ode(t, *(u * scale)) - f) / noise, [1.0, 2.0, 2.0], diff_step=1e-4
+    )
+    spread = scale * np.sqrt(np.diag(np.linalg.inv(own.jac.T @ own.jac)))
+    for k, name in enumerate(bounds):
+        low, high = found.intervals[name]
+        assert abs(found.values[name] - own.x[k] * scale[k]) < 0.2 * spread[k]
+        assert high - low == pytest.approx(2 * 1.645 * spread[k], rel=0.1)
+        assert abs(found.values[name] - TRUE[name]) < 4 * spread[k]
+    assert found.fits
+    assert found.chi2 == pytest.approx(2 * own.cost, rel=0.01)
+    assert "479 points of curves" in str(found)
+    assert "loading curve" in fit_page(found).caption

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -21,6 +22,8 @@ from pyfric.statics import EquilibriumError
 
 DOUBTFUL = 0.01
 """Probability of the residuals below which the model is said not to fit. A policy."""
+FURTHER = (0.5, 1.0, 2.0, 4.0)
+"""Shares of its bounds by which a parameter is moved beyond them, to tell wider ones. A policy."""
 ONE = "@"
 """Before the number of the experiment that alone has a parameter: "K@2"."""
 
@@ -28,6 +31,14 @@ ONE = "@"
 def probability(chi2: float, dof: int) -> float:
     """Return the probability of a sum of squares at least this large, if the model is right."""
     return float(scipy.stats.chi2.sf(chi2, max(dof, 1)))
+
+
+def wider(low: float, high: float, side: int) -> tuple[float, float]:
+    """Return bounds that are wider by their width on one side; positive ones stay positive."""
+    width = high - low
+    if side > 0:
+        return low, high + width
+    return (low - width if low <= 0 or low > width else low / 2), high
 
 
 class Problem:
@@ -129,22 +140,44 @@ class Problem:
         """Refuse parameters at which nothing is compared.
 
         Raises:
-            SceneError: residuals that tell something are no more than parameters.
+            SceneError: residuals that tell something are no more than parameters, or no event has
+                a partner.
         """
-        if self.dof(u) > 0:
-            return
         tables = [(each.one_by_one, seen) for each, seen, _ in self.compared(u, Events)]
         n, missing = sum(len(known) for known, _ in tables), self.counts(u)[0]
+        if self.dof(u) > 0 and (missing < n or not n):
+            return
         reason = f"at the best parameters the model has {n - missing} of {n} events"
-        allowed = "bounds within which events of the model are those that were measured"
         known, seen = (pd.concat(of) for of in zip(*tables, strict=True)) if tables else ((), ())
         if len(seen):
             forces = [f"{of['peak'].min():.3g} to {of['peak'].max():.3g}" for of in (known, seen)]
             reason += f": they begin at F_T/F_N = {forces[0]}, those of the model at {forces[1]}"
         elif tables:
             reason += ", and none of its own"
+        allowed = "bounds within which events of the model are those that were measured"
+        if nearer := self._nearer(u):
+            allowed += f", such as {nearer}"
+        elif not len(seen):
             allowed += "; a curve without events is pyfric.fitting.CurveOf(curve)"
         raise SceneError("vary", ", ".join(self.names), "", allowed, reason)
+
+    def _nearer(self, u: np.ndarray) -> str:
+        """Return wider bounds of one parameter that hold a model nearer to what was measured."""
+        best, found = float(np.linalg.norm(self.overview(u))), ""
+        for name, (low, high) in self.bounds.items():
+            for share, side in itertools.product(FURTHER, (-1, 1)):
+                value = (high if side > 0 else low) + side * share * (high - low)
+                if value <= 0 < low:
+                    continue
+                ends = min(low, value), max(high, value)
+                bounds = self.bounds | {name: ends}
+                wide = Problem(self.scenes, self.data, bounds, self.options, 0.0)
+                at = wide.place(self.values(u) | {name: value})
+                if wide.model(at) is not None:
+                    off = float(np.linalg.norm(wide.overview(at)))
+                    if off < best:
+                        best, found = off, f"{name} from {ends[0]:.4g} to {ends[1]:.4g}"
+        return found
 
     def values(self, u: np.ndarray) -> dict[str, float]:
         """Return the parameters by name."""

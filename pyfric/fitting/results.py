@@ -15,7 +15,7 @@ import pandas as pd
 
 from pyfric.display import Shown
 from pyfric.fitting.measurement import Together, packed, unpacked
-from pyfric.fitting.problem import DOUBTFUL, Problem, probability
+from pyfric.fitting.problem import DOUBTFUL, Problem, probability, wider
 from pyfric.fitting.profiles import Profiles, known_of
 from pyfric.scene import Scene, SceneError, check_number, read_at_most, write
 
@@ -180,15 +180,20 @@ class Fit(Shown):
 
     @property
     def at_bounds(self) -> dict[str, tuple[float, float]]:
-        """Name -> wider bounds, of each parameter that sits at one of its bounds."""
+        """Name -> wider bounds, of each parameter that sits at one of its bounds.
+
+        A parameter of a model that does not fit does so, too, if its interval has one end.
+        """
         found = {}
         for name, value in self.values.items():
             low, high = self.bounds[name]
             share = (value - low) / (high - low)
-            if share < AT_BOUND:
-                found[name] = _wider(low, high, -1)
-            elif share > 1 - AT_BOUND:
-                found[name] = _wider(low, high, 1)
+            ends = [math.isnan(end) for end in self.intervals.get(name, (0.0, 0.0))]
+            open_ends = ends if sum(ends) == 1 and not self.fits else [False, False]
+            if share < AT_BOUND or open_ends[0]:
+                found[name] = wider(low, high, -1)
+            elif share > 1 - AT_BOUND or open_ends[1]:
+                found[name] = wider(low, high, 1)
         return found
 
     @property
@@ -247,14 +252,6 @@ WORDS = {
     "sizes": "numbers of populations",
 }
 """How kinds are counted in words."""
-
-
-def _wider(low: float, high: float, side: int) -> tuple[float, float]:
-    """Return bounds that are wider by their width on one side; positive ones stay positive."""
-    width = high - low
-    if side > 0:
-        return low, high + width
-    return (low - width if low <= 0 or low > width else low / 2), high
 
 
 def _said(bounds: tuple[float, float]) -> str:

@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from scipy import integrate, optimize
+from scipy import integrate, optimize, signal
 from test_fits import LENGTHS, SCENE, STATIC, cut_valley
 
 import pyfric
@@ -27,8 +27,9 @@ from pyfric.fitting import (
     profiles,
 )
 from pyfric.fitting.measurement import KINDS, At, packed, unpacked
+from pyfric.fitting.of_events import _numbers
 from pyfric.fitting.problem import Problem
-from pyfric.measured import Curve, events, sampled
+from pyfric.measured import COLUMNS, Curve, events, sampled
 from pyfric.scene import SceneError
 
 HOW = {"fidelity": "quasistatic", "progress": False}
@@ -275,8 +276,14 @@ def test_means_of_a_curve_are_those_of_the_run():
 @pytest.mark.parametrize(
     ("vary", "text"),
     [
-        ({"mu_k": (0.6, 0.69)}, r"0 of \d+ events: they begin.*such as mu_k from 0\.[1-4]\d* to 0\.69"),
-        ({"mu_s": (0.46, 0.5)}, r"0 of \d+ events: they begin.*such as mu_s from 0\.46 to 0\.[6-8]"),
+        (
+            {"mu_k": (0.6, 0.69)},
+            r"0 of \d+ events: they begin.*such as mu_k from 0\.[1-4]\d* to 0\.69",
+        ),
+        (
+            {"mu_s": (0.46, 0.5)},
+            r"0 of \d+ events: they begin.*such as mu_s from 0\.46 to 0\.[6-8]",
+        ),
         ({"K": (1e3, 1e4)}, "and none of its own; allowed: bounds within .*(K from|CurveOf)"),
     ],
 )
@@ -299,9 +306,89 @@ def test_parameters_at_a_bound_are_said(monkeypatch):
 
 def test_a_scene_without_events_is_told_from_a_curve_with_some():
     data = events(curve())
-    with pytest.raises(SceneError, match="none of its own.*CurveOf") as refused:
+    with pytest.raises(SceneError, match=r"none of its own.*CurveOf") as refused:
         pyfric.fit(spring_slider(), data, {"a": (0.006, 0.02)}, **RATED)
     assert "\n" not in str(refused.value)
+
+
+# --- populations ---------------------------------------------------------------------------------
+
+M, G, STIFFNESS, SPEED = 0.03, 9.81, 168.0, 1e-3
+RATE = STIFFNESS * SPEED / (M * G)
+BLOCK = pyfric.chain(
+    L=0.08, l=0.04, F_N=M * G, K=STIFFNESS, V=SPEED, M=M, k=1e5, side="top", mu_s=0.4, mu_k=0.3
+)
+STICK_SLIP = {"fidelity": "hybrid", "geometry": "linear"}
+
+
+def scattered(n, mu_s, mu_k, scatter, seed):
+    """Return events of a block on a spring whose strength is another one each time.
+
+    It slips for half a period of the spring, as far beyond mu_k as it was before.
+    """
+    peaks = mu_s + scatter * np.random.default_rng(seed).standard_normal(n)
+    valleys = 2 * mu_k - peaks
+    slip = np.pi * np.sqrt(M / STIFFNESS)
+    waits = np.append(0.0, (peaks[1:] - valleys[:-1]) / RATE + slip)
+    table = pd.DataFrame({"t_start": np.cumsum(waits), "peak": peaks, "valley": valleys})
+    table["t_stop"], table["drop"], table["rate"] = table["t_start"] + slip, peaks - valleys, RATE
+    for name in ("peak", "valley", "drop"):
+        table[f"{name}_error"] = 1e-3
+    absent = [name for name in COLUMNS if name not in table]
+    return table.assign(**dict.fromkeys(absent, np.nan))
+
+
+def test_events_that_do_not_repeat_are_a_population():
+    """Found by the fit itself; mean forces tell both coefficients within their intervals."""
+    table = scattered(80, 0.38, 0.32, 0.02, seed=1)
+    bounds, said = {"mu_s": (0.3, 0.5), "mu_k": (0.2, 0.4)}, []
+    found = pyfric.fit(BLOCK, table, bounds, progress=said.append, **STICK_SLIP)
+    assert "compared as a population" in found.notes[0]
+    assert found.notes[0] in said
+    assert set(found.others["kind"]) == {"sizes"}
+    assert found.fits
+    mean = table["peak"].mean()
+    error = 0.02 / np.sqrt(80)
+    assert abs(found.values["mu_s"] - mean) < error
+    for name, true in (("mu_s", 0.38), ("mu_k", 0.32)):
+        low, high = found.intervals[name]
+        assert low - 0.3 * (high - low) < true < high + 0.3 * (high - low)
+    low, high = found.intervals["mu_s"]
+    assert 0.5 * 2 * 1.645 * error < high - low < 1.5 * 2 * 1.645 * error
+    assert "population" in fit_page(found).caption
+
+
+def test_scatter_of_strength_is_a_parameter():
+    data = Sizes(scattered(80, 0.38, 0.32, 0.02, seed=1))
+    bounds = {"mu_s": (0.3, 0.5), "mu_k": (0.2, 0.4), "scatter": (0.0, 0.05)}
+    found = pyfric.fit(BLOCK, data, bounds, level=None, **STICK_SLIP)
+    assert found.values["scatter"] == pytest.approx(0.02, abs=0.004)
+    assert found.fits
+
+
+def test_means_of_correlated_events_have_larger_errors():
+    """Against the variance of means of many sequences x_n = r x_(n-1) + noise."""
+    rng, n, r = np.random.default_rng(2), 400, 0.6
+    table = scattered(n, 0.38, 0.32, 0.0, seed=0)
+    means, expected = [], []
+    for _ in range(300):
+        x = signal.lfilter([1.0], [1.0, -r], 0.01 * rng.standard_normal(n + 50))[50:]
+        numbers, covariance, _ = _numbers(table.assign(peak=0.38 + x))
+        means.append(numbers[0])
+        expected.append(covariance[0, 0])
+    assert np.mean(expected) == pytest.approx(np.var(means), rel=0.3)
+    assert np.mean(expected) > 2 * 0.01**2 / (1 - r**2) / n
+
+
+def test_periodic_events_are_compared_one_by_one(monkeypatch):
+    """As are those that the model scatters, too."""
+    monkeypatch.setattr(fits, "STARTS", 1)
+    table = scattered(20, 0.38, 0.32, 0.0, seed=1)
+    found = pyfric.fit(
+        BLOCK.replace(mu_k=0.32), table, {"mu_s": (0.35, 0.4)}, level=None, **STICK_SLIP
+    )
+    assert not found.notes
+    assert len(found.table) == 20
 
 
 # --- a, b and D_c from velocity steps ------------------------------------------------------------

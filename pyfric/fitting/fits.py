@@ -129,23 +129,16 @@ def fit(
     problem = Problem(scenes, data, bounds, options, model_error)
     for note in problem.notes:
         say(note)
+    notes: tuple[str, ...] = ()
     try:
+        _check_repeats(problem, seed)
         u = _best(problem, seed, say)
     except _Unlike as unlike:
-        said = (
-            f"{unlike}, those of the model less: they are compared as a population, by mean forces "
-            "and recurrence"
-        )
+        said = f"{unlike}: they are compared as a population, by mean forces and recurrence"
         say(said)
-        known = [
-            Together(_population(part) if isinstance(part, Events) else part for part in each)
-            for each in data
-        ]
-        runs, problem = problem.runs, Problem(scenes, known, bounds, options, model_error)
+        runs, problem, notes = problem.runs, _populations(problem), (said,)
         problem.runs = runs
-        u, notes = _best(problem, seed, say), (said,)
-    else:
-        notes = ()
+        u = _best(problem, seed, say)
     found = Profiles(u, {}, {}, model_error)
     if level is not None:
         found = known_of(problem, u, level, say)
@@ -163,12 +156,10 @@ def _best(problem: Problem, seed: int, say: Callable[[str], None]) -> np.ndarray
         SceneError: no parameters have a run, or events of the measurement.
         _Unlike: measured events scatter as those of the model do not.
     """
-    dim = len(problem.names)
-    spread = scipy.stats.qmc.Sobol(dim, rng=np.random.default_rng(seed)).random(STARTS)
-    starts = [np.full(dim, 0.5), *spread]
-    problem.check(spread)
+    starts = _starts(problem, seed)
+    problem.check(starts[1:])
     search = None
-    if problem.options["fidelity"] != SEARCH:
+    if problem.options["fidelity"] != SEARCH and not problem.smooth:
         search = problem.of_engine(SEARCH)
     if search is not None:
         starts = minima(search, starts, TOLERANCES[:1], say)[:FOLLOWED]
@@ -188,27 +179,69 @@ def _best(problem: Problem, seed: int, say: Callable[[str], None]) -> np.ndarray
     return u
 
 
-def _check_alike(problem: Problem, u: np.ndarray) -> None:
-    """Raise _Unlike if single events of curves are not those of the model, and scatter more.
+def _starts(problem: Problem, seed: int) -> list[np.ndarray]:
+    """Return the middle of the bounds, and places spread over them."""
+    dim = len(problem.names)
+    spread = scipy.stats.qmc.Sobol(dim, rng=np.random.default_rng(seed)).random(STARTS)
+    return [np.full(dim, 0.5), *spread]
 
-    Events that the user wants to be compared one by one are.
-    """
+
+def _check_repeats(problem: Problem, seed: int) -> None:
+    """Raise _Unlike if curves without a first loading scatter as no run within the bounds does."""
+    parts = [part for part in problem.parts if isinstance(part, Events)]
+    if not parts or not all(_may_scatter(part) and part.onset_is_whole for part in parts):
+        return
+    problem.check(starts := _starts(problem, seed)[1:])
+    population = _populations(problem)
+    population = population.of_engine(SEARCH) or population
+    seen = [list(population.compared(u, Sizes)) for u in starts]
+    problem.runs += population.runs
+    for each in filter(None, seen):
+        for part, has, _ in each:
+            if MORE * _scatter(has) > _scatter(part.whole):
+                return
+    if any(seen):
+        raise _Unlike(_said(parts))
+
+
+def _check_alike(problem: Problem, u: np.ndarray) -> None:
+    """Raise _Unlike if the best model does not fit, and large events scatter as its do not."""
     found = list(problem.compared(u, Events))
     if not found or problem.fits(u, TOLERANCES[0]):
         return
     for part, seen, _ in found:
-        known, model = (large(of)["peak"] for of in (part.whole, seen))
-        if part.later is None or min(len(known), FEWEST * len(model)) < POPULATION:
+        few = len(large(seen)) < FEWEST
+        if few or not _may_scatter(part) or MORE * _scatter(seen) > _scatter(part.whole):
             return
-        scatter = float(known.std())
-        if scatter < max(TOLERANCES[0], MORE * float(model.iloc[1:].std())):
-            return
-    raise _Unlike(f"forces at the start of large events scatter by {scatter:.2g} F_N")
+    raise _Unlike(_said([part for part, _, _ in found]))
 
 
-def _population(events: Events) -> Sizes:
-    """Return events that were to be compared one by one as a population."""
-    return Sizes(events.whole, spreads=False)
+def _may_scatter(part: Events) -> bool:
+    """Whether large events are many and scatter, and need not be compared one by one."""
+    enough = len(large(part.whole)) >= POPULATION
+    return part.later is not None and enough and _scatter(part.whole) > TOLERANCES[0]
+
+
+def _scatter(table: pd.DataFrame) -> float:
+    """Return the standard deviation of forces at the start of large events after the first."""
+    peaks = large(table)["peak"].iloc[1:]
+    return float(peaks.std()) if len(peaks) > 1 else 0.0
+
+
+def _said(parts: Sequence[Events]) -> str:
+    scatter = max(_scatter(part.whole) for part in parts)
+    return f"forces of large events scatter by {scatter:.2g} F_N, those of the model by less"
+
+
+def _populations(problem: Problem) -> Problem:
+    """Return the problem with events as populations."""
+    data = [
+        Together(
+            Sizes(part.whole, spreads=False) if isinstance(part, Events) else part for part in each
+        )
+        for each in problem.data
+    ]
+    return Problem(problem.scenes, data, problem.bounds, problem.options, problem.model_error)
 
 
 def _made(

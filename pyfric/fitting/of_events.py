@@ -35,7 +35,7 @@ OF_THE_CURVE = {"offset": "", "drift": "1/s"}
 per time."""
 IN_A_ROW = 3
 """Events in a row whose errors in a wrong model are taken as one. A policy."""
-POPULATION, ENOUGH = 8, 40
+POPULATION, ENOUGH = 8, 20
 """Fewest events of a population, and how many of a run are enough. Policies."""
 NUMBERS = ("mean peak", "mean valley", "recurrence", "spread of peaks", "spread of valleys")
 """Numbers of a population; forces are over F_N, the recurrence is the mean time between events, s,
@@ -148,6 +148,11 @@ class Events(_OfEvents):
         object.__setattr__(self, "later", later)
 
     @property
+    def onset_is_whole(self) -> bool:
+        """Whether there is no first loading, so that large events are compared one by one."""
+        return len(self.one_by_one) == len(self.whole)
+
+    @property
     def duration(self) -> float:
         return LONGER * float(self.whole.attrs["t_end"])
 
@@ -228,6 +233,7 @@ class Sizes(_OfEvents):
 
     kind: ClassVar[str] = "sizes"
     own: ClassVar[dict[str, str]] = OF_THE_CURVE | {"scatter": ""}
+    smooth: ClassVar[bool] = True
     whole: pd.DataFrame
     spreads: bool
 

@@ -81,9 +81,9 @@ def known_of(
     If no parameters fit, forces of the model have the error by which these are off, and intervals
     hold the best parameters of other draws of what was measured, too.
     """
-    given = problem.model_error
-    u, profiles, intervals = profiled(problem, u, level, say, policies)
-    assumed = given
+    given = assumed = problem.model_error
+    if not problem.smooth or probability(problem.chi2(u), problem.dof(u)) >= DOUBTFUL:
+        u, profiles, intervals = profiled(problem, u, level, say, policies)
     if probability(problem.chi2(u), problem.dof(u)) < DOUBTFUL:
         say("how far the model is off")
         for _ in range(2):  # then for the parameters that this error leads to

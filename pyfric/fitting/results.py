@@ -231,11 +231,14 @@ class Fit(Shown):
             counts += [f"{n} {WORDS.get(str(kind), kind)}" for kind, n in kinds.items()]
         lines.append(", ".join(counts))
         if not self.fits:
-            assumed = f"may not hold; they assume forces that are off by {self.model_error:.2g} F_N"
+            assumed = (
+                f"assume forces that are off by {self.model_error:.2g} F_N"
+                if self.model_error
+                else "are wider by the root of chi^2 over its degrees of freedom"
+            )
             lines.append(
                 f"THE MODEL DOES NOT FIT (probability {self.probability:.1g}): intervals "
-                f"{assumed if self.model_error else 'do not hold'}; try another law, disorder, or "
-                "another parameter"
+                f"{assumed}, and may not hold; try another law, disorder, or another parameter"
             )
         for name, (low, high) in self.at_bounds.items():
             lines.append(f"{name} sits at its bound: widen its bounds to {_said((low, high))}")

@@ -50,7 +50,9 @@ def minima(
 
     seen = [start for start in starts if problem.model(start) is not None]
     seen.sort(key=lambda u: norm(problem.overview(u)))
-    for by_overview in (True, False):
+    if problem.smooth:
+        seen = seen[:FOLLOWED]
+    for by_overview in (True,) if problem.smooth else (True, False):
         if any(problem.fits(u, tolerances[-1]) for _, u in found):
             break
         for number, start in enumerate(seen, 1):

@@ -322,6 +322,8 @@ def _numbers(table: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     for lag in range(1, lags + 1):
         lagged = off[lag:].T @ off[:-lag] / n
         covariance = covariance + (1 - lag / (lags + 1)) * (lagged + lagged.T)
+    if known := [name for name in ("peak_error", "valley_error") if name in part]:
+        covariance = covariance + np.diag([*(part[known] ** 2).mean(), 0.0])
     forces = part[["peak", "valley"]].std(ddof=1).to_numpy()
     spreads = forces / np.sqrt(2 * max(len(part) - 1, 1))
     return np.concatenate([means, forces]), covariance / n, spreads

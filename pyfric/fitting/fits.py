@@ -210,8 +210,8 @@ def _check_alike(problem: Problem, u: np.ndarray) -> None:
     if not found or problem.fits(u, TOLERANCES[0]):
         return
     for part, seen, _ in found:
-        few = len(large(seen)) < FEWEST
-        if few or not _may_scatter(part) or MORE * _scatter(seen) > _scatter(part.whole):
+        told = len(large(seen)) >= FEWEST and _may_scatter(part)
+        if not told or MORE * _scatter(seen) > _scatter(part.whole):
             return
     raise _Unlike(_said([part for part, _, _ in found]))
 

@@ -4,10 +4,12 @@ import dataclasses
 import functools
 import itertools
 import json
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+import velocity_steps
 from scipy import integrate, optimize, signal
 from test_fits import LENGTHS, SCENE, STATIC, cut_valley
 
@@ -33,6 +35,7 @@ from pyfric.measured import COLUMNS, Curve, events, sampled
 from pyfric.scene import SceneError
 
 HOW = {"fidelity": "quasistatic", "progress": False}
+STORED = Path(__file__).parents[1] / "reference_data" / "fits" / "velocity_steps.csv"
 
 
 @functools.cache
@@ -454,3 +457,16 @@ def test_velocity_steps_tell_a_b_and_D_c():
     assert found.chi2 == pytest.approx(2 * own.cost, rel=0.01)
     assert "479 points of curves" in str(found)
     assert "loading curve" in fit_page(found).caption
+
+
+def test_stored_velocity_steps_hold_their_truths():
+    """Of 150 intervals of 90 %, 135 +- 4 should."""
+    table = pd.read_csv(STORED)
+    held = 0
+    for name in velocity_steps.RANGES:
+        low, true, high = (table[f"{name}_{end}"] for end in ("low", "true", "high"))
+        held += int(((low <= true) & (true <= high)).sum())
+        assert (table[name] / true - 1).abs().max() < 0.01
+    assert len(table) == velocity_steps.TRUTHS
+    assert held >= 124  # three standard deviations
+    assert "intervals of 90 % hold" in velocity_steps.report(table)

@@ -9,3 +9,23 @@ from pyfric.fitting.posteriors import posterior
 from pyfric.fitting.results import Fit
 from pyfric.fitting.sensitivities import COUNTS, QUANTITIES, Sensitivity, sensitivity
 from pyfric.fitting.sensors import Arrivals, Lengths
+
+__all__ = [
+    "COUNTS",
+    "QUANTITIES",
+    "Arrivals",
+    "CurveOf",
+    "Events",
+    "Fit",
+    "Known",
+    "Lengths",
+    "Measurement",
+    "Misfit",
+    "Sensitivity",
+    "Sizes",
+    "Together",
+    "fit",
+    "misfit",
+    "posterior",
+    "sensitivity",
+]

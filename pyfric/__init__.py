@@ -183,7 +183,7 @@ ROOMS = (
     "checks",
 )
 """From the ground up: a room imports those below it. The command line stands above them all."""
-SPACES = ("analysis", "measured", "figures", "laws", "theory")
+SPACES = ("analysis", "measured", "fitting", "figures", "laws", "theory")
 """Modules that users look into."""
 
 

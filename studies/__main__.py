@@ -574,6 +574,24 @@ def fits(out: Path, tell: Tell) -> None:
     tell.table(table, fits.report)
 
 
+@main.command(section="Methods")
+@figure_out_option
+@telling
+def velocity_steps(out: Path, tell: Tell) -> None:
+    """Fit a, b, D_c and the machine to velocity steps of random truths (a quarter of an hour).
+
+    The next call goes on where this one was stopped.
+    """
+    check_folder(out)
+    import velocity_steps
+
+    from pyfric.record import provenance
+
+    table = velocity_steps.study(out / "velocity_steps.csv", say=tell.step)
+    provenance(out / "velocity_steps_provenance.toml", f"{RUN} velocity-steps")
+    tell.table(table, velocity_steps.report)
+
+
 @main.command(section="Physics")
 @figure_out_option
 @folder_option("--runs", metavar="DIR", help="Folder of its runs. [default: runs in --out]")

@@ -19,8 +19,8 @@ import pandas as pd
 from sizes import size
 
 import pyfric
-from pyfric.fitting import fit, misfit
-from pyfric.fitting.problem import Data, Problem
+from pyfric.fitting import Events, Together, fit, misfit
+from pyfric.fitting.problem import Problem
 from pyfric.fitting.search import derivatives
 from pyfric.measured import events, sampled
 
@@ -77,7 +77,7 @@ def pulls(
         record, known = pyfric.simulate(scene.replace(**true), T_END, **how), {}
         for draw in range(draws):
             measured = sampled(record, STEP, noise=NOISE, seed=seed + 1000 * draw)
-            data = Data(table=events(measured), t_end=float(measured.t[-1] - measured.t[0]))
+            data = Together.of(Events(measured, "all"))
             problem = Problem([scene], [data], BOUNDS, how, 0.0)
             problem.known = known  # the same runs serve all draws
             u = problem.place(true)

@@ -8,7 +8,8 @@ import pytest
 
 import pyfric
 from pyfric.figures import event_frames
-from pyfric.fitting.problem import Data, Problem
+from pyfric.fitting import Arrivals, Events
+from pyfric.fitting.problem import Problem
 from pyfric.fitting.sensors import ARRIVALS, checked
 from pyfric.measured import OF_SLIP, Curve, arrivals, events, noise_of, sampled
 from pyfric.measured.sensors import displacement
@@ -232,10 +233,11 @@ def test_arrivals_of_slip_that_begins_smoothly_are_late_together():
 def test_arrivals_are_residuals_of_a_fit():
     """At the truth they are those of noise."""
     record, table, sensors = recorded(5, 1e-8, 0, frames=False)
-    data = Data(table=table, arrivals=arrivals(table, sensors), t_end=0.5)
+    own = Events(table, "all")
+    data = Arrivals(arrivals(table, sensors), own)
     how = {"fidelity": "hybrid", "progress": False}
-    problem = Problem([record.scene], [data], {"mu_k": (0.4, 0.5)}, how, 0.0)
-    off = [problem.residuals(np.array([u]))[-len(data.arrivals) :] for u in (0.5, 0.2)]
+    problem = Problem([record.scene], [own + data], {"mu_k": (0.4, 0.5)}, how, 0.0)
+    off = [problem.residuals(np.array([u]))[-data.size :] for u in (0.5, 0.2)]
     assert 0.1 < np.mean(off[0] ** 2) < 3
     assert np.mean(off[1] ** 2) > 10
 

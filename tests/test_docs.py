@@ -20,6 +20,7 @@ import pytest
 import pyfric
 from pyfric.cli.commands import main
 from pyfric.cli.options import ELSEWHERE
+from pyfric.fitting.measurement import KINDS, Measurement
 
 ROOT = Path(__file__).parents[1]
 ROWS = [
@@ -103,6 +104,7 @@ def test_the_site_names_every_public_name():
     public |= {name for name in pyfric.__all__ if inspect.isclass(getattr(pyfric, name))}
     for module in (pyfric.analysis, pyfric.figures, pyfric.measured, pyfric.theory):
         public |= set(module.__all__)
+    public |= {kind.__name__ for kind in (*KINDS.values(), Measurement)}
     constants = {"ANDREWS_S", "LARGEST_VISCOSITY"}
     assert public - named == constants | {"DataFigure", "PaperFigure", "FIGURES"}
     assert named - public == set()

@@ -16,9 +16,19 @@ from scipy import stats
 import pyfric
 from pyfric.cli.commands import main
 from pyfric.figures import fit_page, tornado
-from pyfric.fitting import QUANTITIES, Sensitivity, fits, misfit, profiles, search
+from pyfric.fitting import (
+    QUANTITIES,
+    Arrivals,
+    Events,
+    Lengths,
+    Sensitivity,
+    fits,
+    misfit,
+    profiles,
+    search,
+)
 from pyfric.fitting.misfits import CAP, onset, overview
-from pyfric.fitting.problem import Data, Problem
+from pyfric.fitting.problem import Problem
 from pyfric.fitting.profiles import _interval
 from pyfric.fitting.sensors import arrivals_off, lengths_of, lengths_off
 from pyfric.measured import Curve, events, sampled
@@ -35,6 +45,12 @@ ARRIVED = pd.DataFrame({"event": [1, 1], "x": [0.0, 0.02], "t": [0.0, 1e-5], "er
 def curve(seed=0, noise=NOISE, **changes):
     record = pyfric.simulate(SCENE.replace(**changes), T_END, fidelity="quasistatic")
     return sampled(record, STEP, noise=noise, seed=seed)
+
+
+def known_with(**changes):
+    """Return profiles with other policies."""
+    policies = profiles.Policies(**changes)
+    return lambda *given: profiles.known_of(*given, policies)
 
 
 def table(peaks, drops, error=1e-3, threshold=0.0, rate=None):
@@ -148,7 +164,7 @@ def test_known_parameters_are_found_within_their_intervals(monkeypatch):
     assert "mu_k = 0.4" in str(found)
     assert any("profile of mu_k" in text for text in said)
     page = fit_page(found)
-    assert set(page.tables) == {"events", "profiles"}
+    assert set(page.tables) == {"events", "others", "profiles"}
     assert "fits" in page.caption
 
 
@@ -182,8 +198,7 @@ def test_a_wrong_model_is_noticed(monkeypatch):
     monkeypatch.setattr(fits, "STARTS", 1)
     monkeypatch.setattr(search, "WALKS", 1)
     monkeypatch.setattr(search, "FAR", 1)
-    monkeypatch.setattr(profiles, "WIDER", 1)
-    monkeypatch.setattr(profiles, "ROUNDS", 1)
+    monkeypatch.setattr(fits, "known_of", known_with(wider=1, rounds=1))
     speeds = {0.304: SCENE.driver.V, 0.504: 1.5 * SCENE.driver.V}  # as if mu_k grew with V
     scenes = [SCENE.replace(V=V) for V in speeds.values()]
     two = [events(curve(seed=1, mu_k=mu_k, V=V)).iloc[:9] for mu_k, V in speeds.items()]
@@ -193,7 +208,7 @@ def test_a_wrong_model_is_noticed(monkeypatch):
     assert "DOES NOT FIT" in fit_page(found).caption
     assert set(found.table["curve"]) == {1, 2}
     low, high = found.intervals["mu_k"]
-    assert 0.01 < found.model_error <= fits.OFF
+    assert 0.01 < found.model_error <= profiles.POLICIES.off
     assert not low > 0.404  # halfway between both; an open end is NaN
     assert not high < 0.404
 
@@ -306,7 +321,7 @@ def test_bounds_may_be_text_with_units(monkeypatch):
 
 
 def test_why_no_parameters_have_a_run_is_said(monkeypatch):
-    def failing(self, scene, data):
+    def failing(self, scene, n):
         raise SceneError("a_field", 1.0, "", "another")
 
     monkeypatch.setattr(Problem, "run", failing)
@@ -509,7 +524,7 @@ def test_arrivals_are_compared_within_an_event():
 def test_lengths_alone_tell_mu_k_and_leave_mu_s_open(monkeypatch):
     """Forces at the start and the end of events tell mu_s: see the fit of a curve."""
     monkeypatch.setattr(fits, "STARTS", 1)
-    monkeypatch.setattr(profiles, "ACROSS", 2)
+    monkeypatch.setattr(fits, "known_of", known_with(across=2))
     record = pyfric.simulate(SCENE.replace(mu_s=0.68, mu_k=0.43), 0.9, fidelity="quasistatic")
     lengths = pyfric.analysis.precursor_lengths(record).assign(error=0.02)
     bounds = {"mu_s": (0.55, 0.85), "mu_k": (0.3, 0.6)}
@@ -517,8 +532,13 @@ def test_lengths_alone_tell_mu_k_and_leave_mu_s_open(monkeypatch):
     found = pyfric.fit(SCENE, None, bounds, **how)
     assert found.fits
     assert abs(found.values["mu_k"] - 0.43) < 0.02
-    assert found.profiles["mu_k"]["chi2"].max() > 100 + found.chi2
-    assert found.profiles["mu_s"]["chi2"].max() < 25 + found.chi2  # from bound to bound
+    ends = {
+        name: [bounds[name][k] if np.isnan(end) else end for k, end in enumerate(pair)]
+        for name, pair in found.intervals.items()
+    }
+    assert np.ptp(ends["mu_k"]) < 0.1
+    assert ends["mu_k"][0] < 0.43 < ends["mu_k"][1]
+    assert np.ptp(ends["mu_s"]) > 0.2
     assert f"{len(lengths)} lengths" in str(found)
     assert "L_p/L" in fit_page(found).axes[0].get_ylabel()
 
@@ -538,7 +558,8 @@ def test_lengths_and_arrivals_are_residuals_of_a_fit():
         rows += [(event, SCENE.slider.l * n, times[n], 2e-6) for n in at]
     arrivals = pd.DataFrame(rows, columns=["event", "x", "t", "error"])
     assert len(arrivals) > 4
-    what = Data(table=table, lengths=lengths, arrivals=arrivals, t_end=0.5)
+    own = Events(table, "all")
+    what = own + Lengths(lengths) + Arrivals(arrivals, own)
     problem = Problem(
         [SCENE], [what], {"mu_k": (0.4, 0.5)}, {"fidelity": "hybrid", "progress": False}, 0.0
     )
@@ -561,7 +582,7 @@ def test_lengths_and_arrivals_are_residuals_of_a_fit():
         ({"lengths": LENGTHS.drop(columns="error")}, "lengths = 'no error'.*L_p_over_L"),
         ({"lengths": LENGTHS.assign(error=0.0)}, "errors > 0"),
         ({"lengths": [LENGTHS, LENGTHS]}, "lengths = 2"),
-        ({"arrivals": ARRIVED}, "it has no fronts.*'hybrid' or 'dynamic'"),
+        ({"arrivals": ARRIVED}, "it has no arrivals.*'hybrid' or 'dynamic'"),
         ({"arrivals": ARRIVED.assign(event=99), "fidelity": "hybrid"}, "no such event"),
     ],
 )
@@ -581,7 +602,7 @@ def test_others_are_found_beside_jumps_of_the_model(slope):
         )
 
     jacobian = np.array([[100.0, 0.0], [500.0, 100.0]])
-    problem = SimpleNamespace(residuals=residuals)
+    problem = SimpleNamespace(residuals=residuals, smooth=False)
     found, chi2 = search.least_of_others(problem, np.array([0.3, 0.5]), jacobian, 0, 0.31)
     np.testing.assert_allclose(found, [0.31, 0.5 + 0.01 * slope], rtol=0, atol=1e-12)
     assert chi2 == pytest.approx(1.0)
@@ -601,21 +622,22 @@ def cut_valley(slope, ahead):
         names=["a", "b"],
         low=np.zeros(2),
         high=np.ones(2),
-        data=[SimpleNamespace(table=[0])],
+        smooth=False,
+        dof=lambda u: 1,
     )
 
 
-def test_intervals_go_on_along_jumps_of_the_model(monkeypatch):
+def test_intervals_go_on_along_jumps_of_the_model():
     """They are those of all points within the limit, on a fine grid, but for thin tips."""
     places = np.meshgrid(*[np.linspace(0.4, 0.6, 1001)] * 2, indexing="ij")
     short = {}
     for slope, ahead in itertools.product((0.8, 0.85, 0.9, 0.95), (0.0, 5e-4, 1e-3)):
         problem = cut_valley(slope, ahead)
         residuals = problem.residuals(np.array(places))
-        for misses in (0, profiles.MISSES):
-            monkeypatch.setattr(profiles, "MISSES", misses)
+        for misses in (0, profiles.POLICIES.misses):
+            policies = profiles.Policies(misses=misses)
             start = np.array([0.5, 0.5])
-            found, _, intervals = profiles.profiled(problem, start, 0.9, lambda _: None)
+            found, _, intervals = profiles.profiled(problem, start, 0.9, lambda _: None, policies)
             jumps = search.derivatives(problem, found)[1]
             limit = problem.chi2(found) + stats.chi2.ppf(0.9, 1) * (1 + jumps)
             inside = (residuals**2).sum(axis=0) <= limit
@@ -624,7 +646,6 @@ def test_intervals_go_on_along_jumps_of_the_model(monkeypatch):
                 off = np.abs(np.subtract(intervals[name], exact)) / np.ptp(exact)
                 assert intervals[name][1] - exact[1] < 0.02 * np.ptp(exact)
                 short.setdefault(misses, []).append(off.max())
-        monkeypatch.undo()
     without, ends = (np.array(each) for each in short.values())
     assert (ends <= without + 1e-9).all()
     assert ends.mean() < 0.6 * without.mean()

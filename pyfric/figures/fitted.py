@@ -25,18 +25,18 @@ LIMITS = (-2, 2)
 
 
 def fit_page(fit: Fit) -> DataFigure:
-    """Draw a fit: forces of events, or lengths, residuals, and a profile for each parameter.
+    """Draw a fit: forces of events, or what else was measured, residuals, and profiles.
 
     Returns:
-        The figure. Its tables are "events" and "profiles".
+        The figure. Its tables are "events", "others" and "profiles".
     """
     names = list(fit.profiles)
     fig = DataFigure(figsize=(2 * COLUMN_WIDTH, 4.2))
     grid = fig.add_gridspec(2, 1, height_ratios=(1.4, 1))
     top = grid[0].subgridspec(2, 1, height_ratios=(2, 1))
     forces, residuals = (fig.add_subplot(top[k]) for k in (0, 1))
-    below = grid[1].subgridspec(1, len(names))
-    (_draw_events if len(fit.table) else _draw_lengths)(fit, forces, residuals)
+    below = grid[1].subgridspec(1, max(len(names), 1))
+    what = _draw_events(fit, forces, residuals) if len(fit.table) else _draw(fit, forces, residuals)
     for limit in (0, *LIMITS):
         residuals.axhline(limit, color=GREY, lw=0.6, ls="-" if not limit else "--", zorder=0)
     residuals.set_ylabel("residual\n(std. dev.)")
@@ -58,7 +58,6 @@ def fit_page(fit: Fit) -> DataFigure:
         axes.ticklabel_format(useOffset=False)
         axes.locator_params(axis="x", nbins=4)
         style(axes, "bcdef"[k] if k < 5 else "")
-    what = "Forces of events" if len(fit.table) else "Lengths of precursors"
     verdict = "fits" if fit.fits else "DOES NOT FIT"
     fig.caption = (
         f"(a) {what}, measured and of the model, and residuals; the model {verdict}: "
@@ -68,13 +67,16 @@ def fit_page(fit: Fit) -> DataFigure:
     )
     fig.tables = {
         "events": fit.table,
-        "profiles": pd.concat([fit.profiles[name].assign(parameter=name) for name in names]),
+        "others": fit.others,
+        "profiles": pd.concat(
+            [pd.DataFrame(), *(fit.profiles[name].assign(parameter=name) for name in names)]
+        ),
     }
     return fig
 
 
-def _draw_events(fit: Fit, forces: Axes, residuals: Axes) -> None:
-    """Draw forces of events, measured and of the model, and their residuals."""
+def _draw_events(fit: Fit, forces: Axes, residuals: Axes) -> str:
+    """Draw forces of events, measured and of the model, and residuals; return what they are."""
     at = np.arange(1, len(fit.table) + 1)
     looks = {"peak": ("^", BLUE, "start"), "valley": ("v", VERMILION, "end")}
     for name, (symbol, colour, text) in looks.items():
@@ -87,20 +89,37 @@ def _draw_events(fit: Fit, forces: Axes, residuals: Axes) -> None:
     residuals.set_xlabel("event")
     residuals.locator_params(axis="x", integer=True)
     legend(forces, loc="lower right")
+    return "Forces of events"
 
 
-def _draw_lengths(fit: Fit, lengths: Axes, residuals: Axes) -> None:
-    """Draw lengths of precursors over the force, and their residuals."""
-    data, model = fit.problem.data[0].lengths, fit.problem.model(fit.problem.place(fit.values))[0]
-    how = {"fmt": "o", "ms": 3, "color": BLUE, "mfc": "none", "mew": 0.7, "lw": 0.7}
-    lengths.errorbar(data["force"], data["L_p_over_L"], data["error"], label="measured", **how)
-    curve = model.lengths
-    lengths.plot(curve["force"], curve["L_p_over_L"], color=BLACK, lw=0.8, label="model")
-    lengths.set(ylabel="$L_p/L$")
-    legend(lengths, loc="upper left")
-    part = fit.fronts[fit.fronts["curve"] == 1]
-    residuals.plot(part["at"], part["off"], "o", ms=3, color=BLUE, mfc="none", mew=0.7)
-    residuals.set_xlabel("$F_T/F_N$ after arrest")
+LOOKS = {
+    "curve": ("The loading curve", "$F_T/F_N$", "$t$ (s)"),
+    "lengths": ("Lengths of precursors", "$L_p/L$", "$F_T/F_N$ after arrest"),
+    "sizes": ("Numbers of a population of events", "value", ""),
+    "arrivals": ("Arrivals of fronts", "$t$ (s)", "$x$ (m)"),
+    "known": ("What was known", "value", ""),
+}
+"""Kinds of measurements -> what they are, and labels of the axes; the first one is drawn."""
+
+
+def _draw(fit: Fit, values: Axes, residuals: Axes) -> str:
+    """Draw other measurements of the first curve and the model, and return what they are."""
+    part = fit.others[fit.others["curve"] == 1]
+    kind = next(kind for kind in LOOKS if kind in set(part["kind"]))
+    part = part[part["kind"] == kind]
+    words = part["at"].map(lambda at: isinstance(at, str)).any()
+    at = np.arange(len(part)) if words else part["at"].to_numpy(dtype=float)
+    how = {"ms": 3, "color": BLUE, "mfc": "none", "mew": 0.7, "lw": 0.7}
+    values.errorbar(at, part["measured"], part["error"], fmt="o", label="measured", **how)
+    values.plot(at, part["model"], "_" if words else "-", color=BLACK, lw=0.8, label="model")
+    residuals.plot(at, part["off"], "o", ms=3, color=BLUE, mfc="none", mew=0.7)
+    if words:
+        residuals.set_xticks(at, part["at"])
+    what, label, below = LOOKS[kind]
+    values.set(ylabel=label)
+    residuals.set_xlabel(below)
+    legend(values, loc="best")
+    return what
 
 
 def tornado(found: Sensitivity) -> DataFigure:

@@ -11,7 +11,6 @@ inertia does, which is 0.01 to 0.05 F_N after large events.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
@@ -19,14 +18,15 @@ import numpy as np
 import pandas as pd
 import scipy
 
-from pyfric.fitting.misfits import Misfit, onset
-from pyfric.fitting.problem import OF_THE_CURVE, Data, Problem
-from pyfric.fitting.profiles import profiled
-from pyfric.fitting.results import DOUBTFUL, Fit, probability
-from pyfric.fitting.search import FOLLOWED, STEP, minima, solved, walked
-from pyfric.fitting.sensors import ARRIVALS, LENGTHS, checked
-from pyfric.measured import COLUMNS, Curve, events
-from pyfric.record import Record
+from pyfric.fitting.measurement import Known, Measurement, Together, experiments
+from pyfric.fitting.misfits import FEWEST
+from pyfric.fitting.of_events import POPULATION, Events, Sizes, large
+from pyfric.fitting.problem import ONE, Problem
+from pyfric.fitting.profiles import Profiles, known_of
+from pyfric.fitting.results import Fit
+from pyfric.fitting.search import FOLLOWED, minima, walked
+from pyfric.fitting.sensors import Arrivals, Lengths
+from pyfric.measured import Curve
 from pyfric.scene import (
     Number,
     Quantity,
@@ -47,51 +47,54 @@ TOLERANCES = (0.01, 0.003, 0.0)
 STARTS = 8
 """Starts, spread over the bounds, that are followed at most until the residuals are those of noise.
 A policy."""
-OFF_LOAD = 0.05
-"""Largest difference of the normal force of a scene from that of its curve, over it. A policy."""
-OFF = 0.1
-"""Largest error of forces of a wrong model, over F_N, that intervals assume. A policy."""
-NOTHING = pd.DataFrame({name: np.zeros(0) for name in COLUMNS})
-"""A table without events."""
+MORE = 2.0
+"""Scatter of forces of large events over that of the model, beyond which they are no repetitions,
+and are compared as a population. A policy."""
 SEARCH = "quasistatic"
 """Engine that searches for starts."""
+
+Measured = Curve | pd.DataFrame | Measurement | Together
 
 
 @usage('fit(scene, curve, {"mu_k": (0.3, 0.6)}), with curve = pyfric.measured.read("curve.csv")')
 def fit(
     scene: SceneLike | Sequence[SceneLike],
-    measured: Curve | pd.DataFrame | Sequence[Curve | pd.DataFrame] | None,
+    measured: Measured | Sequence[Measured | None] | None,
     vary: Mapping[str, tuple[Number, Number]],
     *,
     lengths: pd.DataFrame | Sequence[pd.DataFrame | None] | None = None,
     arrivals: pd.DataFrame | Sequence[pd.DataFrame | None] | None = None,
     t_end: float | str | None = None,
-    level: float = 0.9,
+    level: float | None = 0.9,
     part: Literal["onset", "all"] = "onset",
     model_error: float = 0.0,
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
     **options: Any,
 ) -> Fit:
-    """Fit parameters of a scene to the events of a measured curve.
+    """Fit parameters of a scene to measurements: events of a curve, or what else was measured.
 
     Args:
-        scene: scene, preset or file, or one for each curve, with everything that is known.
-        measured: curve, or its table of events (`pyfric.measured.events`), or several. None: only
-            lengths were measured.
+        scene: scene, preset or file, or one for each experiment, with everything that is known.
+        measured: a measurement of `pyfric.fitting`, or a sum of them, such as Events(curve) +
+            Known("mu_k", 0.45, 0.01); or a list of these, one for each experiment. A curve, or its
+            table of events, stands for Events(curve, part). None: only lengths were measured.
         vary: name of a parameter, as in `Scene.replace`, -> bounds in SI units, or as text such as
             "3 kN". It has to be a number that may have any value between them. Also "offset", a
-            force over F_N added to the curve, and "drift", 1/s.
+            force over F_N added to the curve, and "drift", 1/s. "K@2" is a parameter of the second
+            experiment alone.
         lengths: of precursors in the first loading, one table for each curve: columns force, which
             is F_T/F_N after arrest, L_p_over_L and error.
         arrivals: of fronts at sensors, one table for each curve: columns event (number in the table
             of events), x (m, from the trailing edge), t and error (s). Only differences of times
             within an event count. The engine has to have fronts: "hybrid" or "dynamic".
         t_end: end of the loading, s, if measured is None.
-        level: confidence of the intervals, > 0, < 1.
+        level: confidence of the intervals, > 0, < 1. None: no profiles; `Fit.profiled` makes them
+            later.
         part: "onset": events before the first large one (a fifth of the largest drop) are compared
             one by one, and large ones by their mean forces; "all": all are compared one by one, for
-            periodic sequences.
+            periodic sequences. With "onset", large events that scatter as those of the model do not
+            are compared as a population (`Sizes`), and the fit says so.
         model_error: standard deviation of forces of the model, over F_N, that is added to the
             errors of the measurement. If no parameter fits, intervals assume that of the best one.
         seed: of the runs that are spread over the bounds.
@@ -106,167 +109,224 @@ def fit(
             force than its scene, no parameters in the bounds have a run, or none has events of the
             measurement.
     """
-    several = isinstance(measured, Sequence) and not isinstance(measured, str)
-    curves = list(measured) if several else [measured]
-    scenes = list(scene) if isinstance(scene, list | tuple) else [scene] * len(curves)
-    if len(scenes) != len(curves):
-        allowed = f"one, or {len(curves)}, as there are curves"
-        raise SceneError("scene", len(scenes), "", allowed, "scenes")
-    level = check_number("level", level, "", gt=0.0, lt=1.0)
+    if level is not None:
+        level = check_number("level", level, "", gt=0.0, lt=1.0)
     model_error = check_number("model_error", model_error, "", ge=0.0)
     seed = check_whole("seed", seed, 0)
     say = progress or (lambda text: None)
-    scenes = [as_scene(each, {}) for each in scenes]
-    bounds = _bounds(scenes, vary)
     options = {"fidelity": "hybrid", "progress": False} | options
-    if part not in ("onset", "all"):
-        raise SceneError("part", part, "", "'onset' or 'all'")
-    fronts = {"lengths": (lengths, LENGTHS), "arrivals": (arrivals, ARRIVALS)}
-    tables = {name: _parallel(name, *given, len(curves)) for name, given in fronts.items()}
-    if arrivals is not None and options["fidelity"] == SEARCH:
-        raise SceneError("fidelity", SEARCH, "", "'hybrid' or 'dynamic'", "it has no fronts")
-    data = [
-        _data(curve, part, t_end, **{name: of[n] for name, of in tables.items()})
-        for n, curve in enumerate(curves)
-    ]
-    if "F_N" not in bounds:
-        for known, curve in zip(scenes, curves, strict=True):
-            _check_load(known, curve)
+    several = isinstance(measured, Sequence) and not isinstance(measured, str | Together)
+    given = list(measured) if several else [measured]
+    scenes = list(scene) if isinstance(scene, list | tuple) else [scene] * len(given)
+    if len(scenes) != len(given):
+        allowed = f"one, or {len(given)}, as there are curves"
+        raise SceneError("scene", len(scenes), "", allowed, "scenes")
+    scenes = [as_scene(each, {}) for each in scenes]
+    made = _made(given, part, t_end, lengths=lengths, arrivals=arrivals)
+    data = list(experiments(made))
+    bounds = _bounds(scenes, data, vary)
+    _check(scenes, data, bounds, options["fidelity"])
     problem = Problem(scenes, data, bounds, options, model_error)
-    dim = len(bounds)
-    spread = scipy.stats.qmc.Sobol(dim, rng=np.random.default_rng(seed)).random(STARTS)
-    starts = [np.full(dim, 0.5), *spread]
-    problem.check(spread)
-    for note in (note for each in data for note in each.table.attrs.get("notes", ())):
+    for note in problem.notes:
         say(note)
-    if options["fidelity"] != SEARCH and problem.can(SEARCH):
-        still = [dataclasses.replace(each, arrivals=None) for each in data]
-        search = Problem(
-            scenes, still, bounds, {"fidelity": SEARCH, "progress": False}, model_error
-        )
+    notes: tuple[str, ...] = ()
+    try:
+        _check_repeats(problem, seed)
+        u = _best(problem, seed, say)
+    except _Unlike as unlike:
+        said = f"{unlike}: they are compared as a population, by mean forces and recurrence"
+        say(said)
+        runs, problem, notes = problem.runs, _populations(problem), (said,)
+        problem.runs = runs
+        u = _best(problem, seed, say)
+    found = Profiles(u, {}, {}, model_error)
+    if level is not None:
+        found = known_of(problem, u, level, say)
+    return Fit.of(problem, found, level or 0.0, notes)
+
+
+class _Unlike(Exception):
+    """Measured events scatter as those of the model do not."""
+
+
+def _best(problem: Problem, seed: int, say: Callable[[str], None]) -> np.ndarray:
+    """Return the best parameters.
+
+    Raises:
+        SceneError: no parameters have a run, or events of the measurement.
+        _Unlike: measured events scatter as those of the model do not.
+    """
+    starts = _starts(problem, seed)
+    problem.check(starts[1:])
+    search = None
+    if problem.options["fidelity"] != SEARCH and not problem.smooth:
+        search = problem.of_engine(SEARCH)
+    if search is not None:
         starts = minima(search, starts, TOLERANCES[:1], say)[:FOLLOWED]
         problem.runs += search.runs
         problem.reason = search.reason
+        if starts:
+            _check_alike(search, starts[0])
     found = minima(problem, starts, TOLERANCES, say)
     if not found:
         reason = f"none has one; the last: {problem.reason}"
-        raise SceneError("vary", ", ".join(bounds), "", "bounds with a run", reason)
+        raise SceneError("vary", ", ".join(problem.bounds), "", "bounds with a run", reason)
     u = found[0]
+    _check_alike(problem, u)
     problem.check_matched(u)
     if problem.fits(u, TOLERANCES[-2]):  # what is further off is mended by no minimum nearby
         u = walked(problem, u, say)
-    u, profiles, intervals = profiled(problem, u, level, say)
-    assumed = model_error
-    if probability(problem.chi2(u), problem.dof(u)) < DOUBTFUL:
-        say("how far the model is off")
-        for _ in range(2):  # then for the parameters that this error leads to
-            assumed = max(model_error, min(problem.scatter(u, OFF), OFF))
-            problem.model_error = assumed
-            u = solved(problem.residuals, u, STEP)
-        u, profiles, intervals = profiled(problem, u, level, say)
-        problem.model_error = model_error
-    compared, values = problem.misfits(u), problem.values(u)
-    assert compared is not None  # the best of those that have a run
-    return Fit(
-        scenes=tuple(problem.scenes_of(values)),
-        values=values,
-        intervals=intervals,
-        profiles=profiles,
-        level=level,
-        chi2=problem.chi2(u),
-        dof=problem.dof(u),
-        table=_compared(problem, u, compared),
-        missing=sum(apart.missing for apart in compared),
-        extra=sum(apart.extra for apart in compared),
-        engine=options["fidelity"],
-        runs=problem.runs,
-        bounds=bounds,
-        fronts=_of_fronts(problem, u, compared),
-        model_error=assumed,
-        notes=tuple(note for each in data for note in each.table.attrs.get("notes", ())),
-        problem=problem,
-    )
+    return u
 
 
-def _parallel(name: str, given: Any, columns: Mapping[str, str], n: int) -> list[Any]:
-    """Return a checked table, or None, for each curve."""
-    tables = list(given) if isinstance(given, list | tuple) else [given] * (1 if n == 1 else n)
-    if given is not None and not isinstance(given, list | tuple) and n > 1:
-        raise SceneError(name, 1, "", f"a list of {n}, with None where there is none", "tables")
-    if len(tables) != n:
-        raise SceneError(name, len(tables), "", f"{n}, as there are curves", "tables")
-    return [None if table is None else checked(name, table, columns) for table in tables]
+def _starts(problem: Problem, seed: int) -> list[np.ndarray]:
+    """Return the middle of the bounds, and places spread over them."""
+    dim = len(problem.names)
+    spread = scipy.stats.qmc.Sobol(dim, rng=np.random.default_rng(seed)).random(STARTS)
+    return [np.full(dim, 0.5), *spread]
 
 
-def _data(
-    measured: Curve | pd.DataFrame | None,
+def _check_repeats(problem: Problem, seed: int) -> None:
+    """Raise _Unlike if curves without a first loading scatter as no run within the bounds does."""
+    parts = [part for part in problem.parts if isinstance(part, Events)]
+    if not parts or not all(_may_scatter(part) and part.onset_is_whole for part in parts):
+        return
+    problem.check(starts := _starts(problem, seed)[1:])
+    population = _populations(problem)
+    population = population.of_engine(SEARCH) or population
+    seen = [list(population.compared(u, Sizes)) for u in starts]
+    problem.runs += population.runs
+    for each in filter(None, seen):
+        for part, has, _ in each:
+            if MORE * _scatter(has) > _scatter(part.whole):
+                return
+    if any(seen):
+        raise _Unlike(_said(parts))
+
+
+def _check_alike(problem: Problem, u: np.ndarray) -> None:
+    """Raise _Unlike if the best model does not fit, and large events scatter as its do not."""
+    found = list(problem.compared(u, Events))
+    if not found or problem.fits(u, TOLERANCES[0]):
+        return
+    for part, seen, _ in found:
+        told = len(large(seen)) >= FEWEST and _may_scatter(part)
+        if not told or MORE * _scatter(seen) > _scatter(part.whole):
+            return
+    raise _Unlike(_said([part for part, _, _ in found]))
+
+
+def _may_scatter(part: Events) -> bool:
+    """Whether large events are many and scatter, and need not be compared one by one."""
+    enough = len(large(part.whole)) >= POPULATION
+    return part.later is not None and enough and _scatter(part.whole) > TOLERANCES[0]
+
+
+def _scatter(table: pd.DataFrame) -> float:
+    """Return the standard deviation of forces at the start of large events after the first."""
+    peaks = large(table)["peak"].iloc[1:]
+    return float(peaks.std()) if len(peaks) > 1 else 0.0
+
+
+def _said(parts: Sequence[Events]) -> str:
+    scatter = max(_scatter(part.whole) for part in parts)
+    return f"forces of large events scatter by {scatter:.2g} F_N, those of the model by less"
+
+
+def _populations(problem: Problem) -> Problem:
+    """Return the problem with events as populations."""
+    data = [
+        Together(
+            Sizes(part.whole, spreads=False) if isinstance(part, Events) else part for part in each
+        )
+        for each in problem.data
+    ]
+    return Problem(problem.scenes, data, problem.bounds, problem.options, problem.model_error)
+
+
+def _made(
+    given: list[Any],
     part: str,
     t_end: float | str | None,
     *,
+    lengths: pd.DataFrame | Sequence[pd.DataFrame | None] | None,
+    arrivals: pd.DataFrame | Sequence[pd.DataFrame | None] | None,
+) -> list[Together]:
+    """Return the measurements of each experiment, of curves and tables."""
+    if part not in ("onset", "all"):
+        raise SceneError("part", part, "", "'onset' or 'all'")
+    n = len(given)
+    columns = zip(
+        given, _parallel("lengths", lengths, n), _parallel("arrivals", arrivals, n), strict=True
+    )
+    return [_together(curve, of, at, part, t_end) for curve, of, at in columns]
+
+
+def _together(
+    measured: Any,
     lengths: pd.DataFrame | None,
     arrivals: pd.DataFrame | None,
-) -> Data:
+    part: Any,
+    t_end: float | str | None,
+) -> Together:
     """Return what was measured in one experiment."""
+    if isinstance(measured, Measurement | Together):
+        found = next(experiments(measured))
+        if lengths is not None or arrivals is not None:
+            name = "lengths" if lengths is not None else "arrivals"
+            allowed = f"None: add pyfric.fitting.{name.capitalize()} to the measurements"
+            raise SceneError(name, "a table", "", allowed)
+        return found
     if measured is None:
         if lengths is None or arrivals is not None:
             raise SceneError("measured", None, "", "a curve, or lengths alone", "nothing to fit")
         if t_end is None:
             raise SceneError("t_end", None, "s", "the end of the loading", "no curve tells it")
-        end = check_number("t_end", t_end, "s", gt=0.0)
-        return Data(table=NOTHING, lengths=lengths, t_end=end)
+        return Together.of(Lengths(lengths, t_end))
     if t_end is not None:
         raise SceneError("t_end", t_end, "s", "None", "the curve tells it")
-    whole = _table_of(measured)
-    table = onset(whole) if part == "onset" else whole
-    later = whole.iloc[len(table) :] if part == "onset" else None
-    if arrivals is not None and (unknown := set(arrivals["event"]) - set(table.index)):
-        allowed = f"numbers of events that are compared one by one, {table.index[0]} to "
-        raise SceneError(
-            "arrivals.event", min(unknown), "", f"{allowed}{table.index[-1]}", "no such event"
-        )
-    end = float(whole.attrs["t_end"])
-    return Data(table=table, later=later, lengths=lengths, arrivals=arrivals, t_end=end)
+    events = Events(measured, part)
+    parts: list[Measurement] = [events]
+    if lengths is not None:
+        parts.append(Lengths(lengths))
+    if arrivals is not None:
+        parts.append(Arrivals(arrivals, events))
+    return Together(parts)
 
 
-def _check_load(scene: Scene, measured: Curve | pd.DataFrame | None) -> None:
-    """Raise SceneError if a scene has another constant normal force than its curve."""
-    if not isinstance(measured, Curve) or scene.load_at(0.0) is not None:
-        return
-    F_N = float(measured.table["F_N"].median()) if "F_N" in measured.table else measured.F_N
-    if F_N is not None and abs(scene.F_N / F_N - 1) > OFF_LOAD:
-        allowed = f"that of the curve, {F_N:.4g} N, within {OFF_LOAD:.0%}"
-        raise SceneError("F_N", scene.F_N, "N", allowed, "the scene has another load")
+def _parallel(name: str, given: Any, n: int) -> list[Any]:
+    """Return a table, or None, for each curve."""
+    tables = list(given) if isinstance(given, list | tuple) else [given] * (1 if n == 1 else n)
+    if given is not None and not isinstance(given, list | tuple) and n > 1:
+        raise SceneError(name, 1, "", f"a list of {n}, with None where there is none", "tables")
+    if len(tables) != n:
+        raise SceneError(name, len(tables), "", f"{n}, as there are curves", "tables")
+    return tables
 
 
-def _table_of(measured: Curve | pd.DataFrame) -> pd.DataFrame:
-    """Return a table of events that knows where it ends, and what it resolves."""
-    if isinstance(measured, Record):
-        allowed = 'pyfric.measured.sampled(record, "0.5 ms", noise=1e-3), a curve as measured'
-        raise SceneError("measured", "Record", "", allowed, "a run is no measurement")
-    whole = isinstance(measured, Curve) and measured.has_forces
-    table = events(measured) if whole else measured
-    columns = getattr(table, "columns", ())
-    if absent := [name for name in COLUMNS if name not in columns]:
-        allowed = (
-            "a Curve with forces, as pyfric.measured.read makes of a file, or the events of one"
-        )
-        reason = f"it has no {', '.join(absent)}"
-        raise SceneError("measured", type(measured).__name__, "", allowed, reason)
-    if isinstance(measured, Curve):
-        table.attrs["t_end"] = float(measured.t[-1] - measured.t[0])
-    else:
-        table = table.copy()
-        table.attrs = {"t_end": float(table["t_stop"].max()), **measured.attrs}
-    if len(table) < 2:
-        raise SceneError("measured", len(table), "", "a curve with two or more events", "events")
-    if not (table[["peak_error", "valley_error"]] > 0).all(axis=None):
-        allowed = "events of a curve with noise: pyfric.measured.events(curve, noise=1e-3)"
-        raise SceneError("measured", None, "", allowed, "forces without errors")
-    return table
+def _check(
+    scenes: Sequence[Scene], data: Sequence[Together], bounds: Mapping[str, Any], engine: str
+) -> None:
+    """Refuse measurements that are not of their scenes, or that an engine has not."""
+    for scene, each, end in zip(scenes, data, Problem.durations(data), strict=True):
+        if not end:
+            allowed = "the end of the loading, as t_end of Lengths"
+            raise SceneError("t_end", None, "s", allowed, "no measurement tells it")
+        for part in each:
+            if part.engines and engine not in part.engines:
+                allowed = " or ".join(map(repr, part.engines))
+                raise SceneError("fidelity", engine, "", allowed, f"it has no {part.kind}")
+            if "F_N" not in bounds:
+                part.check(scene)
+            if isinstance(part, Known) and part.name not in bounds:
+                allowed = f"a parameter that is varied: {', '.join(bounds)}"
+                raise SceneError("name", part.name, "", allowed, "of Known")
 
 
 def _bounds(
-    scenes: Sequence[Scene], vary: Mapping[str, tuple[Number, Number]]
+    scenes: Sequence[Scene],
+    data: Sequence[Together],
+    vary: Mapping[str, tuple[Number, Number]],
 ) -> dict[str, tuple[float, float]]:
     """Return checked bounds in SI units."""
     if not vary or not isinstance(vary, Mapping):
@@ -275,7 +335,7 @@ def _bounds(
         )
     found = {}
     for name, ends in vary.items():
-        field, unit = f"vary.{name}", _unit(scenes, name, ends)
+        field, unit = f"vary.{name}", _unit(scenes, data, name, ends)
         pair = () if isinstance(ends, str) or not np.iterable(ends) else tuple(ends)
         if len(pair) != 2:
             raise SceneError(field, str(ends), "", "two bounds, such as (0.3, 0.6)", "")
@@ -286,46 +346,17 @@ def _bounds(
     return found
 
 
-def _unit(scenes: Sequence[Scene], name: str, ends: Any) -> str:
+def _unit(scenes: Sequence[Scene], data: Sequence[Together], name: str, ends: Any) -> str:
     """Return the unit of a parameter."""
-    if name in OF_THE_CURVE:
-        return OF_THE_CURVE[name]
+    part, mark, number = name.partition(ONE)
+    if mark and number not in (numbers := [str(n + 1) for n in range(len(scenes))]):
+        allowed = f"the number of an experiment: {', '.join(numbers)}"
+        raise SceneError(f"vary.{name}", number, "", allowed)
+    units = {key: unit for each in data for kind in each for key, unit in kind.own.items()}
+    if part in units:
+        return units[part]
     with naming(f"vary.{name}"):
-        mark = next(scene_fields(scene)[full_name(scene, name, ends)] for scene in scenes)
+        mark = next(scene_fields(scene)[full_name(scene, part, ends)] for scene in scenes)
     if not isinstance(mark, Quantity):
         raise SceneError(f"vary.{name}", str(ends), "", "a number of the scene", "it is none")
     return mark.unit
-
-
-def _compared(problem: Problem, u: np.ndarray, found: Sequence[Misfit]) -> pd.DataFrame:
-    """Return measured events beside those of the model."""
-    parts = []
-    for n, (each, seen, apart) in enumerate(
-        zip(problem.data, problem.model(u) or [], found, strict=True), 1
-    ):
-        table, model = each.table, seen.events
-        part = table[["t_start", "peak", "valley", "peak_error", "valley_error"]].copy()
-        part.insert(0, "event", table.index)
-        part.insert(0, "curve", n)
-        for name in ("peak", "valley"):
-            part[f"model_{name}"] = np.append(model[name], np.nan)[apart.partner]
-        half = len(table)
-        part["off_peak"], part["off_valley"] = (
-            apart.residuals[:half],
-            apart.residuals[half : 2 * half],
-        )
-        parts.append(part)
-    return pd.concat(parts, ignore_index=True)
-
-
-def _of_fronts(problem: Problem, u: np.ndarray, found: Sequence[Misfit]) -> pd.DataFrame:
-    """Return measured lengths and arrivals with their residuals."""
-    parts = []
-    residuals = problem.of_fronts(u, found)
-    for n, (each, off) in enumerate(zip(problem.data, residuals, strict=True), 1):
-        rows = [("lengths", each.lengths, "force"), ("arrivals", each.arrivals, "x")]
-        kinds = [(kind, at) for kind, of, name in rows if of is not None for at in of[name]]
-        part = pd.DataFrame(kinds, columns=["kind", "at"])
-        part.insert(0, "curve", n)
-        parts.append(part.assign(off=off))
-    return pd.concat(parts, ignore_index=True)

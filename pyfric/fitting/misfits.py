@@ -21,8 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-CAP = 10.0
-"""Standard deviations beyond which an event without a partner, or a pair, counts no more."""
+from pyfric.fitting.measurement import CAP
+
 ALONE = 3.0
 """Standard deviations of a measured event without a partner, at least; noise alone makes a pair
 worse once in ninety times (chi^2 with two degrees of freedom)."""

@@ -2,95 +2,87 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy
 
 from pyfric.engines import Options
-from pyfric.fitting.misfits import CAP, PER_EVENT, Misfit, misfit, overview
-from pyfric.fitting.results import DOUBTFUL, probability
-from pyfric.fitting.sensors import arrivals_off, fronts_of, lengths_of, lengths_off
-from pyfric.measured import events
+from pyfric.fitting.measurement import At, Measurement, Together
+from pyfric.fitting.misfits import Misfit
+from pyfric.fitting.of_events import Events
 from pyfric.planning import check_run, simulate
-from pyfric.scene import SceneError
+from pyfric.scene import Scene, SceneError
 from pyfric.statics import EquilibriumError
 
-OF_THE_CURVE = {"offset": "", "drift": "1/s"}
-"""Parameters of a curve, not of a scene, and their units: a force added to it (over F_N), and one
-per time."""
-OTHERS = 4
-"""Residuals of a curve that are not of its events."""
-LONGER = 1.1
-"""Time of runs over that of the measurement: a policy."""
+DOUBTFUL = 0.01
+"""Probability of the residuals below which the model is said not to fit. A policy."""
+FURTHER = (0.5, 1.0, 2.0, 4.0)
+"""Shares of its bounds by which a parameter is moved beyond them, to tell wider ones. A policy."""
+ONE = "@"
+"""Before the number of the experiment that alone has a parameter: "K@2"."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Data:
-    """What was measured in one experiment.
-
-    Attributes:
-        table: events that are compared one by one; later: those of which means count.
-        lengths, arrivals: see `pyfric.fitting.sensors`.
-        t_end: end of the measurement, s.
-    """
-
-    table: pd.DataFrame
-    later: pd.DataFrame | None = None
-    lengths: pd.DataFrame | None = None
-    arrivals: pd.DataFrame | None = None
-    t_end: float
-
-    @property
-    def size(self) -> int:
-        """Number of residuals."""
-        parts = (len(part) for part in (self.lengths, self.arrivals) if part is not None)
-        return (PER_EVENT * len(self.table) + OTHERS if len(self.table) else 0) + sum(parts)
-
-    @property
-    def of_overview(self) -> int:
-        """Number of residuals of the overview."""
-        return 2 * len(self.table) + (0 if self.lengths is None else len(self.lengths))
-
-    @property
-    def of_fronts(self) -> int:
-        """Number of independent residuals of lengths and arrivals."""
-        count = 0 if self.lengths is None else len(self.lengths)
-        if self.arrivals is not None:
-            count += len(self.arrivals) - self.arrivals["event"].nunique()
-        return count
+def probability(chi2: float, dof: int) -> float:
+    """Return the probability of a sum of squares at least this large, if the model is right."""
+    return float(scipy.stats.chi2.sf(chi2, max(dof, 1)))
 
 
-class Seen(NamedTuple):
-    """What a run has of what was measured."""
-
-    events: pd.DataFrame
-    lengths: pd.DataFrame | None
-    fronts: Mapping[float, np.ndarray] | None
+def wider(low: float, high: float, side: int) -> tuple[float, float]:
+    """Return bounds that are wider by their width on one side; positive ones stay positive."""
+    width = high - low
+    if side > 0:
+        return low, high + width
+    return (low - width if low <= 0 or low > width else low / 2), high
 
 
 class Problem:
-    """Residuals of parameters between 0 and 1, for scenes and measurements."""
+    """Residuals of parameters between 0 and 1, for scenes and their measurements.
+
+    Args:
+        scenes, data: of each experiment.
+        bounds: name -> bounds in SI units; "NAME@2" is a parameter of the second experiment alone.
+        options: of runs.
+        model_error: standard deviation of forces of the model, over F_N.
+    """
 
     def __init__(
         self,
-        scenes: Sequence[Any],
-        data: Sequence[Data],
+        scenes: Sequence[Scene],
+        data: Sequence[Together],
         bounds: Mapping[str, tuple[float, float]],
         options: Mapping[str, Any],
         model_error: float,
     ) -> None:
         self.scenes, self.data, self.options = scenes, data, options
-        self.names = list(bounds)
+        self.bounds, self.names = dict(bounds), list(bounds)
         self.low, self.high = (np.array(ends) for ends in zip(*bounds.values(), strict=True))
         self.model_error = model_error
-        self.size = sum(each.size for each in data)
-        self.known: dict[tuple[float, ...], list[Seen] | None] = {}
+        self.size = sum(each.size for each in self.parts)
+        self.smooth = all(each.smooth for each in self.parts)
+        self.known: dict[tuple[Any, ...], list[Any] | None] = {}
+        self.tried: dict[bytes, np.ndarray] = {}  # parameters
         self.runs = 0
         self.reason = ""  # why parameters had no run, the last time
+
+    @property
+    def parts(self) -> Iterator[Measurement]:
+        """Measurements of all experiments, one after the other."""
+        return (part for together in self.data for part in together)
+
+    @property
+    def groups(self) -> np.ndarray:
+        """Number of the group of each residual whose errors in a wrong model are one."""
+        first, groups = 0, [np.zeros(0, dtype=int)]
+        for part in self.parts:
+            groups.append(first + part.groups)
+            first = int(groups[-1].max(initial=first - 1)) + 1
+        return np.concatenate(groups)
 
     def can(self, engine: str) -> bool:
         """Whether an engine can run the scenes."""
@@ -100,6 +92,22 @@ class Problem:
         except SceneError:
             return False
         return True
+
+    def of_engine(self, engine: str) -> Problem | None:
+        """Return the same with what runs of another engine have; None if they have nothing."""
+        data = [
+            Together(part for part in each if not part.engines or engine in part.engines)
+            for each in self.data
+        ]
+        if not self.can(engine) or not all(self.durations(data)):
+            return None
+        options = {"fidelity": engine, "progress": False}
+        return Problem(self.scenes, data, self.bounds, options, self.model_error)
+
+    @staticmethod
+    def durations(data: Sequence[Together]) -> list[float]:
+        """Return the length of the run of each experiment, s; 0 where nothing tells it."""
+        return [max((part.duration or 0.0 for part in each), default=0.0) for each in data]
 
     def check(self, starts: Sequence[np.ndarray]) -> None:
         """Refuse what no run can mend.
@@ -113,8 +121,7 @@ class Problem:
         """
         for scene in self.scenes:
             check_run(scene, Options(fidelity=self.options["fidelity"]))
-        told = sum((PER_EVENT * len(d.table) + OTHERS) * bool(len(d.table)) for d in self.data)
-        told += sum(each.of_fronts for each in self.data)
+        told = sum(part.count for part in self.parts)
         if told <= len(self.names):
             names, reason = ", ".join(self.names), f"{told} numbers were measured"
             raise SceneError("vary", names, "", f"fewer than {told} parameters", reason)
@@ -133,17 +140,44 @@ class Problem:
         """Refuse parameters at which nothing is compared.
 
         Raises:
-            SceneError: residuals that tell something are no more than parameters.
+            SceneError: residuals that tell something are no more than parameters, or no event has
+                a partner.
         """
-        if self.dof(u) > 0:
+        tables = [(each.one_by_one, seen) for each, seen, _ in self.compared(u, Events)]
+        n, missing = sum(len(known) for known, _ in tables), self.counts(u)[0]
+        if self.dof(u) > 0 and (missing < n or not n):
             return
-        found = self.misfits(u) or []
-        counts = sum(len(each.table) for each in self.data), sum(apart.missing for apart in found)
-        reason = (
-            f"at the best parameters the model has {counts[0] - counts[1]} of {counts[0]} events"
-        )
+        reason = f"at the best parameters the model has {n - missing} of {n} events"
+        known, seen = (pd.concat(of) for of in zip(*tables, strict=True)) if tables else ((), ())
+        if len(seen):
+            forces = [f"{of['peak'].min():.3g} to {of['peak'].max():.3g}" for of in (known, seen)]
+            reason += f": they begin at F_T/F_N = {forces[0]}, those of the model at {forces[1]}"
+        elif tables:
+            reason += ", and none of its own"
         allowed = "bounds within which events of the model are those that were measured"
+        if nearer := self._nearer(u):
+            allowed += f", such as {nearer}"
+        elif not len(seen):
+            allowed += "; a curve without events is pyfric.fitting.CurveOf(curve)"
         raise SceneError("vary", ", ".join(self.names), "", allowed, reason)
+
+    def _nearer(self, u: np.ndarray) -> str:
+        """Return wider bounds of one parameter that hold a model nearer to what was measured."""
+        best, found = float(np.linalg.norm(self.overview(u))), ""
+        for name, (low, high) in self.bounds.items():
+            for share, side in itertools.product(FURTHER, (-1, 1)):
+                value = (high if side > 0 else low) + side * share * (high - low)
+                if value <= 0 < low:
+                    continue
+                ends = min(low, value), max(high, value)
+                bounds = self.bounds | {name: ends}
+                wide = Problem(self.scenes, self.data, bounds, self.options, 0.0)
+                at = wide.place(self.values(u) | {name: value})
+                if wide.model(at) is not None:
+                    off = float(np.linalg.norm(wide.overview(at)))
+                    if off < best:
+                        best, found = off, f"{name} from {ends[0]:.4g} to {ends[1]:.4g}"
+        return found
 
     def values(self, u: np.ndarray) -> dict[str, float]:
         """Return the parameters by name."""
@@ -154,96 +188,86 @@ class Problem:
         at = np.array([values[name] for name in self.names])
         return np.clip((at - self.low) / (self.high - self.low), 0, 1)
 
-    def scenes_of(self, values: Mapping[str, float]) -> list[Any]:
+    def own(self, values: Mapping[str, float], n: int) -> dict[str, float]:
+        """Return the parameters of one experiment by their names there."""
+        found = {}
+        for name, value in values.items():
+            part, mark, number = name.partition(ONE)
+            if not mark or number == str(n + 1):
+                found[part] = value
+        return found
+
+    def scenes_of(self, values: Mapping[str, float]) -> list[Scene]:
         """Return the scenes with these parameters."""
-        changes = {name: value for name, value in values.items() if name not in OF_THE_CURVE}
-        return [scene.replace(**changes) for scene in self.scenes]
+        return [self._scene(self.own(values, n), n) for n in range(len(self.scenes))]
 
-    def model(self, u: np.ndarray) -> list[Seen] | None:
-        """Return what the model has of each measurement; None where it has no run."""
+    def _scene(self, values: Mapping[str, float], n: int) -> Scene:
+        return self.scenes[n].replace(**self._changes(values, n))
+
+    def _changes(self, values: Mapping[str, float], n: int) -> dict[str, float]:
+        """Return those of the parameters of an experiment that are of its scene."""
+        others = {name for part in self.data[n] for name in part.own}
+        return {name: value for name, value in values.items() if name not in others}
+
+    def at(self, u: np.ndarray, n: int, tolerance: float = 0.0) -> At:
+        """Return the parameters of an experiment, with the error of forces of its model."""
         values = self.values(u)
-        of_scene = tuple(value for name, value in values.items() if name not in OF_THE_CURVE)
-        if of_scene not in self.known:
-            try:
-                pairs = zip(self.scenes_of(values), self.data, strict=True)
-                self.known[of_scene] = [self.run(scene, each) for scene, each in pairs]
-            except (SceneError, EquilibriumError) as error:
-                self.known[of_scene], self.reason = None, str(error)
-        found = self.known[of_scene]
-        offset, drift = (values.get(name, 0.0) for name in OF_THE_CURVE)
-        if found is None or not (offset or drift):
-            return found
-        moved = []
-        for seen in found:
-            added = {
-                name: seen.events[name] + offset + drift * seen.events[time]
-                for name, time in (("peak", "t_start"), ("valley", "t_stop"))
-            }
-            moved.append(seen._replace(events=seen.events.assign(**added)))
-        return moved
+        return At(values | self.own(values, n), math.hypot(tolerance, self.model_error))
 
-    def run(self, scene: Any, data: Data) -> Seen:
-        """Return what a run as long as the measurement has of it."""
+    def model(self, u: np.ndarray) -> list[list[Any]] | None:
+        """Return what the model has of each measurement; None where it has no run."""
+        self.tried.setdefault(u.tobytes(), u.copy())
+        values, found = self.values(u), []
+        for n in range(len(self.scenes)):
+            own = self.own(values, n)
+            key = (n, *self._changes(own, n).values())
+            if key not in self.known:
+                try:
+                    self.known[key] = self.run(self._scene(own, n), n)
+                except (SceneError, EquilibriumError) as error:
+                    self.known[key], self.reason = None, str(error)
+            found.append(self.known[key])
+        return None if any(seen is None for seen in found) else found
+
+    def run(self, scene: Scene, n: int) -> list[Any]:
+        """Return what a run as long as the measurements has of each of them."""
         self.runs += 1
-        record = simulate(scene, LONGER * data.t_end, **self.options)
-        return Seen(
-            events(record, t_gap=data.table.attrs.get("resolution") or None),
-            None if data.lengths is None else lengths_of(record),
-            None if data.arrivals is None else fronts_of(record),
-        )
+        record = simulate(scene, self.durations(self.data)[n], **self.options)
+        return [part.seen(record) for part in self.data[n]]
 
-    def misfits(self, u: np.ndarray, tolerance: float = 0.0) -> list[Misfit] | None:
-        """Return the misfit of the events of each curve, None where there is no run."""
-        model = self.model(u)
-        if model is None:
-            return None
-        tolerance = math.hypot(tolerance, self.model_error)
-        return [
-            misfit(each.table, seen.events, tolerance=tolerance, later=each.later)
-            for each, seen in zip(self.data, model, strict=True)
-        ]
+    def compared(
+        self, u: np.ndarray, kind: type[Any] = Measurement, tolerance: float = 0.0
+    ) -> Iterator[tuple[Any, Any, At]]:
+        """Yield each measurement of a kind, what the model has of it, and parameters."""
+        for n, (together, seen) in enumerate(zip(self.data, self.model(u) or [], strict=False)):
+            at = self.at(u, n, tolerance)
+            pairs = zip(together, seen, strict=True)
+            yield from ((part, has, at) for part, has in pairs if isinstance(part, kind))
 
-    def of_fronts(
-        self, u: np.ndarray, found: Sequence[Misfit], tolerance: float = 0.0
-    ) -> list[np.ndarray]:
-        """Return the residuals of lengths and arrivals of each curve, given those of events."""
-        parts = []
-        tolerance = math.hypot(tolerance, self.model_error)
-        model = self.model(u) or []
-        for scene, each, seen, apart in zip(self.scenes, self.data, model, found, strict=True):
-            off = [np.zeros(0)]
-            if each.lengths is not None and seen.lengths is not None:
-                off.append(lengths_off(each.lengths, seen.lengths, 1 / scene.N_x, tolerance))
-            if each.arrivals is not None and seen.fronts is not None:
-                starts = seen.events["t_start"].to_numpy()
-                pairs = zip(each.table.index, apart.partner, strict=True)
-                partner = {event: float(starts[k]) for event, k in pairs if k >= 0}
-                off.append(arrivals_off(each.arrivals, partner, seen.fronts, scene.slider.l))
-            parts.append(np.concatenate(off))
-        return parts
+    def misfits(self, u: np.ndarray) -> list[Misfit]:
+        """Return the misfits of events that are compared one by one."""
+        return [part.misfit(seen, at) for part, seen, at in self.compared(u, Events)]
+
+    def counts(self, u: np.ndarray) -> tuple[int, int]:
+        """Return numbers of measured events that the model has not, and the reverse."""
+        found = self.misfits(u)
+        return sum(each.missing for each in found), sum(each.extra for each in found)
 
     def overview(self, u: np.ndarray) -> np.ndarray:
-        """Return the overviews of all curves, and residuals of lengths."""
-        model = self.model(u)
-        if model is None:
-            return np.full(sum(each.of_overview for each in self.data), CAP)
-        off = []
-        for scene, each, seen in zip(self.scenes, self.data, model, strict=True):
-            if len(each.table):
-                off.append(overview(each.table, seen.events))
-            if each.lengths is not None and seen.lengths is not None:
-                off.append(lengths_off(each.lengths, seen.lengths, 1 / scene.N_x))
-        return np.concatenate(off)
+        """Return the overviews of all measurements."""
+        if self.model(u) is None:
+            parts = ((part, n) for n, each in enumerate(self.data) for part in each)
+            off = [part.none(self.at(u, n))[: part.of_overview] for part, n in parts]
+            return np.concatenate(off)
+        return np.concatenate([part.overview(seen, at) for part, seen, at in self.compared(u)])
 
     def residuals(self, u: np.ndarray, tolerance: float = 0.0) -> np.ndarray:
-        """Return the residuals of all curves, shape (size,)."""
-        found = self.misfits(u, tolerance)
-        if found is None:
-            return np.full(self.size, CAP)
-        of_events = [
-            apart.residuals for each, apart in zip(self.data, found, strict=True) if len(each.table)
-        ]
-        return np.concatenate([*of_events, *self.of_fronts(u, found, tolerance)])
+        """Return the residuals of all measurements, shape (size,)."""
+        if self.model(u) is None:
+            parts = ((part, n) for n, each in enumerate(self.data) for part in each)
+            return np.concatenate([part.none(self.at(u, n, tolerance)) for part, n in parts])
+        compared = self.compared(u, tolerance=tolerance)
+        return np.concatenate([part.residuals(seen, at) for part, seen, at in compared])
 
     def chi2(self, u: np.ndarray, tolerance: float = 0.0) -> float:
         """Return the sum of squares."""
@@ -255,25 +279,33 @@ class Problem:
 
     def dof(self, u: np.ndarray) -> int:
         """Return the degrees of freedom: residuals that tell something, less parameters."""
-        count = -len(u)
-        for each, apart in zip(self.data, self.misfits(u) or [], strict=True):
-            count += PER_EVENT * (len(each.table) - apart.missing) + each.of_fronts
-            count += int(np.count_nonzero(apart.residuals[-OTHERS:]))
-        return count
+        return sum(part.told(seen, at) for part, seen, at in self.compared(u)) - len(u)
 
     def scatter(self, u: np.ndarray, tolerance: float) -> float:
-        """Return the root of the mean square of forces by which events are off, over F_N.
+        """Return the root of the mean square of forces by which a model is off, over F_N.
 
         The variance of the measurement is taken away. Events are matched with a tolerance of
         forces, so that those that are far off count, too.
         """
-        parts = [np.zeros(0)]
-        model, found = self.model(u) or [], self.misfits(u, tolerance) or []
-        for each, seen, apart in zip(self.data, model, found, strict=True):
-            rows = np.flatnonzero(apart.partner >= 0)
-            for name in ("peak", "valley"):
-                known, error = (each.table[part].to_numpy() for part in (name, f"{name}_error"))
-                off = seen.events[name].to_numpy()[apart.partner[rows]] - known[rows]
-                parts.append(off**2 - error[rows] ** 2)
-        squares = np.concatenate(parts)
+        found = [part.excess(seen, at) for part, seen, at in self.compared(u, tolerance=tolerance)]
+        squares = np.concatenate([np.zeros(0), *found])
         return math.sqrt(max(float(squares.mean()), 0.0)) if squares.size else 0.0
+
+    def tables(self, u: np.ndarray, *, one_by_one: bool) -> pd.DataFrame:
+        """Return what was measured beside the model: events one by one, or all else."""
+        parts, number = [], 0
+        for number, (together, seen) in enumerate(zip(self.data, self.model(u) or [], strict=True)):
+            at = self.at(u, number)
+            for part, has in zip(together, seen, strict=True):
+                if isinstance(part, Events) is one_by_one:
+                    table = part.table(has, at)
+                    table.insert(0, "curve", number + 1)
+                    if not one_by_one:
+                        table.insert(1, "kind", part.kind)
+                    parts.append(table)
+        return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+    @functools.cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What was left out of the measurements, and what they may miss."""
+        return tuple(dict.fromkeys(note for part in self.parts for note in part.notes))

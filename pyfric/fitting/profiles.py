@@ -10,44 +10,133 @@ whose profile stays below the limit up to a bound is not determined there.
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 import scipy
 
-from pyfric.fitting.problem import Problem
-from pyfric.fitting.search import COARSE, STEP, derivatives, deviation, least_of_others, solved
+from pyfric.fitting.problem import DOUBTFUL, Problem, probability
+from pyfric.fitting.search import derivatives, deviation, least_of_others, solved
 
-POINTS = 5
-"""Points of a profile on either side; they reach to `REACH` standard deviations. Policies."""
-REACH = 2.4
-BEYOND = 2
-"""Points of a profile in a row beyond the limit, where it ends; one may be a jump. A policy."""
-WIDER = 4
-"""How often a profile is widened, each time by a factor of two, until it has an end."""
-ACROSS = 10
-"""Parts of a profile from bound to bound. A policy."""
-ROUNDS = 3
-"""How often profiles begin again from a lower minimum. A policy."""
-MISSES, WORTH = 20, 0.1
-"""Steps in a row that do not push an end of an interval on by that many standard deviations, after
-which it stays. Policies."""
-GROWS, SHRINKS = 2.0, 0.85
-"""Factors of the length of such a step after one that went on, and after a miss. Policies."""
 
+@dataclass(frozen=True, kw_only=True)
+class Policies:
+    """Choices of profiles: others take more or fewer runs, and move intervals a little.
+
+    Attributes:
+        points, reach: points of a profile on either side reach to so many standard deviations;
+            those beyond are twice as far apart, and so on.
+        across: parts of the bounds, beyond which no two points are apart.
+        wider: how often a profile is widened until it has an end.
+        beyond: points in a row beyond the limit, where it ends; one may be a jump.
+        rounds: how often profiles begin again from a lower minimum.
+        misses, worth: steps in a row that do not push an end of an interval on by that many
+            standard deviations, after which it stays.
+        grows, shrinks: factors of the length of such a step after one that went on, and after a
+            miss.
+        off: largest error of forces of a wrong model, over F_N, that intervals assume.
+        draws: of measurements of a wrong model, with replacement.
+    """
+
+    points: int = 5
+    reach: float = 2.4
+    across: int = 10
+    wider: int = 4
+    beyond: int = 2
+    rounds: int = 3
+    misses: int = 20
+    worth: float = 0.1
+    grows: float = 2.0
+    shrinks: float = 0.85
+    off: float = 0.1
+    draws: int = 400
+
+
+POLICIES = Policies()
 Points = dict[str, list[tuple[np.ndarray, float]]]
 """Points (parameters between 0 and 1, chi2) of profiles by the name of the one that is held."""
 
 
+class Profiles(NamedTuple):
+    """Best parameters, profiles and intervals by name, and the error of forces they assume."""
+
+    u: np.ndarray
+    profiles: dict[str, pd.DataFrame]
+    intervals: dict[str, tuple[float, float]]
+    model_error: float
+
+
+def known_of(
+    problem: Problem,
+    u: np.ndarray,
+    level: float,
+    say: Callable[[str], None],
+    policies: Policies = POLICIES,
+) -> Profiles:
+    """Return what is known of parameters near the best ones.
+
+    If no parameters fit, forces of the model have the error by which these are off, and intervals
+    hold the best parameters of other draws of what was measured, too.
+    """
+    given = assumed = problem.model_error
+    if not problem.smooth or probability(problem.chi2(u), problem.dof(u)) >= DOUBTFUL:
+        u, profiles, intervals = profiled(problem, u, level, say, policies)
+    if probability(problem.chi2(u), problem.dof(u)) < DOUBTFUL:
+        say("how far the model is off")
+        for _ in range(2):  # then for the parameters that this error leads to
+            assumed = max(given, min(problem.scatter(u, policies.off), policies.off))
+            problem.model_error = assumed
+            u = solved(problem, u)
+        u, profiles, intervals = profiled(problem, u, level, say, policies)
+        intervals = _drawn(problem, u, level, intervals, policies)
+        problem.model_error = given
+    return Profiles(u, profiles, intervals, assumed)
+
+
+def _drawn(
+    problem: Problem,
+    u: np.ndarray,
+    level: float,
+    intervals: dict[str, tuple[float, float]],
+    policies: Policies,
+) -> dict[str, tuple[float, float]]:
+    """Return intervals that hold the best parameters of draws of what was measured (bootstrap).
+
+    A wrong model may follow a part of the measurements, and which one is chance. Measurements that
+    follow each other are drawn together. The best parameters of a draw are those of all that were
+    tried, and of places from bound to bound.
+    """
+    for k in range(len(u)):
+        for place in np.linspace(0, 1, policies.across + 1):
+            problem.model(np.where(np.arange(len(u)) == k, place, u))
+    tried = np.array([at for at in problem.tried.values() if problem.model(at) is not None])
+    groups, squares = problem.groups, np.array([problem.residuals(at) ** 2 for at in tried])
+    of_groups = np.array([squares[:, groups == n].sum(axis=1) for n in np.unique(groups)])
+    rng, n = np.random.default_rng(0), len(of_groups)
+    weights = rng.multinomial(n, np.full(n, 1 / n), size=policies.draws)
+    best = tried[np.argmin(weights @ of_groups, axis=1)]
+    ends = np.quantile(best, (0.5 - 0.5 * level, 0.5 + 0.5 * level), axis=0)
+    ends = np.where((ends > 0) & (ends < 1), ends, np.nan)  # open at a bound
+    lows, highs = problem.low + ends * (problem.high - problem.low)
+    found = {}
+    for k, (name, (low, high)) in enumerate(intervals.items()):
+        found[name] = float(np.minimum(low, lows[k])), float(np.maximum(high, highs[k]))
+    return found
+
+
 def profiled(
-    problem: Problem, u: np.ndarray, level: float, say: Callable[[str], None]
+    problem: Problem,
+    u: np.ndarray,
+    level: float,
+    say: Callable[[str], None],
+    policies: Policies = POLICIES,
 ) -> tuple[np.ndarray, dict[str, pd.DataFrame], dict[str, tuple[float, float]]]:
     """Return the best parameters, profiles, and intervals."""
     quantile = float(scipy.stats.chi2.ppf(level, 1))
-    matched = any(len(each.table) for each in problem.data)
-    u, made, limit = (_nearby if matched else _across)(problem, u, quantile, say)
+    u, made, limit = _made(problem, u, quantile, say, policies)
     least = problem.chi2(u)
     profiles, intervals = {}, {}
     for k, name in enumerate(problem.names):
@@ -59,92 +148,70 @@ def profiled(
     return u, profiles, intervals
 
 
-def _nearby(
-    problem: Problem, u: np.ndarray, quantile: float, say: Callable[[str], None]
+def _made(
+    problem: Problem, u: np.ndarray, quantile: float, say: Callable[[str], None], policies: Policies
 ) -> tuple[np.ndarray, Points, float]:
     """Return the best parameters, profiles as far as the limit, and the limit above the least.
 
     Where a profile finds a misfit that is lower by more than the interval allows, profiles begin
-    again from there. Others reach beyond the limit of a slightly lower one as they are.
+    again from there. Others reach beyond the limit of a slightly lower one as they are. Where the
+    least misfit is more than that of noise, the limit grows with it (Birge).
     """
     made: Points = {}
-    for _ in range(ROUNDS):
+    for _ in range(policies.rounds):
         least = problem.chi2(u)
         jacobian, jumps = derivatives(problem, u)
-        limit, best = quantile * (1 + jumps), (u, least)
+        limit, best = quantile * (1 + jumps) * _birge(problem, u), (u, least)
         for k, name in enumerate(problem.names):
             say(f"profile of {name}")
-            sides = (_outwards(problem, u, jacobian, k, side, least + limit) for side in (-1, 1))
+            sides = (
+                _outwards(problem, u, jacobian, k, side, least + limit, policies)
+                for side in (-1, 1)
+            )
             made[name] = [point for points in sides for point in points]
             best = min([best, *made[name]], key=lambda point: point[1])
         if best[1] < least - 1e-9:
-            polished = solved(problem.residuals, best[0], STEP)
+            polished = solved(problem, best[0])
             u = polished if problem.chi2(polished) < best[1] else best[0]
         if least - problem.chi2(u) <= quantile:
             break
-    if len(u) > 1:  # a profile of one alone is exact
-        _push(problem, u, jacobian, limit, made, say)
+    if len(u) > 1 and not problem.smooth:  # a profile of one alone is exact
+        _push(problem, u, jacobian, limit, made, say, policies)
     return u, made, limit
 
 
-def _across(
-    problem: Problem, u: np.ndarray, quantile: float, say: Callable[[str], None]
-) -> tuple[np.ndarray, Points, float]:
-    """Return the same for data without events, with profiles from bound to bound.
-
-    Lengths alone may leave a parameter open. Each point starts from its neighbour. Lengths of a
-    model jump by blocks: points may be above the least misfit there, and intervals too narrow.
-    """
-    made: Points = {}
-    best = problem.chi2(u), u
-    for k, name in enumerate(problem.names):
-        say(f"profile of {name}")
-        made[name], others = [], np.arange(len(u)) != k
-        places = np.linspace(0, 1, ACROSS + 1)
-        for side in (places[places < u[k]][::-1], places[places > u[k]]):
-            at = u.copy()
-            for place in side:
-                at[k] = place
-                if others.any():
-                    held = functools.partial(_held, problem, at, others)
-                    at = _filled(at, others, solved(held, at[others], COARSE))
-                made[name].append((at.copy(), problem.chi2(at)))
-                best = min(best, made[name][-1][::-1], key=lambda pair: pair[0])
-    return best[1], made, quantile
-
-
-def _held(problem: Problem, u: np.ndarray, others: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the residuals with other parameters than the one that is held."""
-    return problem.residuals(_filled(u, others, values))
-
-
-def _filled(u: np.ndarray, which: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return parameters with some of them replaced."""
-    found = u.copy()
-    found[which] = values
-    return found
+def _birge(problem: Problem, u: np.ndarray) -> float:
+    """Return chi^2 over its degrees of freedom where it is not that of noise; else 1."""
+    chi2, dof = problem.chi2(u), max(problem.dof(u), 1)
+    return max(chi2 / dof, 1.0) if probability(chi2, dof) < DOUBTFUL else 1.0
 
 
 def _outwards(
-    problem: Problem, u: np.ndarray, jacobian: np.ndarray, k: int, side: int, highest: float
+    problem: Problem,
+    u: np.ndarray,
+    jacobian: np.ndarray,
+    k: int,
+    side: int,
+    highest: float,
+    policies: Policies,
 ) -> list[tuple[np.ndarray, float]]:
     """Return points (parameters, chi2) of one side of a profile, as far as it is within a limit.
 
-    Each point begins from its neighbour.
+    Each point begins from its neighbour. The last one is at the bound where the profile goes on.
     """
     points: list[tuple[np.ndarray, float]] = []
-    step, at, beyond, found = REACH * deviation(jacobian, k) / POINTS, 0.0, 0, u
-    for number in range(POINTS * WIDER):
-        if number and number % POINTS == 0:
-            step *= 2
-        if beyond == BEYOND and number >= 3:
+    end, widest = float(side > 0), 1 / policies.across
+    step = min(policies.reach * deviation(jacobian, k) / policies.points, widest)
+    at, beyond, found, number = u[k], 0, u, 0
+    while at != end and not (beyond >= policies.beyond and number >= 3):
+        if number and number % policies.points == 0:
+            step = min(2 * step, widest)
+        if number >= policies.points * policies.wider and step < widest:
             break
-        at += step
-        if not 0 < u[k] + side * at < 1:
-            break
-        found, chi2 = least_of_others(problem, found, jacobian, k, u[k] + side * at)
+        at = np.clip(at + side * step, 0.0, 1.0)
+        found, chi2 = least_of_others(problem, found, jacobian, k, at)
         points.append((found, chi2))
-        beyond = beyond + 1 if chi2 > highest else 0
+        beyond, number = beyond + 1 if chi2 > highest else 0, number + 1
     return points
 
 
@@ -155,6 +222,7 @@ def _push(
     limit: float,
     made: Points,
     say: Callable[[str], None],
+    policies: Policies,
 ) -> None:
     """Add to profiles the points at which intervals end, where random steps push these on."""
     pool = [(u, problem.chi2(u)), *(point for points in made.values() for point in points)]
@@ -165,7 +233,7 @@ def _push(
     for k, name in enumerate(problem.names):
         say(f"ends of the interval of {name}")
         for side in (-1, 1):
-            inside += _pushed(problem, inside, spread, k, side, highest)
+            inside += _pushed(problem, inside, spread, k, side, highest, policies)
     for k, name in enumerate(problem.names):
         ends = _interval(*_along([*made[name], pool[0]], k), highest)
         for side, known in zip((-1, 1), ends, strict=True):
@@ -174,7 +242,7 @@ def _push(
                 further = [point for point in made[name] if side * (point[0][k] - end[0][k]) > 0]
                 made[name].append(end)
                 if not further:
-                    made[name] += _outwards(problem, end[0], jacobian, k, side, highest)
+                    made[name] += _outwards(problem, end[0], jacobian, k, side, highest, policies)
 
 
 def _pushed(
@@ -184,24 +252,25 @@ def _pushed(
     k: int,
     side: int,
     highest: float,
+    policies: Policies,
 ) -> list[tuple[np.ndarray, float]]:
     """Return points (parameters, chi2) within a limit, each further out than the one before.
 
     Steps are random and lead outwards. `spread` is the root of the covariance of the parameters.
     """
-    rng, worth = np.random.default_rng(0), WORTH * float(np.linalg.norm(spread[k]))
+    rng, worth = np.random.default_rng(0), policies.worth * float(np.linalg.norm(spread[k]))
     u = max((place for place, _ in inside), key=lambda place: side * place[k])
     found, size, missed = [], 1.0, 0
-    while missed < MISSES:
+    while missed < policies.misses:
         step = size * (spread @ rng.standard_normal(len(u)))
         tried = np.clip(u + step * np.copysign(side, side * step[k]), 0, 1)
         chi2, gain = problem.chi2(tried), side * (tried[k] - u[k])
         missed = 0 if chi2 <= highest and gain > worth else missed + 1
         if chi2 <= highest and gain > 0:
-            u, size = tried, size * GROWS
+            u, size = tried, size * policies.grows
             found.append((u, chi2))
         else:
-            size *= SHRINKS
+            size *= policies.shrinks
     return found
 
 

@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
 import math
-from collections.abc import Mapping
+import os
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from pathlib import Path
+from typing import Any, Self
 
 import pandas as pd
-import scipy
 
 from pyfric.display import Shown
+from pyfric.fitting.measurement import Together, packed, unpacked
+from pyfric.fitting.problem import DOUBTFUL, Problem, probability, wider
+from pyfric.fitting.profiles import Profiles, known_of
+from pyfric.scene import Scene, SceneError, check_number, read_at_most, write
 
-DOUBTFUL = 0.01
-"""Probability of the residuals below which the model is said not to fit. A policy."""
-
-
-def probability(chi2: float, dof: int) -> float:
-    """Return the probability of a sum of squares at least this large, if the model is right."""
-    return float(scipy.stats.chi2.sf(chi2, max(dof, 1)))
+OF_FRONTS = ("lengths", "arrivals")
+"""Kinds of measurements of fronts."""
+FORMAT = "pyfric fit 1"
+"""First entry of a file of a fit."""
+AT_BOUND = 0.01
+"""Share of the bounds within which a parameter sits at one. A policy."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,15 +42,16 @@ class Fit(Shown):
         table: measured events with columns curve, event, peak, valley, model_peak, model_valley
             (over F_N), off_peak, off_valley (standard deviations).
         missing, extra: events of the measurement that the model has not, and the reverse.
+        others: numbers that were measured beside events, and those of the model: columns curve,
+            kind (of measurement), at (place in it), measured, error, model, off (standard
+            deviations).
         engine: the engine of its runs.
         runs: number of runs that were made, also those of the search.
         bounds: name -> bounds that were searched.
-        fronts: measured lengths of precursors and arrivals of fronts with their residuals: columns
-            curve, kind ("lengths" or "arrivals"), at (force, or x in m), off (standard deviations).
         model_error: standard deviation of forces of the model, over F_N, that intervals assume: the
             one that was given, or by how much a model that does not fit is off, if that is more.
         notes: what was left out of the curves, and what their events may miss.
-        problem: what makes its runs, for `pyfric.fitting.posterior`.
+        problem: what makes its runs, for profiles and `pyfric.fitting.posterior`.
     """
 
     scenes: tuple[Any, ...]
@@ -60,10 +67,134 @@ class Fit(Shown):
     engine: str
     runs: int
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    fronts: pd.DataFrame = field(default_factory=pd.DataFrame)
+    others: pd.DataFrame = field(default_factory=pd.DataFrame)
     model_error: float = 0.0
     notes: tuple[str, ...] = ()
     problem: Any = field(default=None, repr=False, compare=False)
+
+    @classmethod
+    def of(
+        cls,
+        problem: Problem,
+        found: Profiles,
+        level: float,
+        notes: tuple[str, ...] = (),
+    ) -> Self:
+        """Return the fit with these parameters and profiles."""
+        u = found.u
+        missing, extra = problem.counts(u)
+        values = problem.values(u)
+        return cls(
+            scenes=tuple(problem.scenes_of(values)),
+            values=values,
+            intervals=found.intervals,
+            profiles=found.profiles,
+            level=level,
+            chi2=problem.chi2(u),
+            dof=problem.dof(u),
+            table=problem.tables(u, one_by_one=True),
+            missing=missing,
+            extra=extra,
+            engine=problem.options["fidelity"],
+            runs=problem.runs,
+            bounds=problem.bounds,
+            others=problem.tables(u, one_by_one=False),
+            model_error=found.model_error,
+            notes=notes + problem.notes,
+            problem=problem,
+        )
+
+    def profiled(
+        self, level: float = 0.9, *, progress: Callable[[str], None] | None = None
+    ) -> Self:
+        """Return the fit with profiles and intervals, of another level, or of a fit without.
+
+        Raises:
+            SceneError: level is refused.
+        """
+        level = check_number("level", level, "", gt=0.0, lt=1.0)
+        problem = self.problem
+        found = known_of(
+            problem, problem.place(self.values), level, progress or (lambda text: None)
+        )
+        notes = tuple(note for note in self.notes if note not in problem.notes)
+        return type(self).of(problem, found, level, notes)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the fit and its measurements as JSON, and return the path.
+
+        `load` gives the same fit, from which profiles, posterior and page can be made.
+
+        Raises:
+            OSError: the file cannot be written; an existing file is then unchanged.
+            SceneError: the name ends like that of another format.
+        """
+        problem = self.problem
+        content = {
+            part.name: packed(getattr(self, part.name))
+            for part in dataclasses.fields(self)
+            if part.name not in ("scenes", "problem")
+        }
+        made = {
+            "scenes": [scene.to_toml() for scene in problem.scenes],
+            "data": [[packed(part) for part in each] for each in problem.data],
+            "options": packed(dict(problem.options)),
+            "model_error": problem.model_error,
+        }
+        whole = {"format": FORMAT, "fit": content, "problem": made}
+        text = json.dumps(whole, allow_nan=False, default=str)
+        return write(path, text.encode(), ".json")
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Return the fit in a file that `save` wrote.
+
+        Raises:
+            SceneError: the file cannot be read, or holds no fit.
+        """
+        try:
+            whole = json.loads(read_at_most(path))
+            if whole["format"] != FORMAT:
+                raise ValueError(whole["format"])
+            content = {name: unpacked(value) for name, value in whole["fit"].items()}
+            made = whole["problem"]
+            problem = Problem(
+                [Scene.from_toml(text) for text in made["scenes"]],
+                [Together(unpacked(part) for part in each) for each in made["data"]],
+                content["bounds"],
+                unpacked(made["options"]),
+                made["model_error"],
+            )
+            problem.runs = content["runs"]
+            scenes = tuple(problem.scenes_of(content["values"]))
+            return cls(scenes=scenes, problem=problem, **content)
+        except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
+            reason = getattr(error, "strerror", None) or f"no fit in it: {error}"
+            allowed = "a file that Fit.save of this version wrote"
+            raise SceneError("path", os.fspath(path), "", allowed, reason) from None
+
+    @property
+    def fronts(self) -> pd.DataFrame:
+        """Of `others`, lengths of precursors and arrivals of fronts."""
+        return self.others[self.others["kind"].isin(OF_FRONTS)] if len(self.others) else self.others
+
+    @property
+    def at_bounds(self) -> dict[str, tuple[float, float]]:
+        """Name -> wider bounds, of each parameter that sits at one of its bounds.
+
+        A parameter of a model that does not fit does so, too, if its interval has one end.
+        """
+        found = {}
+        for name, value in self.values.items():
+            low, high = self.bounds[name]
+            share = (value - low) / (high - low)
+            ends = [math.isnan(end) for end in self.intervals.get(name, (0.0, 0.0))]
+            open_ends = ends if sum(ends) == 1 and not self.fits else [False, False]
+            if share < AT_BOUND or open_ends[0]:
+                found[name] = wider(low, high, -1)
+            elif share > 1 - AT_BOUND or open_ends[1]:
+                found[name] = wider(low, high, 1)
+        return found
 
     @property
     def probability(self) -> float:
@@ -78,6 +209,9 @@ class Fit(Shown):
     def __str__(self) -> str:
         lines = []
         for name, value in self.values.items():
+            if name not in self.intervals:
+                lines.append(f"{name} = {value:.5g}")
+                continue
             low, high = self.intervals[name]
             if math.isnan(low) and math.isnan(high):
                 lines.append(
@@ -92,21 +226,35 @@ class Fit(Shown):
         if n := len(self.table):
             counts += [f"{n} events measured", f"{self.missing} missing in the model"]
             counts += [f"{self.extra} more in the model"]
-        if len(self.fronts):
-            counts += [f"{n} {kind}" for kind, n in self.fronts["kind"].value_counts().items()]
+        if len(self.others):
+            kinds = self.others["kind"].value_counts()
+            counts += [f"{n} {WORDS.get(str(kind), kind)}" for kind, n in kinds.items()]
         lines.append(", ".join(counts))
         if not self.fits:
-            assumed = f"may not hold; they assume forces that are off by {self.model_error:.2g} F_N"
+            assumed = (
+                f"assume forces that are off by {self.model_error:.2g} F_N"
+                if self.model_error
+                else "are wider by the root of chi^2 over its degrees of freedom"
+            )
             lines.append(
                 f"THE MODEL DOES NOT FIT (probability {self.probability:.1g}): intervals "
-                f"{assumed if self.model_error else 'do not hold'}; try another law, disorder, or "
-                "another parameter"
+                f"{assumed}, and may not hold; try another law, disorder, or another parameter"
             )
+        for name, (low, high) in self.at_bounds.items():
+            lines.append(f"{name} sits at its bound: widen its bounds to {_said((low, high))}")
         lines.append(f"{self.runs} runs, {self.engine} at the end")
         lines += self.notes
         return "\n".join(lines)
 
     __repr__ = __str__
+
+
+WORDS = {
+    "known": "known before",
+    "curve": "points of curves",
+    "sizes": "numbers of populations",
+}
+"""How kinds are counted in words."""
 
 
 def _said(bounds: tuple[float, float]) -> str:

@@ -34,8 +34,9 @@ def minima(
     """Return minima of the misfit with the last of some tolerances, the least one first.
 
     Starts are taken in the order of their overviews. One is followed to the last tolerance if it
-    fits within the first one; if none does, the best `FOLLOWED` are. Where residuals are those of
-    noise, no further start is taken.
+    fits within the first one. Where residuals are those of noise, no further start is taken. If
+    none fits, all are taken again without the overview. If none can be followed, the best
+    `FOLLOWED` are.
     """
     rough: list[tuple[float, np.ndarray]] = []
     found: list[tuple[float, np.ndarray]] = []
@@ -43,21 +44,29 @@ def minima(
 
     def follow(u: np.ndarray) -> bool:
         for tolerance in others:
-            u = solved(functools.partial(problem.residuals, tolerance=tolerance), u, STEP)
+            u = solved(problem, u, tolerance)
         found.append((problem.chi2(u, tolerances[-1]), u))
         return problem.fits(u, tolerances[-1])
 
     seen = [start for start in starts if problem.model(start) is not None]
-    for number, start in enumerate(sorted(seen, key=lambda u: norm(problem.overview(u))), 1):
-        say(f"least squares by the {problem.options['fidelity']} engine from start {number}")
-        u = solved(problem.overview, start, COARSE)
-        u = solved(functools.partial(problem.residuals, tolerance=first), u, STEP)
-        chi2 = problem.chi2(u, first)
-        if chi2 > problem.size:
-            rough.append((chi2, u))
-        elif follow(u):
+    seen.sort(key=lambda u: norm(problem.overview(u)))
+    if problem.smooth:
+        seen = seen[:FOLLOWED]
+    for by_overview in (True,) if problem.smooth else (True, False):
+        if any(problem.fits(u, tolerances[-1]) for _, u in found):
             break
-    if not found:
+        for number, start in enumerate(seen, 1):
+            say(f"least squares by the {problem.options['fidelity']} engine from start {number}")
+            u = start
+            if by_overview:
+                u = least(problem.overview, u, COARSE, problem.smooth)
+            u = solved(problem, u, first)
+            chi2 = problem.chi2(u, first)
+            if chi2 > problem.size:
+                rough.append((chi2, u))
+            elif follow(u):
+                break
+    if not found:  # the best of those that are far off
         for _, u in sorted(rough, key=lambda pair: pair[0])[:FOLLOWED]:
             follow(u)
     return [u for _, u in sorted(found, key=lambda pair: pair[0])]
@@ -69,7 +78,7 @@ def walked(problem: Problem, u: np.ndarray, say: Callable[[str], None]) -> np.nd
     Each parameter is moved either way, and the others follow.
     """
     for _ in range(WALKS):
-        if problem.fits(u):
+        if problem.smooth or problem.fits(u):
             break
         say("minima nearby")
         least, jacobian, best = problem.chi2(u), jacobian_of(problem, u), u
@@ -80,7 +89,7 @@ def walked(problem: Problem, u: np.ndarray, say: Callable[[str], None]) -> np.nd
                     best, least = tried, chi2
         if best is u:
             break
-        u = solved(problem.residuals, best, STEP)
+        u = solved(problem, best)
         u = u if problem.chi2(u) < least else best
     return u
 
@@ -91,10 +100,19 @@ def deviation(jacobian: np.ndarray, k: int) -> float:
     return math.sqrt(variance) if variance > 0 else 1.0
 
 
-def solved(residuals: Callable[[np.ndarray], np.ndarray], u: np.ndarray, step: float) -> np.ndarray:
-    """Return the parameters of a local minimum."""
+def solved(problem: Problem, u: np.ndarray, tolerance: float = 0.0) -> np.ndarray:
+    """Return the parameters of a local minimum of the misfit."""
+    residuals = functools.partial(problem.residuals, tolerance=tolerance)
+    return least(residuals, u, STEP, problem.smooth)
+
+
+def least(
+    residuals: Callable[[np.ndarray], np.ndarray], u: np.ndarray, step: float, smooth: bool
+) -> np.ndarray:
+    """Return the parameters of a local minimum; a smooth one is told more closely."""
     u = np.clip(u, 2 * step, 1 - 2 * step)
-    how = {"bounds": (0.0, 1.0), "diff_step": step, "xtol": 1e-4, "ftol": 1e-2, "max_nfev": 12}
+    how = {"bounds": (0.0, 1.0), "diff_step": step, "xtol": 1e-4, "max_nfev": 12}
+    how["ftol"] = 1e-5 if smooth else 1e-2
     return scipy.optimize.least_squares(residuals, u, **how).x
 
 
@@ -138,7 +156,8 @@ def least_of_others(
         return alone, problem.chi2(alone)
     along = alone.copy()
     along[others] += _newton(jacobian[:, others], jacobian[:, k] * (alone[k] - near[k]))
-    ends = (_descended(problem, start, jacobian, others) for start in (alone, np.clip(along, 0, 1)))
+    starts = [np.clip(along, 0, 1), *([] if problem.smooth else [alone])]
+    ends = [_descended(problem, start, jacobian, others) for start in starts]
     return min(ends, key=lambda end: end[1])
 
 

@@ -9,14 +9,16 @@ event begins is no property of the model, so that the mean difference of an even
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from pyfric.fitting.misfits import CAP
+from pyfric.fitting.measurement import CAP, ROWS, At, Measurement, measurement
+from pyfric.fitting.of_events import LONGER, Events
 from pyfric.record import Record, precursor_lengths, system_size_events
-from pyfric.scene import SceneError
+from pyfric.scene import Number, SceneError, check_number
 
 LENGTHS = {"force": "F_T/F_N after arrest", "L_p_over_L": "length", "error": "its standard error"}
 ARRIVALS = {
@@ -113,3 +115,132 @@ def checked(name: str, table: Any, columns: Mapping[str, str]) -> pd.DataFrame:
         allowed = "finite numbers, errors > 0, at least one row"
         raise SceneError(name, None, "", allowed, "a number that is none")
     return found
+
+
+class _Lengths(NamedTuple):
+    """The curve of lengths of a run, and the spacing of its blocks over L."""
+
+    curve: pd.DataFrame
+    spacing: float
+
+
+@measurement
+@dataclass(frozen=True, repr=False, init=False)
+class Lengths(Measurement):
+    """Lengths of precursors in the first loading.
+
+    Args:
+        lengths: a table with columns force, which is F_T/F_N after arrest, L_p_over_L and error.
+        t_end: end of the loading, s; None: another measurement of the experiment tells it.
+
+    Raises:
+        SceneError: an argument is refused.
+    """
+
+    kind: ClassVar[str] = "lengths"
+    lengths: pd.DataFrame
+    t_end: float | None
+
+    def __init__(self, lengths: pd.DataFrame, t_end: Number | None = None) -> None:
+        object.__setattr__(self, "lengths", checked("lengths", lengths, LENGTHS))
+        end = None if t_end is None else check_number("t_end", t_end, "s", gt=0.0)
+        object.__setattr__(self, "t_end", end)
+
+    @property
+    def duration(self) -> float | None:
+        return None if self.t_end is None else LONGER * self.t_end
+
+    @property
+    def size(self) -> int:
+        return len(self.lengths)
+
+    def seen(self, record: Record) -> _Lengths:
+        return _Lengths(lengths_of(record), 1 / record.scene.N_x)
+
+    def residuals(self, seen: _Lengths, at: At) -> np.ndarray:
+        return lengths_off(self.lengths, seen.curve, seen.spacing, at.tolerance)
+
+    def overview(self, seen: _Lengths, at: At) -> np.ndarray:
+        return lengths_off(self.lengths, seen.curve, seen.spacing)
+
+    def table(self, seen: _Lengths, at: At) -> pd.DataFrame:
+        model = np.interp(self.lengths["force"], seen.curve["force"], seen.curve["L_p_over_L"])
+        columns = (*(self.lengths[name] for name in LENGTHS), model, self.residuals(seen, at))
+        return pd.DataFrame(dict(zip(ROWS, columns, strict=True)))
+
+
+class _Fronts(NamedTuple):
+    """Events of a run, rupture times by the start of the event, and the distance of blocks, m."""
+
+    events: pd.DataFrame
+    times: Mapping[float, np.ndarray]
+    l: float
+
+
+@measurement
+@dataclass(frozen=True, repr=False, init=False)
+class Arrivals(Measurement):
+    """Arrivals of fronts at sensors. Only differences of times within an event count.
+
+    The engine has to have fronts: "hybrid" or "dynamic".
+
+    Args:
+        arrivals: a table with columns event (number in the table of events), x (m, from the
+            trailing edge), t and error (s).
+        events: those of the same experiment.
+
+    Raises:
+        SceneError: an argument is refused, or an event is not compared one by one.
+    """
+
+    kind: ClassVar[str] = "arrivals"
+    engines: ClassVar[tuple[str, ...]] = ("hybrid", "dynamic")
+    arrivals: pd.DataFrame
+    events: Events
+
+    def __init__(self, arrivals: pd.DataFrame, events: Events) -> None:
+        if not isinstance(events, Events):
+            allowed = "pyfric.fitting.Events(curve) of the same experiment"
+            raise SceneError("events", type(events).__name__, "", allowed, "no events")
+        table = checked("arrivals", arrivals, ARRIVALS)
+        known = events.one_by_one.index
+        if unknown := set(table["event"]) - set(known):
+            allowed = f"numbers of events that are compared one by one, {known[0]} to {known[-1]}"
+            raise SceneError("arrivals.event", min(unknown), "", allowed, "no such event")
+        object.__setattr__(self, "arrivals", table)
+        object.__setattr__(self, "events", events)
+
+    @property
+    def duration(self) -> float:
+        return self.events.duration
+
+    @property
+    def size(self) -> int:
+        return len(self.arrivals)
+
+    @property
+    def of_overview(self) -> int:
+        return 0
+
+    @property
+    def count(self) -> int:
+        return len(self.arrivals) - int(self.arrivals["event"].nunique())
+
+    def seen(self, record: Record) -> _Fronts:
+        return _Fronts(self.events.seen(record), fronts_of(record), record.scene.slider.l)
+
+    def residuals(self, seen: _Fronts, at: At) -> np.ndarray:
+        partner = self.events.misfit(seen.events, at).partner
+        starts = seen.events["t_start"].to_numpy()
+        pairs = zip(self.events.one_by_one.index, partner, strict=True)
+        known = {event: float(starts[k]) for event, k in pairs if k >= 0}
+        return arrivals_off(self.arrivals, known, seen.times, seen.l)
+
+    def overview(self, seen: _Fronts, at: At) -> np.ndarray:
+        return np.zeros(0)
+
+    def table(self, seen: _Fronts, at: At) -> pd.DataFrame:
+        off, data = self.residuals(seen, at), self.arrivals
+        model = data["t"] + off * data["error"]
+        columns = (data["x"], data["t"], data["error"], model, off)
+        return pd.DataFrame(dict(zip(ROWS, columns, strict=True)))

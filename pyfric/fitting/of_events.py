@@ -1,0 +1,329 @@
+"""Measured events: one by one (`Events`), or as a population (`Sizes`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+import pandas as pd
+
+from pyfric.fitting.measurement import CAP, ROWS, At, Measurement, measurement
+from pyfric.fitting.misfits import (
+    FEWEST,
+    LARGE,
+    OF_COUNTS,
+    OF_FORCES,
+    PER_EVENT,
+    Misfit,
+    misfit,
+    onset,
+    overview,
+)
+from pyfric.measured import COLUMNS, Curve, events
+from pyfric.record import Record
+from pyfric.scene import Scene, SceneError
+
+OTHERS = 4
+"""Residuals of a curve that are not of its events."""
+LONGER = 1.1
+"""Time of runs over that of the measurement: a policy."""
+OFF_LOAD = 0.05
+"""Largest difference of the normal force of a scene from that of its curve, over it. A policy."""
+OF_THE_CURVE = {"offset": "", "drift": "1/s"}
+"""Parameters of a curve, not of a scene, and their units: a force added to it (over F_N), and one
+per time."""
+IN_A_ROW = 3
+"""Events in a row whose errors in a wrong model are taken as one. A policy."""
+POPULATION, ENOUGH = 8, 20
+"""Fewest events of a population, and how many of a run are enough. Policies."""
+NUMBERS = ("mean peak", "mean valley", "recurrence", "spread of peaks", "spread of valleys")
+"""Numbers of a population; forces are over F_N, the recurrence is the mean time between events, s,
+and spreads are standard deviations."""
+
+
+def table_of(measured: Curve | pd.DataFrame) -> pd.DataFrame:
+    """Return a table of events that knows where it ends, and what it resolves.
+
+    Raises:
+        SceneError: it is none, has fewer than two events, or none has an error.
+    """
+    if isinstance(measured, Record):
+        allowed = 'pyfric.measured.sampled(record, "0.5 ms", noise=1e-3), a curve as measured'
+        raise SceneError("measured", "Record", "", allowed, "a run is no measurement")
+    whole = isinstance(measured, Curve) and measured.has_forces
+    table = events(measured) if whole else measured
+    columns = getattr(table, "columns", ())
+    if absent := [name for name in COLUMNS if name not in columns]:
+        allowed = (
+            "a Curve with forces, as pyfric.measured.read makes of a file, or the events of one"
+        )
+        reason = f"it has no {', '.join(absent)}"
+        raise SceneError("measured", type(measured).__name__, "", allowed, reason)
+    if isinstance(measured, Curve):
+        table.attrs["t_end"] = float(measured.t[-1] - measured.t[0])
+        table.attrs["F_N"] = _load(measured)
+    else:
+        table = table.copy()
+        table.attrs = {"t_end": float(table["t_stop"].max()), **measured.attrs}
+    if len(table) < 2:
+        allowed = "a curve with two or more events; a smooth one is pyfric.fitting.CurveOf(curve)"
+        raise SceneError("measured", len(table), "", allowed, "events")
+    if not (table[["peak_error", "valley_error"]] > 0).all(axis=None):
+        allowed = "events of a curve with noise: pyfric.measured.events(curve, noise=1e-3)"
+        raise SceneError("measured", None, "", allowed, "forces without errors")
+    return table
+
+
+def _load(curve: Curve) -> float | None:
+    """Return the normal force of a curve, N."""
+    return float(curve.table["F_N"].median()) if "F_N" in curve.table else curve.F_N
+
+
+def moved(table: pd.DataFrame, at: At) -> pd.DataFrame:
+    """Return events of a run with what a curve adds to their forces."""
+    offset, drift = (at.values.get(name, 0.0) for name in OF_THE_CURVE)
+    if not (offset or drift):
+        return table
+    ends = (("peak", "t_start"), ("valley", "t_stop"))
+    return table.assign(**{name: table[name] + offset + drift * table[t] for name, t in ends})
+
+
+class _OfEvents(Measurement):
+    """What is measured of the events of a loading curve."""
+
+    own: ClassVar[dict[str, str]] = OF_THE_CURVE
+    whole: pd.DataFrame
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        return tuple(self.whole.attrs.get("notes", ()))
+
+    def check(self, scene: Scene) -> None:
+        F_N = self.whole.attrs.get("F_N")
+        if F_N is None or scene.load_at(0.0) is not None:
+            return
+        if abs(scene.F_N / F_N - 1) > OFF_LOAD:
+            allowed = f"that of the curve, {F_N:.4g} N, within {OFF_LOAD:.0%}"
+            raise SceneError("F_N", scene.F_N, "N", allowed, "the scene has another load")
+
+    def seen(self, record: Record) -> pd.DataFrame:
+        return events(record, t_gap=self.whole.attrs.get("resolution") or None)
+
+
+@measurement
+@dataclass(frozen=True, repr=False, init=False)
+class Events(_OfEvents):
+    """Events of a loading curve, compared one by one.
+
+    Args:
+        measured: curve, or its table of events (`pyfric.measured.events`).
+        part: "onset": events before the first large one (a fifth of the largest drop) are compared
+            one by one, and large ones by their mean forces; "all": all are compared one by one, for
+            periodic sequences.
+
+    Attributes:
+        whole: table of all events; one by one: of those that are compared so; later: of those of
+            which means count, None if none.
+
+    Raises:
+        SceneError: an argument is refused; the curve has fewer than two events, or no noise.
+    """
+
+    kind: ClassVar[str] = "events"
+    whole: pd.DataFrame
+    one_by_one: pd.DataFrame
+    later: pd.DataFrame | None
+
+    def __init__(
+        self, measured: Curve | pd.DataFrame, part: Literal["onset", "all"] = "onset"
+    ) -> None:
+        if part not in ("onset", "all"):
+            raise SceneError("part", part, "", "'onset' or 'all'")
+        whole = table_of(measured)
+        first = onset(whole) if part == "onset" else whole
+        object.__setattr__(self, "whole", whole)
+        object.__setattr__(self, "one_by_one", first)
+        later = whole.iloc[len(first) :] if part == "onset" else None
+        object.__setattr__(self, "later", later)
+
+    @property
+    def onset_is_whole(self) -> bool:
+        """Whether there is no first loading, so that large events are compared one by one."""
+        return len(self.one_by_one) == len(self.whole)
+
+    @property
+    def duration(self) -> float:
+        return LONGER * float(self.whole.attrs["t_end"])
+
+    @property
+    def size(self) -> int:
+        return PER_EVENT * len(self.one_by_one) + OTHERS
+
+    @property
+    def of_overview(self) -> int:
+        return PER_EVENT * len(self.one_by_one)
+
+    @property
+    def groups(self) -> np.ndarray:
+        n = len(self.one_by_one)
+        number = np.arange(n) // IN_A_ROW
+        return np.concatenate([number, number, n + np.arange(OTHERS)])
+
+    def misfit(self, seen: pd.DataFrame, at: At) -> Misfit:
+        """Return how far the events of a run are, and which belong together."""
+        model = moved(seen, at)
+        return misfit(self.one_by_one, model, tolerance=at.tolerance, later=self.later)
+
+    def residuals(self, seen: pd.DataFrame, at: At) -> np.ndarray:
+        return self.misfit(seen, at).residuals
+
+    def overview(self, seen: pd.DataFrame, at: At) -> np.ndarray:
+        return overview(self.one_by_one, moved(seen, at))
+
+    def told(self, seen: pd.DataFrame, at: At) -> int:
+        apart = self.misfit(seen, at)
+        matched = len(self.one_by_one) - apart.missing
+        return PER_EVENT * matched + int(np.count_nonzero(apart.residuals[-OTHERS:]))
+
+    def table(self, seen: pd.DataFrame, at: At) -> pd.DataFrame:
+        table, apart, n = self.one_by_one, self.misfit(seen, at), len(self.one_by_one)
+        found = table[["t_start", "peak", "valley", "peak_error", "valley_error"]].copy()
+        found.insert(0, "event", table.index)
+        for k, name in enumerate(("peak", "valley")):
+            model = np.append(moved(seen, at)[name], np.nan)
+            found[f"model_{name}"] = model[apart.partner]
+            found[f"off_{name}"] = apart.residuals[k * n : (k + 1) * n]
+        return found
+
+    def excess(self, seen: pd.DataFrame, at: At) -> np.ndarray:
+        partner, model = self.misfit(seen, at).partner, moved(seen, at)
+        rows, parts = np.flatnonzero(partner >= 0), []
+        for name in ("peak", "valley"):
+            known, error = (
+                self.one_by_one[part].to_numpy()[rows] for part in (name, f"{name}_error")
+            )
+            parts.append((model[name].to_numpy()[partner[rows]] - known) ** 2 - error**2)
+        return np.concatenate(parts)
+
+
+@measurement
+@dataclass(frozen=True, repr=False, init=False)
+class Sizes(_OfEvents):
+    """Large events of a loading curve as a population: mean forces, recurrence, and spreads.
+
+    For sequences that are not reproducible, so that no event of a model is one that was measured.
+    Standard errors of means hold the scatter from event to event and its correlation along the
+    sequence (Newey and West), those of the run, too. Large events have a fifth of the largest drop.
+
+    Args:
+        measured: curve, or its table of events (`pyfric.measured.events`).
+        spreads: whether standard deviations of forces count, too. The parameter "scatter" is the
+            standard deviation of forces from event to event, over F_N, that the model leaves out.
+
+    Attributes:
+        whole: table of all events.
+
+    Raises:
+        SceneError: an argument is refused; the curve has fewer than eight large events, or no
+            noise.
+
+    Source: W. K. Newey and K. D. West, Econometrica 55, 703 (1987).
+    """
+
+    kind: ClassVar[str] = "sizes"
+    own: ClassVar[dict[str, str]] = OF_THE_CURVE | {"scatter": ""}
+    smooth: ClassVar[bool] = True
+    whole: pd.DataFrame
+    spreads: bool
+
+    def __init__(self, measured: Curve | pd.DataFrame, *, spreads: bool = True) -> None:
+        object.__setattr__(self, "whole", table_of(measured))
+        object.__setattr__(self, "spreads", spreads)
+        if (n := len(large(self.whole))) < POPULATION:
+            allowed = f"a curve with {POPULATION} or more large events"
+            raise SceneError("measured", n, "", allowed, "events are no population")
+
+    @property
+    def duration(self) -> float:
+        """Of the measurement, or of a first loading and enough events, s."""
+        table, whole = large(self.whole), LONGER * float(self.whole.attrs["t_end"])
+        mean, rate = float(table["t_start"].diff().mean()), float(self.whole["rate"].median())
+        first = float(table["peak"].mean()) / rate if rate > 0 else whole
+        return min(whole, LONGER * (first + ENOUGH * mean))
+
+    @property
+    def size(self) -> int:
+        return len(NUMBERS) if self.spreads else 3
+
+    def told(self, seen: pd.DataFrame, at: At) -> int:
+        return self.size if len(large(seen)) >= FEWEST else 0
+
+    def residuals(self, seen: pd.DataFrame, at: At) -> np.ndarray:
+        if not self.told(seen, at):
+            return self.none(at)
+        known, found = _numbers(self.whole), self._of_model(seen, at)
+        off = found[0] - known[0]
+        error = known[1] + found[1] + at.tolerance**2 * np.diag([1.0, 1.0, 0.0])
+        means = np.linalg.solve(np.linalg.cholesky(error), off[:3])
+        spreads = off[3:] / np.hypot(np.hypot(known[2], found[2]), at.tolerance)
+        return np.concatenate([means, spreads if self.spreads else spreads[:0]])
+
+    def overview(self, seen: pd.DataFrame, at: At) -> np.ndarray:
+        if not self.told(seen, at):
+            return self.none(at)
+        known, found = (
+            of[0][: self.size] for of in (_numbers(self.whole), self._of_model(seen, at))
+        )
+        units = np.full(self.size, OF_FORCES)
+        units[2] = OF_COUNTS * known[2]
+        return (found - known) / units
+
+    def none(self, at: At) -> np.ndarray:
+        return np.full(self.size, CAP * CAP)
+
+    def table(self, seen: pd.DataFrame, at: At) -> pd.DataFrame:
+        known = _numbers(self.whole)
+        error = np.append(np.sqrt(np.diag(known[1])), known[2])
+        model, off = np.full(len(NUMBERS), np.nan), np.full(len(NUMBERS), np.nan)
+        if self.told(seen, at):
+            model, off[: self.size] = self._of_model(seen, at)[0], self.residuals(seen, at)
+        rows = zip(NUMBERS, known[0], error, model, off, strict=True)
+        return pd.DataFrame(rows, columns=list(ROWS))
+
+    def excess(self, seen: pd.DataFrame, at: At) -> np.ndarray:
+        if not self.told(seen, at):
+            return np.full(2, np.inf)
+        known = _numbers(self.whole)
+        off = (self._of_model(seen, at)[0] - known[0])[:2]
+        return off**2 - np.diag(known[1])[:2]
+
+    def _of_model(self, seen: pd.DataFrame, at: At) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the numbers of a run after its first large event, and their errors."""
+        model = moved(seen, at)
+        first = np.flatnonzero(model["drop"] >= LARGE * model["drop"].max())[0]
+        found, of_means, of_spreads = _numbers(model.iloc[first:])
+        found[3:] = np.hypot(found[3:], at.values.get("scatter", 0.0))
+        return found, of_means, of_spreads
+
+
+def large(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the large events of a table."""
+    return table[table["drop"] >= LARGE * table["drop"].max()] if len(table) else table
+
+
+def _numbers(table: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return `NUMBERS`, the covariance of the three means, and standard errors of the spreads."""
+    part = large(table)
+    rows = part[["peak", "valley"]].assign(time=part["t_start"].diff()).to_numpy()[1:]
+    means = rows.mean(axis=0)
+    off, n = rows - means, len(rows)
+    covariance, lags = off.T @ off / n, int(n ** (1 / 3))
+    for lag in range(1, lags + 1):
+        lagged = off[lag:].T @ off[:-lag] / n
+        covariance = covariance + (1 - lag / (lags + 1)) * (lagged + lagged.T)
+    if known := [name for name in ("peak_error", "valley_error") if name in part]:
+        covariance = covariance + np.diag([*(part[known] ** 2).mean(), 0.0])
+    forces = part[["peak", "valley"]].std(ddof=1).to_numpy()
+    spreads = forces / np.sqrt(2 * max(len(part) - 1, 1))
+    return np.concatenate([means, forces]), covariance / n, spreads

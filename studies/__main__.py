@@ -588,7 +588,7 @@ def velocity_steps(out: Path, tell: Tell) -> None:
     from pyfric.record import provenance
 
     table = velocity_steps.study(out / "velocity_steps.csv", say=tell.step)
-    provenance(out / "velocity_steps_provenance.toml", f"{RUN} velocity-steps")
+    provenance(out / "velocity_steps_provenance.toml", made_by("velocity-steps"))
     tell.table(table, velocity_steps.report)
 
 

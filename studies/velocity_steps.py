@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from sizes import size
 
 import pyfric
 from pyfric.fitting import CurveOf, fit
@@ -19,7 +20,7 @@ from pyfric.measured import sampled
 
 __all__ = ["report", "study"]
 
-TRUTHS = 30
+TRUTHS = size(30, 1)
 RANGES = {
     "a": (0.008, 0.014),
     "b": (0.010, 0.020),
@@ -28,19 +29,22 @@ RANGES = {
     "K": (1.5e8, 2.5e8),
 }
 """Of truths, drawn evenly."""
-BOUNDS = {
-    "a": (0.005, 0.02),
-    "b": (0.007, 0.03),
-    "D_c": (3e-6, 3e-5),
-    "f_star": (0.55, 0.65),
-    "K": (1e8, 3e8),
-}
+BOUNDS = size(
+    {
+        "a": (0.005, 0.02),
+        "b": (0.007, 0.03),
+        "D_c": (3e-6, 3e-5),
+        "f_star": (0.55, 0.65),
+        "K": (1e8, 3e8),
+    },
+    {"a": (0.005, 0.02)},
+)
 SLOW, FAST = 1e-6, 1e-5
 PROTOCOL = (
     *((10, SLOW), (10, FAST), (15, FAST), (15, SLOW), (35, SLOW)),  # two steps
     *((35, 0.0), (65, 0.0), (65, FAST), (70, FAST)),  # slide, hold, slide
 )
-T_END, NOISE, STEP = 70.0, 5e-4, "20 ms"
+T_END, NOISE, STEP = size(70.0, 16.0), 5e-4, "20 ms"
 HOW = {"fidelity": "hybrid", "geometry": "linear", "accuracy": 1e-4, "sample": "50 ms"}
 
 
@@ -69,9 +73,8 @@ def _row(seed: int) -> dict[str, Any]:
     curve = sampled(record, STEP, noise=NOISE, seed=seed)
     found = fit(block(), CurveOf(curve), BOUNDS, **HOW)
     row: dict[str, Any] = {"seed": seed}
-    for name, value in true.items():
-        low, high = found.intervals[name]
-        row |= {f"{name}_true": value, name: found.values[name]}
+    for name, (low, high) in found.intervals.items():
+        row |= {f"{name}_true": true[name], name: found.values[name]}
         row |= {f"{name}_low": low, f"{name}_high": high}
     return row | {"chi2": found.chi2, "dof": found.dof, "runs": found.runs}
 
@@ -79,7 +82,7 @@ def _row(seed: int) -> dict[str, Any]:
 def report(table: pd.DataFrame) -> str:
     """Return how many intervals hold their truth."""
     lines = [f"{len(table)} truths"]
-    for name in RANGES:
+    for name in BOUNDS:
         low, high = table[f"{name}_low"].fillna(-np.inf), table[f"{name}_high"].fillna(np.inf)
         holds = (low <= table[f"{name}_true"]) & (table[f"{name}_true"] <= high)
         off = (table[name] / table[f"{name}_true"] - 1).abs()

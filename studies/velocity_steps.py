@@ -57,6 +57,7 @@ def block(**changes: float) -> pyfric.Scene:
 
 def study(path: Path, say: Callable[[str], None] = print) -> pd.DataFrame:
     """Return a row for each fit; those in the file are not made again, and new ones are added."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     rows = pd.read_csv(path).to_dict("records") if path.exists() else []
     made = {row["seed"] for row in rows}
     for seed in set(range(TRUTHS)) - made:

@@ -220,8 +220,8 @@ def test_the_scenes_cover_what_they_are_for():
 @pytest.mark.usefixtures("free_attempts")
 def test_modes_that_do_not_fit_into_memory_are_found_again(monkeypatch):
     """With room for one set of contact states, the events and forces are the same."""
-    scene, t_end = SCENES["free, light edge"]
-    kept = linear("free, light edge")[1]
+    scene, t_end = SCENES["free, plate"]
+    kept = linear("free, plate")[1]
     monkeypatch.setattr("pyfric.core.available", lambda: 0.0)
     again = jump(scene, t_end, geometry="linear", sample=t_end / 100)
     assert again.counts["modal_bases"] > kept.counts["modal_bases"] > 1

@@ -54,7 +54,7 @@ def test_events_do_not_depend_on_it(constant, factor, name, monkeypatch):
         defaults = (None, module.N_MODES)
         monkeypatch.setattr(module.Space.__init__, "__defaults__", defaults)
     known = off_box.load(name)
-    found = known.apart(known.hybrid())
+    found = known.apart(known.hybrid(ACCURACY))
     assert (found["events"], found["blocks"]) == (0, 0)
     limit = ACCURACY / (factor if attribute == "AMPLIFIED" else 1.0)
     assert max(found["start"], found["arrest"]) <= max(limit, ACCURACY)

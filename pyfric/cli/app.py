@@ -42,6 +42,10 @@ class _Listed:
 class Command(_Listed, click.Command):
     """A command of `Commands`."""
 
+    def get_help_option_names(self, ctx: click.Context) -> list[str]:
+        """Return both names, also beside a context of its own: click keeps the first answer."""
+        return ["-h", "--help"]
+
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         def with_hyphens(word: str) -> str:
             """Return an option, which may be written with underscores as in Python."""

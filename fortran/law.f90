@@ -19,14 +19,14 @@ module pyfric_law
   use pyfric_junction_memory, only: n_whole, prepare
   use pyfric_junctions, only: junctions_t, new_junctions, forces, powers, stored_energy, settle, next_break, next_release, &
                               drag_limits, drag_functions
-  use pyfric_rate_state, only: rate_state_t, new_rate_state, rate_forces, implicit_speeds, variables_of, thetas_of, &
-                               variable_rates, balanced_speeds, evolution_rates
+  use pyfric_evolution, only: rate_state_t, new_rate_state, log_rates
+  use pyfric_rate_state, only: rate_forces, begin_step, implicit_speeds, balanced_speeds
   implicit none (type, external)
   private
   public :: law_t, new_law, whole_memory, friction_force, friction_powers, interface_energy
   public :: event_functions, knot_functions, last_knots, time_to_knot
   public :: stop_reversed, next_states, settle_moving, remember
-  public :: implicit_speeds, variables_of, thetas_of, variable_rates, balanced_speeds, evolution_rates
+  public :: begin_step, implicit_speeds, balanced_speeds, log_rates
   public :: STUCK, OPEN_GAP, N_TABLES, N_FIELDS, N_CONTACT, N_KNOT, N_MARK
 
   !> Contact states; slipping blocks have the sign of their motion, +1 or -1. On junctions a block counts as stuck while
@@ -41,7 +41,8 @@ module pyfric_law
   integer, parameter :: SLIP = 1, SINCE = 2
 
   type :: law_t
-    logical :: complete = .false.   !! there was enough memory
+    logical :: complete = .false.   !! there was enough memory, and the law is known
+    logical :: known = .true.
     integer :: n_memory                !! state variables of each block
     logical :: rests                   !! blocks come to rest
     logical :: flows                   !! rate-and-state friction: each stage is implicit in the velocities of the blocks
@@ -117,7 +118,8 @@ contains
     if (law%flows) then
       law%simple = .false.
       law%rate_state = new_rate_state(nx, evolution, speeds, fields(:, :5))
-      law%complete = law%rate_state%complete
+      law%known = law%rate_state%known
+      law%complete = law%rate_state%complete .and. law%known
       return
     end if
     law%per_block = n_junctions

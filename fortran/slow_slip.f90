@@ -12,7 +12,7 @@
 module pyfric_slow_slip
   use pyfric_kinds, only: dp, ip
   use pyfric_elementary, only: exponentials, logarithms
-  use pyfric_law, only: law_t, balanced_speeds, evolution_rates
+  use pyfric_law, only: law_t, balanced_speeds, log_rates
   use pyfric_dense, only: decompose, solve, applied
   implicit none (type, external)
   private
@@ -123,7 +123,7 @@ module pyfric_slow_slip
     real(dp), allocatable :: by_load(:)  !! of v, see `balanced_speeds`
     real(dp), allocatable :: by_p(:)
     real(dp), allocatable :: by_y(:)
-    real(dp), allocatable :: x_v(:)      !! of X, see `evolution_rates`
+    real(dp), allocatable :: x_v(:)      !! of X, see `log_rates`
     real(dp), allocatable :: x_y(:)
     real(dp), allocatable :: by_t(:)     !! of v by time
     logical :: factored                  !! the next two are those of the equations of `turn`, at slopes nearby
@@ -203,7 +203,7 @@ contains
       p = p_0 + applied(s%nx, s%p_v, v)
     end do
     if (n > TURNS) f(:, U) = huge(v)
-    call evolution_rates(s%law%rate_state, s%nx, f(:, U), q(:, Y), f(:, Y), slopes%x_v, slopes%x_y)
+    call log_rates(s%law%rate_state, 1, s%nx, f(:, U), q(:, Y), f(:, Y), slopes%x_v, slopes%x_y)
     slopes%by_t = slopes%by_load*(s%load(:, 2) + t*s%load(:, 3)) + slopes%by_p*(s%p(:, 2) + t*s%p(:, 3))
     call damp(s, slopes, slopes%by_t)
   end subroutine rates_under

@@ -6,7 +6,9 @@ from pyfric import core
 from pyfric.scene import Interface, chain, laws
 from pyfric.statics import loaded_state
 
-EVOLUTIONS = ("ageing", "slip")
+EVOLUTIONS = tuple(laws.EVOLUTIONS)
+RATES = {"ageing": lambda x: 1 - x, "slip": lambda x: -x * np.log(x)}
+"""dtheta/dt over x = |v| theta/D_c."""
 LAW = {"a": 0.01, "b": 0.015, "D_c": 1e-5, "f_star": 0.6}
 
 

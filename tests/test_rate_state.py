@@ -9,7 +9,7 @@ import pytest
 import rated as study
 import rated_ruptures
 from helpers import advance, bits, mirrored_scene, mirrored_state, refused, small
-from rate_state import EVOLUTIONS, LAW, coefficient, rated, row, sliding, slow
+from rate_state import EVOLUTIONS, LAW, RATES, coefficient, rated, row, sliding, slow
 from scipy.integrate import solve_ivp
 
 import pyfric
@@ -113,8 +113,7 @@ def twin(scene, push):
         inside = v / (2 * law.V_star) * np.exp((law.f_star + law.b * psi) / law.a)
         F -= p * law.a * np.arcsinh(inside) + scene.interface.alpha * v
         x = np.abs(v) * theta / law.D_c
-        evolves = 1 - x if law.evolution == "ageing" else -x * np.log(x)
-        return np.concatenate([v, F / scene.m, evolves])
+        return np.concatenate([v, F / scene.m, RATES[law.evolution](x)])
 
     return rates
 
@@ -257,6 +256,23 @@ def test_a_state_is_positive_where_steps_do_not_resolve_it(evolution):
         fastest, least = max(fastest, np.abs(state.y[0, 2]).max()), min(least, state.theta.min())
     assert 0.1 * dt > 10 * 1e-9
     assert least > 0.1 * 1e-9 / fastest
+
+
+def test_a_law_that_the_core_does_not_know_is_an_error():
+    """None of its functions stands in for it."""
+    scene = row()
+    state = loaded_state(scene).state(scene, 1e-7)
+    model = core.model(scene, "linear", state.u_drv0)
+    model.counts[core.Counts._fields.index("evolution")] = 99
+    elastic = np.zeros((4, 3)), np.zeros((4, 4))
+    limits = core.SlowLimits(end=1.0, dt=1e-7, relative=1e-6, u=1e-12, log_theta=1e-6)
+    for call in (
+        lambda: core.evaluate(model, state, 0.0),
+        lambda: core.energies(model, state, 0.0),
+        lambda: core.slow_slip(model, elastic, elastic, np.zeros(4), limits),
+    ):
+        with pytest.raises(ValueError, match="does not know this law"):
+            call()
 
 
 def test_explicit_steps_are_refused_by_the_core():

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 import rated_spacing
 from helpers import bits, peer
-from rate_state import EVOLUTIONS, LAW, coefficient, rated, row, slow
+from rate_state import EVOLUTIONS, LAW, RATES, coefficient, rated, row, slow
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
@@ -183,9 +183,7 @@ def test_slow_slip_is_that_of_another_method(evolution, other, viscous):
         for _ in range(30):
             pushed, p = load + 6.0 * t - 6e5 * u + viscous[0] @ v, 20.0 + viscous[1] @ v
             v = speed * np.sinh(pushed / (p * law.a))
-        rate = v / law.D_c
-        evolves = np.exp(-x) - rate if evolution == "ageing" else -rate * (np.log(rate) + x)
-        return np.concatenate([v, evolves])
+        return np.concatenate([v, RATES[evolution](v * np.exp(x) / law.D_c) * np.exp(-x)])
 
     start = np.append(np.zeros(3), np.full(3, np.log(0.5)))
     atol = np.repeat([1e-16, 1e-10], 3)

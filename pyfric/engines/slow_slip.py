@@ -190,13 +190,7 @@ class RateHybridRun(Run):
         if not waves.effect(faster, second - first) <= allowed:
             return None
         slip = waves.slip(np.abs(first))
-        return np.array([slip, -slip * np.sign(first) * self._weakening(first)])
-
-    def _weakening(self, v: np.ndarray) -> np.ndarray:
-        """Return -d(ln theta)/d|u| at speeds v (m/s), shape (N_x,), in 1/m."""
-        law, x = self.scene.law, np.abs(v) * self.state.theta / self.scene.law.D_c
-        of = 1.0 if law.kind.evolution == "ageing" else 1.0 + np.log(np.maximum(x, 1e-300))
-        return of / law.D_c
+        return np.array([slip, -slip * np.sign(first) * self.scene.law.weakening(first, state.theta)])
 
     def slip(self, last: int, moved: np.ndarray) -> bool:
         """Leave out inertia up to step `last` at most; return whether that may go on.

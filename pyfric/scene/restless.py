@@ -19,7 +19,7 @@ import numpy as np
 
 from pyfric.scene.errors import SceneError
 from pyfric.scene.friction import Law
-from pyfric.scene.laws import FrictionLaw, Junctions, RateAndState, Table, Tables
+from pyfric.scene.laws import EVOLUTIONS, FrictionLaw, Junctions, RateAndState, Table, Tables
 
 LONGEST_REST, LARGEST_RATIO = 1e10, 550.0
 """Time (s) after which friction at rest over p is at most this many times a.
@@ -244,13 +244,17 @@ class RateStateLaw(Law):
     def core_numbers(self) -> tuple[dict[str, int], dict[str, float]]:
         kind = self.kind
         cut = 0.0 if kind.V_c is None else kind.V_star / kind.V_c
-        evolution = 1 + ("ageing", "slip").index(kind.evolution)
-        return {"evolution": evolution}, {"v_ref": kind.V_star, "cut": cut, "v_slip": kind.v_slip}
+        counts = {"evolution": EVOLUTIONS[kind.evolution].code}
+        return counts, {"v_ref": kind.V_star, "cut": cut, "v_slip": kind.v_slip}
 
     def budget(self, heat: Any = 0.0, loss: Any = 0.0, parts: Any = (0.0, 0.0)) -> dict[str, Any]:
         """Return the heat of friction, of which that of alpha is a part; switches lose nothing."""
         terms = {"friction_heat": heat, "switching_loss": loss}
         return terms | {"viscous_heat": parts[1]} if np.any(self.alpha) else terms
+
+    def weakening(self, v: np.ndarray, theta: np.ndarray) -> Any:
+        """Return -d(ln theta)/d|u| at speeds v (m/s) and states theta (s), in 1/m."""
+        return EVOLUTIONS[self.kind.evolution].weakening(np.abs(v) * theta / self.D_c) / self.D_c
 
     def blocks_in_L_b(self, p: float, k: float) -> float:
         """Return L_b/l, L_b = E* D_c l B/(b p), with E* B = 4 k/3 of the lattice; see `Law`."""

@@ -21,11 +21,12 @@ from pyfric.scene.laws.kinds import (
     sampled,
 )
 from pyfric.scene.laws.named import named
-from pyfric.scene.laws.rate_state import RateAndState
+from pyfric.scene.laws.rate_state import EVOLUTIONS, RateAndState
 from pyfric.scene.laws.tabulated import TabulatedLaw
 from pyfric.scene.words import no_attribute
 
 __all__ = [
+    "EVOLUTIONS",
     "KINDS",
     "Ageing",
     "ExponentialHealing",

@@ -1,6 +1,9 @@
 """Rate-and-state friction."""
 
-from typing import Annotated, Any, ClassVar, Literal
+from collections.abc import Callable
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
 
 from pyfric.scene.checked import Positive, Quantity
 from pyfric.scene.errors import SceneError
@@ -11,6 +14,25 @@ LARGEST = 1.0
 """Largest a and b. Measured ones are about 0.01."""
 LONGEST = 0.1
 """Largest D_c, in m. A larger one is most probably in um."""
+
+
+class Evolution(NamedTuple):
+    """A law of evolution; its functions in the core stand in fortran/evolution.f90.
+
+    Attributes:
+        code: its number there.
+        weakening: -d(ln theta)/d|u|, in 1/D_c, over |v| theta/D_c.
+    """
+
+    code: int
+    weakening: Callable[[np.ndarray], Any]
+
+
+EVOLUTIONS = {
+    "ageing": Evolution(1, lambda x: 1.0),
+    "slip": Evolution(2, lambda x: 1.0 + np.log(np.maximum(x, 1e-300))),
+}
+"""Laws of evolution by name."""
 
 
 @law

@@ -189,8 +189,8 @@ class RateHybridRun(Run):
         faster = np.maximum(np.abs(found.v), np.abs(first))
         if not waves.effect(faster, second - first) <= allowed:
             return None
-        slip = waves.slip(np.abs(first))
-        return np.array([slip, -slip * np.sign(first) * self.scene.law.weakening(first, state.theta)])
+        slip, weakens = waves.slip(np.abs(first)), self.scene.law.weakening(first, state.theta)
+        return np.array([slip, -slip * np.sign(first) * weakens])
 
     def slip(self, last: int, moved: np.ndarray) -> bool:
         """Leave out inertia up to step `last` at most; return whether that may go on.

@@ -31,9 +31,10 @@ from pyfric.engines import ENGINES, QuasistaticRun, RunError, default_stepper, s
 from pyfric.engines.cost import full_work, machine_speed
 from pyfric.planning import simulate
 from pyfric.record import Errors, differences, fronts, paired
-from pyfric.scene import SceneError, Spread, chain, default_geometry, setup1, setup2, slab
+from pyfric.scene import Spread, chain, default_geometry, setup1, setup2, slab
 from pyfric.scene.laws import Ageing, SpeedDependent
 from pyfric.statics import EquilibriumError, stability_limit
+from pyfric.values import SceneError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -17,9 +17,10 @@ from pyfric.core import State, StateError
 from pyfric.engines import ENGINES, HybridRun, RunError, integration, quasistatic, step_size
 from pyfric.planning import plan, simulation
 from pyfric.record import Record, budget_error
-from pyfric.scene import SceneError, chain, setup1, setup2
+from pyfric.scene import chain, setup1, setup2
 from pyfric.statics import EquilibriumError, loaded_state
 from pyfric.sweeps import Sweep
+from pyfric.values import SceneError
 
 simulate = functools.partial(pyfric.simulate, progress=False, verify="none")
 """Runs that measure no errors, which takes a second run: see test_measured_errors."""

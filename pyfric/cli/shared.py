@@ -114,7 +114,7 @@ class Seconds(click.ParamType):
         self.words = words
 
     def convert(self, value: Any, param: Any, ctx: Any) -> float | str:
-        from pyfric.scene import check_number, spoken
+        from pyfric.values import check_number, spoken
 
         if value in self.words:
             return value
@@ -137,7 +137,8 @@ def scene_of(name: str, changes: tuple[str, ...]) -> Scene:
 
 def changes_of(changes: tuple[str, ...]) -> dict[str, Any]:
     """Return the names and values of --set."""
-    from pyfric.scene import once, spoken
+    from pyfric.scene import once
+    from pyfric.values import spoken
 
     values = []
     for change in changes:
@@ -204,7 +205,7 @@ def check_folder(out: Path | None, option: str = "--out") -> None:
 
 def _check_writable(out: Path, path: Path, option: str, suffix: str = "") -> None:
     """Refuse an output for which this file cannot be written."""
-    from pyfric.scene import check_writable, naming
+    from pyfric.values import check_writable, naming
 
     try:
         with naming(option):
@@ -314,7 +315,7 @@ class _Stem(_File):
     """The stem of the names of a figure's files; the suffix .png or .pdf may follow it."""
 
     def convert(self, value: Any, param: Any, ctx: Any) -> Any:
-        from pyfric.scene import figure_stem, naming
+        from pyfric.values import figure_stem, naming
 
         with naming(param.opts[0]):
             return figure_stem(super().convert(value, param, ctx))
@@ -410,7 +411,7 @@ def command_line() -> str:
 def save_table(table: pd.DataFrame, out: Path | None, command: str, digits: str) -> None:
     """If `out` is given, save a table as CSV, and beside it the command that makes it."""
     from pyfric.record import provenance
-    from pyfric.scene import write
+    from pyfric.values import write
 
     if out is not None:
         write(out, table.to_csv(index=False, float_format=digits).encode())

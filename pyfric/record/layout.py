@@ -48,7 +48,8 @@ from pyfric.record.held import (
 )
 from pyfric.record.measured import Errors
 from pyfric.record.method import Method
-from pyfric.scene import Scene, SceneError
+from pyfric.scene import Scene
+from pyfric.values import SceneError
 
 if TYPE_CHECKING:
     import xarray as xr

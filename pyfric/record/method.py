@@ -12,7 +12,8 @@ import numpy as np
 import tomli_w
 
 from pyfric import core
-from pyfric.scene import __version__, write
+from pyfric.scene import __version__
+from pyfric.values import write
 
 T_GAP = 1e-3
 """Default longest pause inside an event, s: a policy."""

@@ -7,9 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
-from pyfric.scene.checked import Name, part
 from pyfric.scene.ends import Conditions
-from pyfric.scene.errors import naming
 from pyfric.scene.friction import Law
 from pyfric.scene.parts import (
     FIELDS,
@@ -25,6 +23,7 @@ from pyfric.scene.parts import (
 )
 from pyfric.scene.protocol import Leg, Piece, legs, piece_at, pieces
 from pyfric.scene.restless import WITHOUT_REST
+from pyfric.values import Name, naming, part
 
 OnDriven = float | np.ndarray
 """A number for one driven block, or an array for several."""

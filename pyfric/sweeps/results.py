@@ -16,10 +16,10 @@ import pandas as pd
 from pyfric.display import Shown
 from pyfric.planning import level_of
 from pyfric.record import RUN_COLUMNS, Outline, Record
-from pyfric.scene import SceneError, check_folder_name, unknown, write_all
 from pyfric.sweeps.runs import Job, JobError
 from pyfric.sweeps.shared import Shared
 from pyfric.sweeps.varied import varied
+from pyfric.values import SceneError, check_folder_name, unknown, write_all
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

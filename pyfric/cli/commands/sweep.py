@@ -173,8 +173,8 @@ def phase_diagram(
 
 def _axis(side: str, given: str) -> tuple[str, Any]:
     """Return the name of a field and its range, from the text of an option."""
-    from pyfric.scene import SceneError, spoken
     from pyfric.sweeps import Span
+    from pyfric.values import SceneError, spoken
 
     name, _, values = given.partition("=")
     parts = values.split(":")

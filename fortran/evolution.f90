@@ -47,19 +47,28 @@ module pyfric_evolution
     real(dp), allocatable :: f_ref(:) !! f* [-]
   end type rate_state_t
 
+  !> Numbers passed by Python, in this order.
+  type :: numbers_t
+    real(dp) :: law         !! of evolution
+    real(dp) :: v_ref       !! V* [m/s]
+    real(dp) :: cut         !! V*/V_c, 0 without a cut-off speed V_c [-]
+    real(dp) :: v_slip      !! speed from which a block counts as slipping [m/s]
+  end type numbers_t
+
 contains
 
-  pure function new_rate_state(nx, law, speeds, fields) result(of)
+  pure function new_rate_state(nx, numbers, fields) result(of)
     integer, intent(in) :: nx               !! blocks
-    integer(ip), intent(in) :: law          !! of evolution
-    real(dp), intent(in) :: speeds(3)       !! V* [m/s], V*/V_c, v_slip [m/s]
+    real(dp), contiguous, intent(in) :: numbers(:)      !! see numbers_t
     real(dp), intent(in) :: fields(nx, 5)   !! a, b, D_c, alpha, f*
     type(rate_state_t) :: of
+    type(numbers_t) :: given
     integer :: failed
 
-    of%law = law
+    given = transfer(numbers, given)
+    of%law = nint(given%law)
     of%known = .true.
-    select case (law)
+    select case (of%law)
     case (AGEING)
       of%variable = IN_THETA
     case (SLIP_LAW)
@@ -67,9 +76,9 @@ contains
     case default
       of%known = .false.
     end select
-    of%v_ref = speeds(1)
-    of%cut = speeds(2)
-    of%v_slip = speeds(3)
+    of%v_ref = given%v_ref
+    of%cut = given%cut
+    of%v_slip = given%v_slip
     allocate (of%a(nx), of%b(nx), of%d_c(nx), of%alpha(nx), of%f_ref(nx), stat=failed)
     of%complete = failed == 0
     if (.not. of%complete) return

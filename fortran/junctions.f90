@@ -43,23 +43,32 @@ module pyfric_junctions
     real(dp), allocatable :: t_r_std(:)    !! its standard deviation; 0: always the mean [s]
   end type junctions_t
 
+  !> Numbers passed by Python, in this order.
+  type :: numbers_t
+    real(dp) :: n           !! junctions of a block
+    real(dp) :: seed_low    !! the lower 32 bits
+    real(dp) :: seed_high   !! and the upper ones
+    real(dp) :: ruptured    !! share of pinned junctions below which a block is ruptured
+  end type numbers_t
+
 contains
 
-  pure function new_junctions(nx, n, seed, from_right, share, quantiles, strengths, fields) result(of)
+  pure function new_junctions(nx, numbers, from_right, quantiles, strengths, fields) result(of)
     integer, intent(in) :: nx              !! blocks
-    integer, intent(in) :: n               !! junctions of a block
-    integer(ip), intent(in) :: seed(2)     !! two words of 32 bits, the lowest first
+    real(dp), contiguous, intent(in) :: numbers(:)     !! see numbers_t
     logical, intent(in) :: from_right
-    real(dp), intent(in) :: share          !! of pinned junctions, below which a block is ruptured
     type(curve_t), intent(in) :: quantiles
     type(curve_t), intent(in) :: strengths !! `factors` over the number of the junction; no knots: all are 1
     real(dp), intent(in) :: fields(nx, 5)  !! mu_s, mu_d, C, t_R, its standard deviation
     type(junctions_t) :: of
-    integer :: failed
+    type(numbers_t) :: given
+    integer :: failed, n
 
+    given = transfer(numbers, given)
+    n = nint(given%n)
     of%n = n
-    of%fewest = share*n
-    of%seed = ior(iand(int(seed(1), int64), int(z'FFFFFFFF', int64)), shiftl(int(seed(2), int64), 32))
+    of%fewest = given%ruptured*n
+    of%seed = ior(int(given%seed_low, int64), shiftl(int(given%seed_high, int64), 32))
     of%from_right = from_right
     of%quantiles = quantiles
     allocate (of%mu_s(nx), of%mu_d(nx), of%c(nx), of%t_r(nx), of%t_r_std(nx), of%factors(n), stat=failed)

@@ -27,14 +27,16 @@ module pyfric_law
   public :: event_functions, knot_functions, last_knots, time_to_knot
   public :: stop_reversed, next_states, settle_moving, remember
   public :: begin_step, implicit_speeds, balanced_speeds, log_rates
-  public :: STUCK, OPEN_GAP, N_TABLES, N_FIELDS, N_CONTACT, N_KNOT, N_MARK
+  public :: STUCK, OPEN_GAP, N_TABLES, N_CONTACT, N_KNOT, N_MARK
 
   !> Contact states; slipping blocks have the sign of their motion, +1 or -1. On junctions a block counts as stuck while
   !> enough of them are pinned, with rate-and-state friction while it is slow. When it ruptures, the sign is that of its
   !> velocity.
   integer(ip), parameter :: STUCK = 0, OPEN_GAP = 2
-  !> Tables, and fields of N_x numbers, in the order in which Python passes them.
-  integer, parameter :: N_TABLES = 4, N_FIELDS = 7
+  !> Laws: tables, on junctions, rate and state.
+  integer(ip), parameter :: TABLES = 1, ON_JUNCTIONS = 2, RATE_STATE = 3
+  !> Their tables, and fields of N_x numbers, in the order in which Python passes them.
+  integer, parameter :: N_TABLES = 4, N_FIELDS(3) = [7, 5, 5]
   !> Event functions of a contact state; those of knots, and what is marked of knots at the start of a sub-step.
   integer, parameter :: N_CONTACT = 2, N_KNOT = 3, N_MARK = 4
   !> State variables of a block: s_0, see `slip_of` [m]; time at which it stuck or began to slip [s].
@@ -48,7 +50,7 @@ module pyfric_law
     logical :: flows                   !! rate-and-state friction: each stage is implicit in the velocities of the blocks
     integer :: per_block = 1           !! junctions of a block; 1 without junctions
     logical :: simple                  !! no tables and no viscosity
-    logical :: kinked                  !! friction has corners over slip or speed
+    logical :: kinked = .false.        !! friction has corners over slip or speed
     type(junctions_t), private :: junctions
     type(rate_state_t) :: rate_state
     real(dp), allocatable :: mu_s(:)   !! static friction coefficient [-]
@@ -57,7 +59,7 @@ module pyfric_law
     real(dp), allocatable :: alpha(:)  !! viscosity of slip [N s/m]
     logical, allocatable :: bare(:)    !! no friction, also in contact: such a block counts as open
     logical :: keeps = .false.         !! a stick does not end a slip
-    logical :: limited                 !! some blocks have a limit
+    logical :: limited = .false.       !! some blocks have a limit
     real(dp) :: t_0                    !! time of the limits [s]
     real(dp), allocatable :: limit(:)  !! largest friction coefficient then [-]
     real(dp), allocatable :: limit_rate(:) !! its rate [1/s]
@@ -69,66 +71,72 @@ module pyfric_law
 
 contains
 
-  !> The law from its tables, one after another: x and y of each knot; and mu_s, mu_k, d_c, alpha, bare of each block. On
-  !> junctions: quantiles of t_R in the first table, u_s of each junction over that of the block in the second; and mu_s, mu_d,
-  !> C, t_R and its spread. Rate-and-state: a, b, D_c, alpha and f*. The last two fields are the limit and its rate.
-  pure function new_law(nx, n_memory, n_junctions, seed, from_right, share, evolution, speeds, t_0, n_knots, knots, fields) &
-    result(law)
+  !> The law from its fields of N_x numbers, numbers of its own, and tables, one after another: x and y of each knot. Tables: mu_s,
+  !> mu_k, d_c, alpha, bare, the limit and its rate. On junctions: quantiles of t_R in the first table, u_s of each junction over
+  !> that of the block in the second; other laws: see there.
+  pure function new_law(nx, kind, n_memory, from_right, t_0, n_own, n_knots, numbers) result(law)
     integer, intent(in) :: nx                  !! blocks
+    integer(ip), intent(in) :: kind
     integer(ip), intent(in) :: n_memory        !! numbers that are saved of each block
-    integer(ip), intent(in) :: n_junctions     !! of each block, 0 for none
-    integer(ip), intent(in) :: seed(2)         !! of junctions, two words of 32 bits
     logical, intent(in) :: from_right          !! blocks are counted from the right
-    real(dp), intent(in) :: share              !! of pinned junctions, below which a block is ruptured
-    integer(ip), intent(in) :: evolution       !! of rate-and-state friction, see pyfric_rate_state; 0 for other laws
-    real(dp), intent(in) :: speeds(3)          !! of it: V* [m/s], V*/V_c, speed from which a block slips [m/s]
     real(dp), intent(in) :: t_0                !! time of the limits [s]
+    integer(ip), intent(in) :: n_own           !! numbers of its own
     integer(ip), intent(in) :: n_knots(N_TABLES)
-    real(dp), intent(in) :: knots(:)
-    real(dp), intent(in) :: fields(nx, N_FIELDS)
+    real(dp), contiguous, intent(in) :: numbers(:)
     type(law_t) :: law
-    integer :: at(0:N_TABLES), k, failed
+    integer :: at(0:N_TABLES), own, k, failed
 
-    at(0) = 0
+    law%known = kind >= TABLES .and. kind <= RATE_STATE
+    if (.not. law%known) return
+    own = N_FIELDS(kind)*nx
+    at(0) = own + n_own
     do k = 1, N_TABLES
       at(k) = at(k - 1) + 2*n_knots(k)
     end do
-    law%hold = new_curve(n_knots(1), knots(at(0) + 1:at(1)))
-    law%slide = new_curve(n_knots(2), knots(at(1) + 1:at(2)))
-    law%speed = new_curve(n_knots(3), knots(at(2) + 1:at(3)))
-    law%age = new_curve(n_knots(4), knots(at(3) + 1:at(4)))
+    law%hold = new_curve(n_knots(1), numbers(at(0) + 1:at(1)))
+    law%slide = new_curve(n_knots(2), numbers(at(1) + 1:at(2)))
+    law%speed = new_curve(n_knots(3), numbers(at(2) + 1:at(3)))
+    law%age = new_curve(n_knots(4), numbers(at(3) + 1:at(4)))
     allocate (law%mu_s(nx), law%mu_k(nx), law%d_c(nx), law%alpha(nx), law%bare(nx), law%limit(nx), law%limit_rate(nx), stat=failed)
     law%complete = failed == 0 .and. law%hold%complete .and. law%slide%complete .and. law%speed%complete .and. law%age%complete
     if (.not. law%complete) return
+    law%n_memory = n_memory
+    law%rests = kind == TABLES
+    law%flows = kind == RATE_STATE
+    law%simple = .false.
+    select case (kind)
+    case (TABLES)
+      call take_fields(nx, numbers(:own), law)
+      law%t_0 = t_0
+      law%kinked = law%slide%n > 0 .or. law%speed%n > 0
+      law%simple = all(n_knots == 0) .and. all(law%alpha <= 0.0_dp) .and. .not. law%limited
+    case (ON_JUNCTIONS)
+      law%junctions = new_junctions(nx, numbers(own + 1:at(0)), from_right, law%hold, law%slide, numbers(:own))
+      law%complete = law%junctions%complete
+      law%per_block = law%junctions%n
+      law%n_memory = n_whole(law%junctions%n)
+      law%kinked = .true.
+    case (RATE_STATE)
+      law%rate_state = new_rate_state(nx, numbers(own + 1:at(0)), numbers(:own))
+      law%known = law%rate_state%known
+      law%complete = law%rate_state%complete .and. law%known
+    end select
+  end function new_law
+
+  pure subroutine take_fields(nx, fields, law)
+    integer, intent(in) :: nx                  !! blocks
+    real(dp), intent(in) :: fields(nx, N_FIELDS(TABLES))
+    type(law_t), intent(inout) :: law
+
     law%mu_s(:) = fields(:, 1)
     law%mu_k(:) = fields(:, 2)
     law%d_c(:) = fields(:, 3)
     law%alpha(:) = fields(:, 4)
-    law%t_0 = t_0
+    law%bare(:) = fields(:, 5) > 0.0_dp
     law%limit(:) = fields(:, 6)
     law%limit_rate(:) = fields(:, 7)
     law%limited = any(law%limit < huge(1.0_dp))
-    law%n_memory = n_memory
-    law%kinked = law%slide%n > 0 .or. law%speed%n > 0
-    law%simple = all(n_knots == 0) .and. all(law%alpha <= 0.0_dp) .and. .not. law%limited
-    law%flows = evolution /= 0
-    law%rests = n_junctions == 0 .and. .not. law%flows
-    law%bare(:) = law%rests .and. fields(:, 5) > 0.0_dp
-    if (law%rests) return
-    if (law%flows) then
-      law%simple = .false.
-      law%rate_state = new_rate_state(nx, evolution, speeds, fields(:, :5))
-      law%known = law%rate_state%known
-      law%complete = law%rate_state%complete .and. law%known
-      return
-    end if
-    law%per_block = n_junctions
-    law%n_memory = n_whole(n_junctions)
-    law%simple = .false.
-    law%kinked = .true.
-    law%junctions = new_junctions(nx, n_junctions, seed, from_right, share, law%hold, law%slide, fields(:, :5))
-    law%complete = law%junctions%complete
-  end function new_law
+  end subroutine take_fields
 
   !> State variables that are saved, and quantities that follow from them.
   pure function whole_memory(law, nx, saved) result(memory)
@@ -246,8 +254,11 @@ contains
     do i = 1, nx
       if (abs(mode(i)) /= 1 .and. .not. law%flows) cycle
       v = v_x(at(i))
+      if (law%flows) then
+        viscous(i) = law%rate_state%alpha(i)*v*v
+        cycle
+      end if
       viscous(i) = law%alpha(i)*v*v
-      if (law%flows) cycle
       above(i) = -(f(i) + law%alpha(i)*v + real(mode(i), dp)*(law%mu_k(i)*p(i)))*v
     end do
   end subroutine friction_powers

@@ -259,19 +259,22 @@ def test_a_state_is_positive_where_steps_do_not_resolve_it(evolution):
     assert least > 0.1 * 1e-9 / fastest
 
 
-def test_a_law_that_the_core_does_not_know_is_an_error():
-    """None of its functions stands in for it."""
+@pytest.mark.parametrize("kind", ["friction", "evolution"])
+def test_a_law_that_the_core_does_not_know_is_an_error(kind, monkeypatch):
+    """No other law stands in for it."""
     scene = row()
     state = loaded_state(scene).state(scene, 1e-7)
+    if kind == "evolution":
+        monkeypatch.setitem(laws.EVOLUTIONS, "ageing", laws.EVOLUTIONS["ageing"]._replace(code=99))
     model = core.model(scene, "linear", state.u_drv0)
-    model.counts[core.Counts._fields.index("evolution")] = 99
+    if kind == "friction":
+        model.counts[core.Counts._fields.index("law")] = 99
     elastic = np.zeros((4, 3)), np.zeros((4, 4))
     limits = core.SlowLimits(end=1.0, dt=1e-7, relative=1e-6, u=1e-12, log_theta=1e-6)
-    for call in (
-        lambda: core.evaluate(model, state, 0.0),
-        lambda: core.energies(model, state, 0.0),
-        lambda: core.slow_slip(model, elastic, elastic, np.zeros(4), limits),
-    ):
+    calls = [lambda: core.evaluate(model, state, 0.0), lambda: core.energies(model, state, 0.0)]
+    if kind == "evolution":
+        calls.append(lambda: core.slow_slip(model, elastic, elastic, np.zeros(4), limits))
+    for call in calls:
         with pytest.raises(ValueError, match="does not know this law"):
             call()
 

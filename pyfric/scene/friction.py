@@ -58,6 +58,8 @@ class Law:
 
     memory: ClassVar[np.dtype] = CLOCKS
     """Names and shapes of the state variables of a block; all are numbers."""
+    code: ClassVar[int] = 1
+    """Number of the law in the core (pyfric_law)."""
     restless: ClassVar[str] = ""
     """Why no block rests, "" if blocks can."""
     flows: ClassVar[bool] = False
@@ -130,9 +132,9 @@ class Law:
         return self.tables
 
     @property
-    def core_numbers(self) -> tuple[dict[str, int], dict[str, float]]:
-        """Integers and numbers for the core by name (`pyfric.core.packing`), other than 0."""
-        return {}, {}
+    def core_numbers(self) -> dict[str, float]:
+        """Numbers of the law itself for the core by name, in the order of its `numbers_t` there."""
+        return {}
 
     def budget(self, heat: Any = 0.0, loss: Any = 0.0, parts: Any = (0.0, 0.0)) -> dict[str, Any]:
         """Return the terms of the interface in the energy budget by name, from those of `State`.

@@ -44,6 +44,7 @@ class JunctionLaw(Law):
     t_R: Any
     t_R_std: Any
 
+    code: ClassVar[int] = 2
     restless: ClassVar[str] = (
         "junctions break and pin all the time under load: no jump over a rest gains anything"
     )
@@ -141,12 +142,10 @@ class JunctionLaw(Law):
         return self.mu_s, self.mu_k, self.C, self.t_R, self.t_R_std
 
     @property
-    def core_numbers(self) -> tuple[dict[str, int], dict[str, float]]:
-        low, high = np.array([self.kind.seed % 2**32, self.kind.seed >> 32], np.uint32).view(
-            np.int32
-        )
-        counts = {"n_junctions": self.kind.n_s, "seed_low": low, "seed_high": high}
-        return counts, {"ruptured": self.kind.ruptured}
+    def core_numbers(self) -> dict[str, float]:
+        high, low = divmod(self.kind.seed, 2**32)
+        seed = {"seed_low": low, "seed_high": high}
+        return {"n": self.kind.n_s, **seed, "ruptured": self.kind.ruptured}
 
     @property
     def core_tables(self) -> Tables:
@@ -180,6 +179,7 @@ class RateStateLaw(Law):
     D_c: Any
     theta: Any
 
+    code: ClassVar[int] = 3
     restless: ClassVar[str] = "with rate-and-state friction no block ever rests"
     flows: ClassVar[bool] = True
     memory: ClassVar[np.dtype] = np.dtype([("theta", float)])
@@ -241,11 +241,11 @@ class RateStateLaw(Law):
         return self.a, self.b, self.D_c, self.alpha, self.mu_k
 
     @property
-    def core_numbers(self) -> tuple[dict[str, int], dict[str, float]]:
+    def core_numbers(self) -> dict[str, float]:
         kind = self.kind
         cut = 0.0 if kind.V_c is None else kind.V_star / kind.V_c
-        counts = {"evolution": EVOLUTIONS[kind.evolution].code}
-        return counts, {"v_ref": kind.V_star, "cut": cut, "v_slip": kind.v_slip}
+        law = EVOLUTIONS[kind.evolution].code
+        return {"law": law, "v_ref": kind.V_star, "cut": cut, "v_slip": kind.v_slip}
 
     def budget(self, heat: Any = 0.0, loss: Any = 0.0, parts: Any = (0.0, 0.0)) -> dict[str, Any]:
         """Return the heat of friction, of which that of alpha is a part; switches lose nothing."""

@@ -215,8 +215,8 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, coun
                      sums, made, t_end, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: model_t, new_model
-  use pyfric_slow_slip, only: condensed_t, limits_t, phase_t, passages_t, work_t, new_condensed, new_work, advance_phase, &
-                              velocities
+  use pyfric_slow_slip, only: condensed_t, limits_t, phase_t, passages_t, work_t, new_condensed, new_work, begin_phase, &
+                              advance_phase, end_phase
   use pyfric_status, only: NO_MEMORY, UNKNOWN_LAW
   implicit none
   !f2py threadsafe
@@ -243,7 +243,7 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, coun
   real(c_double), intent(in) :: threshold                    !! of passages, 0: none is looked for [m/s]
   real(c_double), intent(inout) :: h(1)                      !! next step [s]
   real(c_double), intent(inout) :: q(nx, 2)                  !! u [m], ln theta; then those at t_end
-  real(c_double), intent(out) :: v(nx)                       !! velocities at t_end [m/s]
+  real(c_double), intent(inout) :: v(nx)                     !! velocities at the beginning, see `begin_phase`; at t_end [m/s]
   real(c_double), intent(out) :: a(nx)                       !! accelerations at t_end [m/s2]
   real(c_double), intent(inout) :: points(nx, 3, n_points)   !! u [m], ln theta, velocities [m/s]
   integer(c_int), intent(in) :: fast(nx)                     !! see `passages_t` of pyfric_slow_slip
@@ -262,7 +262,6 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, coun
 
   made = 0
   t_end = 0
-  v = 0
   a = 0
   model = new_model(counts, numbers)
   status = -merge(NO_MEMORY, UNKNOWN_LAW, model%law%known)
@@ -270,6 +269,7 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, coun
   s = new_condensed(nx, model%law, closed == 1, load, load_u, load_v, load_a, p, p_u, p_v, p_a)
   w = new_work(nx)
   if (.not. (s%complete .and. w%complete)) return
+  call begin_phase(s, w, v, q)
   phase%h = h(1)
   phase%q = q
   phase%grid = q
@@ -288,9 +288,9 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, coun
   passed_i = passages%of
   passed_r = passages%at
   sums = passages%sums
-  call velocities(s, t_end, q, w, v, a)
+  call end_phase(s, t_end, w, q, v, a)
   do i = 1, phase%n_points
-    call velocities(s, times(i), points(:, :2, i), w, points(:, 3, i))
+    call end_phase(s, times(i), w, points(:, :2, i), points(:, 3, i))
   end do
 end subroutine slow_slip
 

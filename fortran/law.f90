@@ -19,14 +19,14 @@ module pyfric_law
   use pyfric_junction_memory, only: n_whole, prepare
   use pyfric_junctions, only: junctions_t, new_junctions, forces, powers, stored_energy, settle, next_break, next_release, &
                               drag_limits, drag_functions
-  use pyfric_evolution, only: rate_state_t, new_rate_state, log_rates
+  use pyfric_evolution, only: rate_state_t, new_rate_state, log_rates, from_log_theta, add_stress, take_stress
   use pyfric_rate_state, only: rate_forces, begin_step, implicit_speeds, balanced_speeds
   implicit none (type, external)
   private
   public :: law_t, new_law, whole_memory, friction_force, friction_powers, interface_energy
   public :: event_functions, knot_functions, last_knots, time_to_knot
   public :: stop_reversed, next_states, settle_moving, remember
-  public :: begin_step, implicit_speeds, balanced_speeds, log_rates
+  public :: begin_step, implicit_speeds, balanced_speeds, log_rates, from_log_theta, add_stress, take_stress
   public :: STUCK, OPEN_GAP, N_TABLES, N_CONTACT, N_KNOT, N_MARK
 
   !> Contact states; slipping blocks have the sign of their motion, +1 or -1. On junctions a block counts as stuck while
@@ -120,6 +120,8 @@ contains
       law%rate_state = new_rate_state(nx, numbers(own + 1:at(0)), numbers(:own))
       law%known = law%rate_state%known
       law%complete = law%rate_state%complete .and. law%known
+    case default
+      law%known = .false.
     end select
   end function new_law
 

@@ -5,8 +5,8 @@
 module pyfric_rate_state
   use pyfric_kinds, only: dp
   use pyfric_elementary, only: exponentials, logarithms
-  use pyfric_evolution, only: rate_state_t, TOGETHER, stage, variable_rates, from_theta, to_theta, from_log_theta, state_effect, &
-                              asinh_of_exp
+  use pyfric_evolution, only: rate_state_t, TOGETHER, stage, variable_rates, add_stress, from_theta, to_theta, from_log_theta, &
+                              state_effect, asinh_of_exp
   implicit none (type, external)
   private
   public :: rate_forces, begin_step, implicit_speeds, balanced_speeds
@@ -58,9 +58,13 @@ contains
     real(dp), intent(in) :: theta(nx)    !! [s]
     real(dp), intent(out) :: x(nx)
     real(dp), intent(out) :: rate(nx)
+    real(dp) :: bare(nx)
 
     call from_theta(of, 1, nx, theta, x)
     call variable_rates(of, 1, nx, v, x, rate)
+    if (.not. of%stressed) return
+    bare = x
+    call add_stress(of, nx, v, bare, x)
   end subroutine begin_step
 
   !> Velocities, theta and rates of x at the end of an implicit stage, which adds h f(v, x)/m and h dx/dt to their values before:
@@ -170,12 +174,18 @@ contains
     real(dp), dimension(TOGETHER) :: x, psi, slope, y, none
     integer :: i, k
 
-    none = 0.0_dp
-    call stage(of, from, n, h, x_0, none, none, x, slope)
     do i = 1, n
       y(i) = w(i)/max(c(i)*of%a(from + i - 1), tiny(y))   ! asinh(exp(q)/2) >= q; below 1, exp(q) <= 2 sinh(1) y
       eta(i) = 2.4_dp*y(i)
     end do
+    if (of%stressed) then
+      do i = 1, n
+        x(i) = x_0(i) - of%stress(from + i - 1)*(of%a(from + i - 1)*y(i))
+      end do
+    else
+      none = 0.0_dp
+      call stage(of, from, n, h, x_0, none, none, x, slope)
+    end if
     call state_effect(of, from, n, x, psi, slope)
     call logarithms(n, eta)
     do i = 1, n
@@ -228,7 +238,7 @@ contains
     real(dp), intent(out) :: by_load(nx)   !! [m/(s N)]
     real(dp), intent(out) :: by_p(nx)      !! [m/(s N)]
     real(dp), intent(out) :: by_theta(nx)  !! by ln(theta) [m/s]
-    real(dp), dimension(TOGETHER) :: x, x_slope, psi, psi_slope, kappa, w, pressed, eta, value, slope
+    real(dp), dimension(TOGETHER) :: x, x_slope, psi_slope, kappa, w, pressed, eta, value, slope
     real(dp) :: gain
     logical :: touches
     integer :: from, n, i, k
@@ -236,26 +246,38 @@ contains
     do from = 1, nx, TOGETHER
       n = min(TOGETHER, nx - from + 1)
       call from_log_theta(of, from, n, log_theta(from), x, x_slope)
-      call state_effect(of, from, n, x, psi, psi_slope)
       do i = 1, n
         k = from + i - 1
-        psi_slope(i) = psi_slope(i)*x_slope(i)
-        kappa(i) = (of%f_ref(k) + of%b(k)*psi(i))/of%a(k)
         w(i) = merge(abs(load(k)), 0.0_dp, p(k) > 0.0_dp)
         pressed(i) = max(p(k), tiny(w))
       end do
+      call resistance(of, from, n, x, w, pressed, kappa, psi_slope)
       call speed_without_damping(of, from, n, w, pressed, eta)
       do i = 1, n
         eta(i) = min(max(eta(i) - kappa(i), LEAST), -LEAST)
       end do
-      if (any(of%alpha(from:from + n - 1) > 0.0_dp)) call damp(of, from, n, pressed, x, w, eta)
+      if (any(of%alpha(from:from + n - 1) > 0.0_dp)) then
+        call damp(of, from, n, pressed, x, w, eta)
+        if (of%stressed) then
+          call speeds_at(of, n, eta, slope)
+          value(:n) = max(w(:n) - of%alpha(from:from + n - 1)*slope(:n), 0.0_dp)
+          call resistance(of, from, n, x, value, pressed, kappa, psi_slope)
+        end if
+      end if
       do i = 1, n
         kappa(i) = eta(i) + kappa(i)
       end do
       call asinh_of_exp(n, kappa, value, slope)
+      if (of%stressed) then
+        do i = 1, n
+          k = from + i - 1
+          slope(i) = slope(i)/(1.0_dp + of%stress(k)*of%b(k)*psi_slope(i)*slope(i))
+        end do
+      end if
       call exponentials(n, eta)
       do i = 1, n
         k = from + i - 1
+        psi_slope(i) = psi_slope(i)*x_slope(i)
         touches = p(k) > 0.0_dp
         v(k) = of%v_ref*eta(i)
         gain = v(k)/(of%alpha(k)*v(k) + pressed(i)*of%a(k)*slope(i))
@@ -266,6 +288,33 @@ contains
       end do
     end do
   end subroutine balanced_speeds
+
+  !> (f* + b psi)/a, and the slope of psi by x, where friction bears w.
+  pure subroutine resistance(of, from, n, x, w, p, kappa, slope)
+    type(rate_state_t), intent(in) :: of
+    integer, intent(in) :: from
+    integer, intent(in) :: n
+    real(dp), intent(in) :: x(n)      !! with (c/b) mu where the law has a rate of stress
+    real(dp), intent(in) :: w(n)      !! [N]
+    real(dp), intent(in) :: p(n)      !! [N]
+    real(dp), intent(out) :: kappa(n)
+    real(dp), intent(out) :: slope(n)
+    real(dp), dimension(TOGETHER) :: psi, bare
+    integer :: i, k
+
+    if (of%stressed) then
+      do i = 1, n
+        bare(i) = x(i) - of%stress(from + i - 1)*(w(i)/p(i))
+      end do
+      call state_effect(of, from, n, bare, psi, slope)
+    else
+      call state_effect(of, from, n, x, psi, slope)
+    end if
+    do i = 1, n
+      k = from + i - 1
+      kappa(i) = (of%f_ref(k) + of%b(k)*psi(i))/of%a(k)
+    end do
+  end subroutine resistance
 
   !> ln(|v|/V*) + (f* + b psi)/a from p a asinh(...) = w.
   pure subroutine speed_without_damping(of, from, n, w, p, q)

@@ -273,6 +273,7 @@ def slow_slip(
     *,
     viscous: tuple[np.ndarray, np.ndarray] | None = None,
     inertial: tuple[np.ndarray, np.ndarray] | None = None,
+    v: np.ndarray | None = None,
     closed: np.ndarray | None = None,
     times: np.ndarray | None = None,
     h: float = 0.0,
@@ -291,6 +292,8 @@ def slow_slip(
         limits: what ends it.
         viscous: matrices of load and normal force over velocities, shapes (N_x, N_x), in N s/m;
             None means 0.
+        v: velocities at the beginning, shape (N_x,), in m/s, which count where the state evolves
+            with stress; None means those that balance the loads.
         closed: blocks in contact, shape (N_x,), bool; None means all.
         times: times of points, ascending, in s.
         h: length of the first step, in s; 0 means dt.
@@ -324,7 +327,8 @@ def slow_slip(
     passed_i = np.zeros((4 * N_x, 2), dtype=np.int32)
     passed_r = np.zeros((4 * N_x, N_x + 2))
     sums = np.zeros((limits.steps if threshold else 1, 2))
-    v, a, made, t, status = load_variant(variant).slow_slip(
+    v = np.full(N_x, np.nan) if v is None else np.array(v, dtype=float)
+    a, made, t, status = load_variant(variant).slow_slip(
         *model,
         contact.astype(np.int32),
         *(np.asfortranarray(array) for array in elastic),
@@ -334,6 +338,7 @@ def slow_slip(
         threshold,
         step,
         q.T,
+        v,
         points.T,
         np.zeros(N_x, dtype=np.int32) if fast is None else fast,
         passed_i.T,

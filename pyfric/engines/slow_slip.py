@@ -325,7 +325,7 @@ class RateHybridRun(Run):
         """Return slip without inertia from the present state on."""
         about = self.about(closed)
         how |= {"viscous": about.by_v, "inertial": about.by_a, "closed": closed}
-        start = np.log(self.state.theta)
+        start, how["v"] = np.log(self.state.theta), self.state.y[0, 2]
         return core.slow_slip(self.model, interface.load, interface.p, start, limits, **how)
 
     def _moving(self) -> np.ndarray:

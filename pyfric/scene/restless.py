@@ -208,8 +208,12 @@ class RateStateLaw(Law):
             reason = "the driver does not move at t = 0"
             raise SceneError("interface.law.theta_0", None, "s", "theta_0, or v_0", reason)
         else:
-            theta = D_c / (V if kind.v_0 is None else given("v_0"))
+            speed = V if kind.v_0 is None else given("v_0")
+            theta = EVOLUTIONS[kind.evolution].steady * D_c / speed
         a, b = given("a"), given("b")
+        if kind.c and not np.all(b):
+            reason = "the law weighs the rate of stress with c/b"
+            raise SceneError("interface.law.b", 0.0, "", "> 0", reason)
         rested = np.maximum(theta, LONGEST_REST)
         cut = kind.V_star / kind.V_c if kind.V_c else 0.0
         strength = f + b * np.log(kind.V_star * rested / D_c + cut)
@@ -244,8 +248,13 @@ class RateStateLaw(Law):
     def core_numbers(self) -> dict[str, float]:
         kind = self.kind
         cut = 0.0 if kind.V_c is None else kind.V_star / kind.V_c
-        law = EVOLUTIONS[kind.evolution].code
-        return {"law": law, "v_ref": kind.V_star, "cut": cut, "v_slip": kind.v_slip}
+        law, speeds = EVOLUTIONS[kind.evolution].code, {"v_ref": kind.V_star, "cut": cut}
+        return {"law": law, **speeds, "v_slip": kind.v_slip, "c": self.c}
+
+    @property
+    def c(self) -> float:
+        """Share of stress in the evolution of the state."""
+        return self.kind.c or 0.0
 
     def budget(self, heat: Any = 0.0, loss: Any = 0.0, parts: Any = (0.0, 0.0)) -> dict[str, Any]:
         """Return the heat of friction, of which that of alpha is a part; switches lose nothing."""
@@ -253,19 +262,21 @@ class RateStateLaw(Law):
         return terms | {"viscous_heat": parts[1]} if np.any(self.alpha) else terms
 
     def weakening(self, v: np.ndarray, theta: np.ndarray) -> Any:
-        """Return -d(ln theta)/d|u| at speeds v (m/s) and states theta (s), in 1/m."""
-        return EVOLUTIONS[self.kind.evolution].weakening(np.abs(v) * theta / self.D_c) / self.D_c
+        """Return -d(ln theta)/d|u| by a wave, at speeds v (m/s) and states theta (s), in 1/m."""
+        x = np.abs(v) * theta / self.D_c
+        return EVOLUTIONS[self.kind.evolution].weakening(x, self) / self.D_c
 
     def blocks_in_L_b(self, p: float, k: float) -> float:
-        """Return L_b/l, L_b = E* D_c l B/(b p), with E* B = 4 k/3 of the lattice; see `Law`."""
-        return float(np.min(4 * k * self.D_c / (3 * np.maximum(self.b, np.finfo(float).tiny) * p)))
+        """Return L_b/l, L_b = E* D_c l B (1 + c)/(b p), with E* B = 4 k/3 of the lattice."""
+        falls = 3 * np.maximum(self.b, np.finfo(float).tiny) * p
+        return float(np.min(4 * k * self.D_c * (1 + self.c) / falls))
 
     def resolving_step(self, p: float, m: float) -> float:
         """Return the longest step (s) that resolves weakening; see `Law.resolving_step`.
 
-        Slip of a free block grows at most with the rate sqrt(p (b - a)/(m D_c)).
+        Slip of a free block grows at most with the rate sqrt(p (b - a)/(m D_c (1 + c))).
         """
-        steepest = float(np.max((self.b - self.a) / self.D_c)) * p
+        steepest = float(np.max((self.b - self.a) / self.D_c)) * p / (1 + self.c)
         return math.sqrt(m / steepest) if steepest > 0 else math.inf
 
 

@@ -7,8 +7,10 @@ import numpy as np
 from pyfric.scene.friction import Law
 from pyfric.scene.loads import Loads
 from pyfric.scene.restless import WITHOUT_REST
+from pyfric.values import part
 
 
+@part
 class Composed(Loads):
     """The parts of a scene, and what follows from them; see `Scene`."""
 

@@ -24,7 +24,7 @@ module pyfric_evolution
   use pyfric_elementary, only: exponentials, logarithms, logs_of_1_plus
   implicit none (type, external)
   private
-  public :: rate_state_t, new_rate_state, TOGETHER
+  public :: rate_state_t, new_rate_state, TOGETHER, MOST, LAST_STEP, LEAST
   public :: stage, variable_rates, log_rates, add_stress, take_stress
   public :: from_theta, to_theta, from_log_theta, state_effect, asinh_of_exp
 
@@ -35,7 +35,8 @@ module pyfric_evolution
   integer, parameter :: TOGETHER = 64
   !> exp(-2 q) is lost beside 1 above this q.
   real(dp), parameter :: LOST = 20.0_dp
-  !> Newton steps of a stage at most, the step after which the next one is the last, the largest |x|, and the least ln(|v|/V*).
+  !> Newton steps of a root at most, the step after which the next one is the last, the largest |x| of a stage, and the least
+  !> ln(|v|/V*).
   integer, parameter :: MOST = 100
   real(dp), parameter :: LAST_STEP = 1e-7_dp, FAR = 690.0_dp, LEAST = -600.0_dp
   !> What a law that a function does not know gives: NaN.

@@ -5,15 +5,12 @@
 module pyfric_rate_state
   use pyfric_kinds, only: dp
   use pyfric_elementary, only: exponentials, logarithms
-  use pyfric_evolution, only: rate_state_t, TOGETHER, stage, variable_rates, add_stress, from_theta, to_theta, from_log_theta, &
-                              state_effect, asinh_of_exp
+  use pyfric_evolution, only: rate_state_t, TOGETHER, MOST, LAST_STEP, LEAST, stage, variable_rates, add_stress, from_theta, &
+                              to_theta, from_log_theta, state_effect, asinh_of_exp
   implicit none (type, external)
   private
   public :: rate_forces, begin_step, implicit_speeds, balanced_speeds
 
-  !> Newton steps of a root at most, the step in ln(v) after which the next one is the last, and the least ln(|v|/V*).
-  integer, parameter :: MOST = 100
-  real(dp), parameter :: LAST_STEP = 1e-7_dp, LEAST = -600.0_dp
   !> 1 - exp(-2 y) is a polynomial of degree 3 below this y.
   real(dp), parameter :: SMALL = 1e-5_dp
 

@@ -24,7 +24,7 @@ from pyfric.values import SceneError
 LONGEST_REST, LARGEST_RATIO = 1e10, 550.0
 """Time (s) after which friction at rest over p is at most this many times a.
 
-Speeds are V* exp(-600) at least (fortran/rate_state.f90).
+Speeds are V* exp(-600) at least (fortran/evolution.f90).
 """
 
 

@@ -1,5 +1,5 @@
 !> Slip without inertia under rate-and-state friction: 2 N_x equations, with u since the beginning and y = ln(theta), or
-!> ln(theta) + (c/b) mu where the law has a rate of stress (pyfric_evolution),
+!> ln(theta) with a share of stress where its rate is in the law (pyfric_evolution),
 !>
 !>     du/dt = v(load, p, y) ,   dy/dt = X(v, y) ,   load = load_0 + load_1 t + load_2 t^2/2 + load_u u + load_v v ,   p alike ,
 !>

@@ -59,7 +59,7 @@ def test_only_the_law_says_mu():
     for path in paths:
         text = path.read_text(encoding="utf-8")
         said = re.search(r"\bmu(_s|_k|_0)?\b|%drop\b", text)
-        assert bool(said) == (path.name in ("law.f90", "junctions.f90")), path.name
+        assert bool(said) == (path.name in ("law.f90", "junctions.f90", "evolution.f90")), path.name
         assert ("use pyfric_junctions" in text) == (path.name == "law.f90"), path.name
 
 

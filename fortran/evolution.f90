@@ -19,12 +19,11 @@
 !> asinh: J. R. Rice, N. Lapusta, K. Ranjith, J. Mech. Phys. Solids 49, 1865 (2001); prz: G. Perrin, J. R. Rice, G. Zheng, J. Mech.
 !> Phys. Solids 43, 1461 (1995); K. Nagata, M. Nakatani, S. Yoshida, J. Geophys. Res. 117, B02314 (2012).
 module pyfric_evolution
-  use, intrinsic :: iso_fortran_env, only: int64
-  use pyfric_kinds, only: dp, ip
+  use pyfric_kinds, only: dp, ip, NOT_KNOWN
   use pyfric_elementary, only: exponentials, logarithms, logs_of_1_plus
   implicit none (type, external)
   private
-  public :: rate_state_t, new_rate_state, TOGETHER, MOST, LAST_STEP, LEAST
+  public :: rate_state_t, new_rate_state, N_FIELDS, TOGETHER, MOST, LAST_STEP, LEAST
   public :: stage, variable_rates, log_rates, add_stress, take_stress
   public :: from_theta, to_theta, from_log_theta, state_effect, asinh_of_exp
 
@@ -33,14 +32,13 @@ module pyfric_evolution
   !> Variables.
   integer, parameter :: IN_THETA = 1, IN_LOG = 2
   integer, parameter :: TOGETHER = 64
+  integer, parameter :: N_FIELDS = 5   !! of N_x numbers
   !> exp(-2 q) is lost beside 1 above this q.
   real(dp), parameter :: LOST = 20.0_dp
   !> Newton steps of a root at most, the step after which the next one is the last, the largest |x| of a stage, and the least
   !> ln(|v|/V*).
   integer, parameter :: MOST = 100
   real(dp), parameter :: LAST_STEP = 1e-7_dp, FAR = 690.0_dp, LEAST = -600.0_dp
-  !> What a law that a function does not know gives: NaN.
-  real(dp), parameter :: NOT_KNOWN = transfer(int(z'7FF8000000000000', int64), 1.0_dp)
 
   type :: rate_state_t
     logical :: complete = .false.     !! there was enough memory
@@ -73,7 +71,7 @@ contains
   pure function new_rate_state(nx, numbers, fields) result(of)
     integer, intent(in) :: nx               !! blocks
     real(dp), contiguous, intent(in) :: numbers(:)      !! see numbers_t
-    real(dp), intent(in) :: fields(nx, 5)   !! a, b, D_c, alpha, f*
+    real(dp), intent(in) :: fields(nx, N_FIELDS)   !! a, b, D_c, alpha, f*
     type(rate_state_t) :: of
     type(numbers_t) :: given
     integer :: failed

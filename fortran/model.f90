@@ -167,9 +167,8 @@ contains
     s%push_rate(:) = numbers(4*nx + 1:5*nx)
     s%k_f(:) = numbers(5*nx + 1:6*nx)
     s%gap(:) = numbers(6*nx + 1:7*nx)
-    s%law = new_law(nx, n%law, n%n_memory, s%i_h > 1, s%t_seg, n%n_own, [n%n_hold, n%n_slide, n%n_speed, n%n_age], &
-                    numbers(ROWS*nx + 1:))
-    s%law%keeps = n%keeps == 1
+    s%law = new_law(nx, n%law, n%n_memory, s%i_h > 1, n%keeps == 1, s%t_seg, n%n_own, &
+                    [n%n_hold, n%n_slide, n%n_speed, n%n_age], numbers(ROWS*nx + 1:))
     s%complete = s%law%complete
   end subroutine take_rows
 

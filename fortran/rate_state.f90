@@ -9,7 +9,7 @@ module pyfric_rate_state
                               to_theta, from_log_theta, state_effect, asinh_of_exp
   implicit none (type, external)
   private
-  public :: rate_forces, begin_step, implicit_speeds, balanced_speeds
+  public :: rate_forces, rate_powers, begin_step, implicit_speeds, balanced_speeds
 
   !> 1 - exp(-2 y) is a polynomial of degree 3 below this y.
   real(dp), parameter :: SMALL = 1e-5_dp
@@ -46,6 +46,18 @@ contains
       end do
     end do
   end subroutine rate_forces
+
+  !> Friction power above a kinetic strength, which there is none of, and power of alpha.
+  pure subroutine rate_powers(of, nx, v, above, viscous)
+    type(rate_state_t), intent(in) :: of
+    integer, intent(in) :: nx              !! blocks
+    real(dp), intent(in) :: v(nx)          !! velocities [m/s]
+    real(dp), intent(out) :: above(nx)     !! [W]
+    real(dp), intent(out) :: viscous(nx)   !! [W]
+
+    above = 0.0_dp
+    viscous = of%alpha*v*v
+  end subroutine rate_powers
 
   !> The variables x at the start of a step, and their rates.
   pure subroutine begin_step(of, nx, v, theta, x, rate)

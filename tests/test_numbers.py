@@ -252,7 +252,7 @@ FORTRAN = {
     },
     "derived": {
         "elementary": "INVERSE LOG_2 LOG_2_INVERSE LOG_2_REST ODD TWO_52 WHOLE",
-        "evolution": "NOT_KNOWN",
+        "kinds": "NOT_KNOWN",
         "slow_slip": "A AT BY_TIME C GAMMA INSIDE",
     },
     "cap or size": {

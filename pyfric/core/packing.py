@@ -250,6 +250,8 @@ def springs(
         m=scene.m if m is None else m,
     )
     free = {"rigid": 0, "prescribed": 0, "left": 0, "right": 0, "top": 0}
-    counts = _counts(scene, geometry)._replace(law=Law.code, **free)
+    counts = _counts(scene, geometry)._replace(
+        law=Law.code, n_memory=Law.memory.itemsize // 8, **free
+    )
     none = np.zeros(scene.n_driven)
     return _packed(counts, constants, none, scene.x, np.zeros((len(OF_BLOCKS) - 1) * scene.N_x))

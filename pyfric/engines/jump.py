@@ -10,8 +10,8 @@ prediction. The residual of the equation of motion at the end of the jump,
 
     D = forces(q) - C q' - M q'' ,
 
-corresponds to a displacement K^-1 D. A quadratic term that adds this displacement corrects the
-path, and the tangent at the end refines it once. The jump ends just before a gap function reaches
+corresponds to a displacement K^-1 D. It is added to the path as a quadratic term. This correction
+is refined once, with the tangent at the end of the jump. The jump ends just before a gap function reaches
 zero. Until the truncated part has faded, gap functions are lowered by what it is expected to do.
 
 The estimated error of a jump is a change of gap functions with three causes: what the correction
@@ -284,7 +284,7 @@ class Jump:
         return float((np.abs(self.modes.gaps) @ a).max(initial=0.0))
 
     def _inexact(self, s: float, alive: np.ndarray) -> bool:
-        """Return whether errors of the rates of modes that are alive count at s (s)."""
+        """Return whether errors of decay rates matter at s (s), for modes that still oscillate."""
         wrong = self.ringing.late(s, alive).max(axis=0, initial=0.0)
         return bool((wrong * math.sqrt(len(alive)) > CORRECTED * self.accuracy).any())
 

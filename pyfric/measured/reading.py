@@ -322,7 +322,7 @@ def _scales(
     units: Mapping[str, str],
     calibration: Mapping[str, Any],
 ) -> dict[str, tuple[float, float]]:
-    """Return SI units in 1 of each column that was chosen, and the number that stands for zero."""
+    """Return the factor to SI of each chosen column, and the number in it that means zero."""
     missing: list[SceneError] = []
     found_scales = {}
     for meaning, name in chosen.items():
@@ -343,7 +343,7 @@ def _scale(
     calibration: Mapping[str, Any],
     missing: list[SceneError],
 ) -> tuple[float, float]:
-    """Return SI units in 1 of a column, and the number that stands for zero.
+    """Return the factor to SI of a column, and the number in it that means zero.
 
     A unit that nothing states is added to those that are missing.
     """

@@ -200,9 +200,10 @@ class Jump:
         return self.dt * (n if isinstance(later, Wait) else max(n, later))
 
     def _counted(self, s: float, due: float) -> np.ndarray:
-        """Return what errors of amplitudes at s (s) count: what is left of them when due, (n,).
+        """Return the weights of errors of amplitudes at s (s), shape (n,).
 
-        They count so much at least that the state at s has the accuracy of the end of a run.
+        A weight is the part of the error that is left at the time `due`. It is not below `share`,
+        so that the state at s is as accurate as that at the end of a run.
         """
         return np.maximum(np.exp(self.ringing.growth.real * (due - s)), self.share)
 

@@ -11,8 +11,9 @@ prediction. The residual of the equation of motion at the end of the jump,
     D = forces(q) - C q' - M q'' ,
 
 corresponds to a displacement K^-1 D. It is added to the path as a quadratic term. This correction
-is refined once, with the tangent at the end of the jump. The jump ends just before a gap function reaches
-zero. Until the truncated part has faded, gap functions are lowered by what it is expected to do.
+is refined once, with the tangent at the end of the jump. The jump ends just before a gap function
+reaches zero. Until the truncated part has faded, gap functions are lowered by what it is expected
+to do.
 
 The estimated error of a jump is a change of gap functions with three causes: what the correction
 leaves, the truncated part at the end of the jump, and what the modes leave during the jump: in

@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 
     from pyfric.record.netcdf import Variable
 
-SCHEMA = 11
+SCHEMA = 12
 """Version of the file layout that this module writes and reads."""
 SEAL = "pyfric_seal"
 """Attribute with the SHA-256 of what a file says."""

@@ -62,7 +62,7 @@ def read(
         path: the file.
         columns: meaning -> name of its column, or its number, from 1. Meanings are {MEANINGS}; step
             is the time since the sample before, and is summed to t. None: all columns whose name
-            says what they are. In containers, a name may be without its group. An array with
+            says what they are. In files with groups, a name may omit its group. An array with
             several columns is called "name:1", "name:2" and so on, one with its channels in rows
             "name(1,:)", "name(2,:)".
         units: meaning -> unit, where the file does not state it.

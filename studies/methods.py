@@ -43,9 +43,9 @@ __all__ = ["QUESTIONS", "event_points", "figure", "orders", "table"]
 
 EVENT, BEFORE, AFTER = size(11, 1), 20e-6, 300e-6
 """The main precursor, counted from 0, and the times before and after its first slip, s."""
-SHARES = size((2.0, 0.9, 0.5, 0.25, 0.125, 0.0625, 0.03125), (2.0, 0.9, 0.5))
+SHARES = size((2.0, 0.9, 0.5, 0.25, 0.125, 0.0625, 0.03125), (2.0, 0.9))
 """Steps over the stability limit; the first one must be refused."""
-REFERENCE_SHARES = size((0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625), (0.5, 0.25))
+REFERENCE_SHARES = size((0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625), (0.9, 0.5))
 RTOLS = size((1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8), (1e-3,))
 REPEATS = size(3, 1)
 

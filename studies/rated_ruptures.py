@@ -102,7 +102,8 @@ def study(
 
 def coulomb() -> pd.DataFrame:
     """Return scaled prestress and front speed of the precursors of the Fig. 1 scene."""
-    record = pyfric.simulate("fig1", 0.9, **rated.OPTIONS | {"accuracy": None})
+    scene = pyfric.preset("fig1", **size({}, {"l": 5e-3}))
+    record = pyfric.simulate(scene, 0.9, **rated.OPTIONS | {"accuracy": None})
     mu_k, mu_s = record.scene.interface.mu_k, record.scene.interface.mu_s
     rows = [
         (event, (mean_ratio(record, event, "before") - mu_k) / (mu_s - mu_k), fronts(record, event))

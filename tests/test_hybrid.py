@@ -94,11 +94,11 @@ SCENES = {
     "rod, top driver": (rod(h=0.0125), 0.06),
     "free": (free(), 0.03),
     "free, right": (free(side="right", theta=0.5), 0.03),
-    "free, light edge": (free(theta=0.833), 0.03),
+    "free, light edge": (free(theta=0.833), 0.0195),
     "free, top driver": (free(h=5e-3), 0.04),
     "rod, plate": (rod(h=2.5e-3).replace(h_top=7.5e-3), 0.06),
     "rod, plate up to the rod": (rod(h=5e-3, side="right").replace(h_top=0.0125), 0.06),
-    "free, plate": (free(h=1e-3).replace(h_top=5e-3), 0.04),
+    "free, plate": (free(h=1e-3).replace(h_top=5e-3), 0.0185),
     "no kinetic friction": (free(mu_k=0.0), 0.04),
     "little friction": (rod(mu_s=0.2, mu_k=0.02), 0.03),
 }

@@ -130,8 +130,7 @@ def _off(
     valley if c/s_peak^2 of that of the peak is taken away, so that both are independent.
     """
     variances = {
-        name: measured[f"{name}_error"][:, None] ** 2
-        for name in ("peak", "valley", "drop")
+        name: measured[f"{name}_error"][:, None] ** 2 for name in ("peak", "valley", "drop")
     }
     shared = 0.5 * (variances["peak"] + variances["valley"] - variances["drop"])
     peak, valley = (variances[name] + tolerance**2 for name in ("peak", "valley"))

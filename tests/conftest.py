@@ -57,12 +57,22 @@ def coarse_curves(monkeypatch):
     monkeypatch.setattr(options, "POINTS", 150)
 
 
-@pytest.fixture
-def free_attempts(monkeypatch):
-    """Attempts to jump at the price of six steps: many more of them on small lattices."""
+def _price(monkeypatch, steps):
     from pyfric.engines.hybrid import HybridRun
 
-    monkeypatch.setattr(HybridRun, "_as_steps", lambda self, counts: 6.0)
+    monkeypatch.setattr(HybridRun, "_as_steps", lambda self, counts: steps)
+
+
+@pytest.fixture
+def cheap_attempts(monkeypatch):
+    """Attempts to jump at the price of 40 steps: more of them on small lattices."""
+    _price(monkeypatch, 40.0)
+
+
+@pytest.fixture
+def free_attempts(monkeypatch):
+    """Attempts to jump at the price of six steps: as many as there can be, which takes long."""
+    _price(monkeypatch, 6.0)
 
 
 def pytest_collection_finish():

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from accuracy import SCENE
 from beside import slider_points, wave_points
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from sizes import size
@@ -141,7 +142,7 @@ def event_points(
         reference_shares: steps of the reference over the limit, the last one of which counts.
         repeats: runs of each point that are timed.
     """
-    scene = preset("fig1", **size({}, {"l": 5e-3, "V": 20e-3})) if scene is None else scene
+    scene = preset("fig1", **size({}, SCENE)) if scene is None else scene
     limit = stability_limit(scene)[0]
     starts: dict[str, _Start] = {}
     for geometry in ("finite", *({one.geometry for one in methods} - {"finite"})):

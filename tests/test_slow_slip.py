@@ -435,7 +435,7 @@ def test_events_by_slip_rate_are_those_of_full_dynamics(threshold):
     scene, found = cycles(0).scene, []
     for how in ({"fidelity": "dynamic"}, {"fidelity": "hybrid", "accuracy": 1e-4}):
         how |= {"threshold": threshold, "sample": 1e-3, "progress": False}
-        found.append(pyfric.simulate(scene, 9e-2, **how))
+        found.append(pyfric.simulate(scene, 6e-2, **how))
     full, run = found
     orders = [np.lexsort((one.crossings["t"], one.crossings["block"])) for one in found]
     for name in ("block", "old", "new", "corner"):  # two blocks may pass in one step
@@ -524,13 +524,13 @@ def test_a_slider_has_no_waves_after_slow_slip():
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
 def test_a_cut_run_of_a_slider_is_the_whole_run(geometry):
     """While it rings, in slow slip, and between two phases of it in finite geometry."""
-    whole, record = plate(geometry, fidelity="hybrid", accuracy=1e-5), None
+    whole, record = plate(geometry, t_end=0.09, fidelity="hybrid", accuracy=1e-5), None
     for t in (0.02, 0.0371, 0.064, 0.0802):
         if record is None:
             record = plate(geometry, t_end=t, fidelity="hybrid", accuracy=1e-5)
         else:
             record = pyfric.simulate(whole.scene, t, initial=record, progress=False)
-    rest = pyfric.simulate(whole.scene, 0.12, initial=record, progress=False)
+    rest = pyfric.simulate(whole.scene, 0.09, initial=record, progress=False)
     assert bits(rest.final_state) == bits(whole.final_state)
     assert rest.events.equals(whole.events)
     assert rest.curve.equals(whole.curve)

@@ -17,8 +17,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pyfric.scene.friction import Law
-from pyfric.scene.laws import EVOLUTIONS, FrictionLaw, Junctions, RateAndState, Table, Tables
+from pyfric.scene.friction import Law, memory_of
+from pyfric.scene.laws import (
+    EVOLUTIONS,
+    FrictionLaw,
+    Junctions,
+    RateAndState,
+    Table,
+    Tables,
+    Variable,
+)
 from pyfric.values import SceneError
 
 LONGEST_REST, LARGEST_RATIO = 1e10, 550.0
@@ -44,6 +52,15 @@ class JunctionLaw(Law):
     t_R: Any
     t_R_std: Any
 
+    state: ClassVar[tuple[Variable, ...]] = (
+        Variable("anchor", "m", "position of the anchor of each junction"),
+        Variable("pinned", "1", "1 for a pinned junction, 0 for one that slips"),
+        Variable("release", "s", "time at which each junction pins or pinned"),
+        Variable("breaks", "1", "number of breaks of each junction"),
+    )
+    motion: ClassVar[tuple[Variable, ...]] = (
+        Variable("pinned", "1", "share of the junctions of a block that is pinned", "f4"),
+    )
     code: ClassVar[int] = 2
     restless: ClassVar[str] = (
         "junctions break and pin all the time under load: no jump over a rest gains anything"
@@ -104,8 +121,7 @@ class JunctionLaw(Law):
 
     @property
     def memory(self) -> np.dtype:
-        each = (self.kind.n_s,)
-        return np.dtype([(name, float, each) for name in ("anchor", "pinned", "release", "breaks")])
+        return memory_of(self.state, (self.kind.n_s,))
 
     def begin(
         self, t: float, u_x: np.ndarray, p: np.ndarray, f: np.ndarray, d: int
@@ -179,10 +195,14 @@ class RateStateLaw(Law):
     D_c: Any
     theta: Any
 
+    state: ClassVar[tuple[Variable, ...]] = (
+        Variable("theta", "s", "state variable of rate-and-state friction"),
+    )
+    motion: ClassVar[tuple[Variable, ...]] = state
     code: ClassVar[int] = 3
     restless: ClassVar[str] = "with rate-and-state friction no block ever rests"
     flows: ClassVar[bool] = True
-    memory: ClassVar[np.dtype] = np.dtype([("theta", float)])
+    memory: ClassVar[np.dtype] = memory_of(state)
 
     @classmethod
     def of(
@@ -236,10 +256,6 @@ class RateStateLaw(Law):
         memory["theta"] = self.theta
         return np.full(len(p), self.kind.v_slip), memory
 
-    def in_motion(self, memory: np.ndarray) -> dict[str, np.ndarray]:
-        """Return theta (s)."""
-        return {"theta": memory["theta"].copy()}
-
     @property
     def core_fields(self) -> tuple[Any, ...]:
         return self.a, self.b, self.D_c, self.alpha, self.mu_k
@@ -285,3 +301,5 @@ WITHOUT_REST: dict[type[FrictionLaw], type[JunctionLaw | RateStateLaw]] = {
     RateAndState: RateStateLaw,
 }
 """Kinds of laws under which no block rests, and the classes of their laws."""
+LAWS: tuple[type[Law], ...] = (Law, *WITHOUT_REST.values())
+"""The three types of law."""

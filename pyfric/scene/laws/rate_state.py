@@ -105,7 +105,14 @@ class RateAndState(FrictionLaw):
     v_slip: Annotated[float, Positive("m/s")] = 1e-3
 
     kind: ClassVar[str] = "rate_and_state"
-    fields: ClassVar[tuple[str, ...]] = ("a", "b", "D_c", "f_star", "theta_0", "v_0")
+    fields: ClassVar[dict[str, str]] = {
+        "a": "direct effect",
+        "b": "evolution effect",
+        "D_c": "slip over which the state evolves",
+        "f_star": "friction coefficient at the reference speed",
+        "theta_0": "state at t = 0",
+        "v_0": "speed of the state at t = 0",
+    }
     coefficient: ClassVar[str] = "f_star"
     example: ClassVar[dict[str, Any]] = {"a": 0.01, "b": 0.015, "D_c": 1e-6, "f_star": 0.45}
 

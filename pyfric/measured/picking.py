@@ -220,11 +220,13 @@ def _finished(
     resolution: float,
     notes: Sequence[str] = (),
 ) -> pd.DataFrame:
-    table = table.reset_index(drop=True)
-    table.index = pd.RangeIndex(1, len(table) + 1, name="event")
-    parts = table["part"] if "part" in table else np.zeros(len(table))
-    table["recurrence"] = table["t_start"].groupby(np.asarray(parts)).diff()
-    table = table[list(OF_SLIP if "slip" in table else COLUMNS)]
+    start = table["t_start"].to_numpy()
+    recurrence = np.diff(start, prepend=np.nan)
+    if "part" in table:
+        recurrence[np.diff(table["part"].to_numpy(), prepend=-1) != 0] = np.nan
+    columns = {name: table[name].to_numpy() for name in table} | {"recurrence": recurrence}
+    columns = {name: columns[name] for name in (OF_SLIP if "slip" in table else COLUMNS)}
+    table = pd.DataFrame(columns, index=pd.RangeIndex(1, len(table) + 1, name="event"))
     table.attrs = {"noise": noise, "smooth": smooth, "threshold": threshold}
     table.attrs |= {"resolution": resolution, "notes": tuple(notes)}
     return table
@@ -472,18 +474,18 @@ def _of_record(record: Record, threshold: float, t_gap: float | None) -> pd.Data
     grows between them. If a pause is given, those of a quasi-static run, each at one time of its
     curve, are parted first.
     """
-    scene, found = record.scene, record.events
-    t, F_T = (record.curve[name].to_numpy() for name in ("t", "F_T"))
+    scene, curve, found = record.scene, record.columns("curve"), record.columns("events")
+    t, F_T = curve["t"], curve["F_T"]
     sudden = np.flatnonzero((np.diff(t) == 0) & (np.diff(F_T) < 0))
 
     def over(t: float, F_T: float) -> float:
         load = scene.load_at(t)
         return F_T / (scene.F_N if load is None else load[0])
 
-    first = float(record.curve["t"].iloc[0]), float(record.curve["F_T"].iloc[0])
-    names = ["t_start", "t_stop", "F_T_start", "F_T_arrest"]
+    first = float(t[0]), float(F_T[0])
+    ends = (found[name].tolist() for name in ("t_start", "t_stop", "F_T_start", "F_T_arrest"))
     together: list[list[tuple[float, ...]]] = []
-    for start, stop, F_start, F_stop in found[names].itertuples(index=False):
+    for start, stop, F_start, F_stop in zip(*ends, strict=True):
         if not np.isfinite(F_start - F_stop):
             continue
         inside = [] if t_gap is None else sudden[(t[sudden] >= start) & (t[sudden] <= stop)]

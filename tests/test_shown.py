@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import pyfric
+from pyfric.record.zones import zone_at_rest
 
 ROOT = Path(__file__).parents[1]
 NUMBER = re.compile(r"\[([\d.]+(?:e-?\d+)?)\]")
@@ -88,6 +89,13 @@ def weight():
     """What the foundation bears more with gravity, over F_N."""
     scene = pyfric.preset("fig1", g="9.81 m/s^2")
     return pyfric.loaded_state(scene).p.sum() / scene.F_N - 1
+
+
+def zone(name, **changes):
+    """Length of the cohesive zone at rest, median over blocks, mm."""
+    scene = pyfric.preset(name, **changes)
+    zones = zone_at_rest(scene, pyfric.loaded_state(scene).p)
+    return 1e3 * scene.slider.l * np.nanmedian(zones)
 
 
 def blocks_in_L_b(name):

@@ -618,7 +618,7 @@ def test_arrays_are_lists_of_rows(made):
     assert scene.top.protocol == ((0.1, 410.0), (0.2, 420.0))
     assert [(one.block, one.force) for one in scene.top.push] == [(2, 0.25), (3, 0.5)]
     assert setup1(mu_s=pd.Series([0.7] * 57)).interface.mu_s == (0.7,) * 57
-    refused(lambda: setup1(push=made([[2.5, 0.25]])), "top.push", "not a whole number")
+    refused(lambda: setup1(push=made([[2.5, 0.25]])), "top.push", value=2.5, within=(0, 1000000000))
 
 
 def test_a_state_of_another_lattice_is_refused():

@@ -16,7 +16,7 @@ from pyfric.engines import Asked, outlines
 from pyfric.record import EVENT_COLUMNS, RUN_COLUMNS, Outline
 from pyfric.scene import Spread, chain
 from pyfric.statics import EquilibriumError
-from pyfric.sweeps import Span, Store, Sweep, measures, measures
+from pyfric.sweeps import Span, Store, Sweep, measures
 from pyfric.values import SceneError
 
 simulate = functools.partial(pyfric.simulate, fidelity="quasistatic", progress=False)

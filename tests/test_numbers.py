@@ -149,6 +149,7 @@ KINDS = {
         "results": "MEASURED",
         "sequences": "IN_EVENT MOVES PASSES",
         "spacings": "AT",
+        "rate_state": "EVOLUTIONS",
         "state": "OPEN SIDES STUCK",
         "steppers": "_RK4_ROWS",
         "units": "PREFIXES",
@@ -189,7 +190,7 @@ KINDS = {
         "parts": "MAX_BLOCKS",
         "profile": "MAX_BYTES",
         "protocol": "MOST",
-        "rate_state": "LARGEST LONGEST",
+        "rate_state": "LARGEST LONGEST MOST",
         "restless": "LARGEST_RATIO LONGEST_REST",
         "sequences": "KEPT POINTS QUIET",
         "spread": "MOST_CELLS",
@@ -251,12 +252,14 @@ FORTRAN = {
     },
     "derived": {
         "elementary": "INVERSE LOG_2 LOG_2_INVERSE LOG_2_REST ODD TWO_52 WHOLE",
+        "kinds": "NOT_KNOWN",
         "slow_slip": "A AT BY_TIME C GAMMA INSIDE",
     },
     "cap or size": {
         "location": "SHORTEST_SUBSTEP",
         "model": "S_SERIES",
-        "rate_state": "LAST_STEP LEAST LOST SMALL",
+        "evolution": "FAR LAST_STEP LEAST LOST",
+        "rate_state": "SMALL",
     },
 }
 """Real parameters of the core, as `KINDS`; none is fitted. Those of steppers are coefficients."""

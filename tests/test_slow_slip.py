@@ -7,8 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 import rated_spacing
+import scipy.optimize
 from helpers import bits, peer
-from rate_state import EVOLUTIONS, LAW, coefficient, rated, row, slow
+from rate_state import EVOLUTIONS, LAW, OWN, RATES, coefficient, rated, row, slow
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
@@ -18,7 +19,7 @@ from pyfric.engines.cost import work_so_far
 from pyfric.engines.linearised import Linearised
 from pyfric.engines.path import Outside
 from pyfric.engines.slow_slip import RateHybridRun, values_of
-from pyfric.scene import chain, setup1, setup2
+from pyfric.scene import chain, laws, setup1, setup2
 from pyfric.statics import StaticSolver, loaded_state
 
 STORED = Path(__file__).parents[1] / "reference_data" / "rated"
@@ -176,20 +177,35 @@ def test_slow_slip_is_that_of_another_method(evolution, other, viscous):
     scene, load, found = creep(**how)
     law = scene.interface.law
 
-    def rates(t, y):
-        u, x = y[:3], y[3:]
-        psi, v = np.log(law.V_star / law.D_c) + x, np.zeros(3)
-        speed = 2 * law.V_star * np.exp(-(law.f_star + law.b * psi) / law.a)
+    stress = (law.c or 0.0) / law.b
+
+    def balanced(t, y):
+        """Return speeds and ln(theta) from u and ln(theta) + (c/b) mu."""
+        v = np.zeros(3)
         for _ in range(30 if viscous.any() else 1):
-            pushed, p = load + 6.0 * t - 6e5 * u + viscous[0] @ v, 20.0 + viscous[1] @ v
+            pushed, p = load + 6.0 * t - 6e5 * y[:3] + viscous[0] @ v, 20.0 + viscous[1] @ v
+            x = y[3:] - stress * pushed / p
+            psi = np.log(law.V_star / law.D_c) + x
+            speed = 2 * law.V_star * np.exp(-(law.f_star + law.b * psi) / law.a)
             v = speed * np.sinh(pushed / (p * law.a))
-        rate = v / law.D_c
-        evolves = np.exp(-x) - rate if evolution == "ageing" else -rate * (np.log(rate) + x)
-        return np.concatenate([v, evolves])
+        return v, x
+
+    def rates(t, y):
+        v, x = balanced(t, y)
+        return np.concatenate([v, RATES[evolution](v * np.exp(x) / law.D_c) * np.exp(-x)])
 
     start = np.append(np.zeros(3), np.full(3, np.log(0.5)))
+    if stress:  # mu where the speeds balance the load at this theta
+
+        def off(given):
+            return balanced(0.0, np.append(np.zeros(3), given))[1] - np.log(0.5)
+
+        start[3:] = scipy.optimize.root(off, start[3:] + stress * load / 20.0, tol=1e-14).x
     atol = np.repeat([1e-16, 1e-10], 3)
-    exact = other(rates, start, np.array([0.1, 0.2, 1.0]), atol)
+    times = np.array([0.1, 0.2, 1.0])
+    exact = other(rates, start, times, atol)
+    for t, y in zip(times, exact, strict=True):
+        y[3:] = balanced(t, y.copy())[1]
 
     def error(run):
         return np.abs(run.points[:, :2].reshape(3, 6) / exact - 1).max()
@@ -334,32 +350,37 @@ def slide(scene, elastic, start, load, **limits):
 def test_perturbations_of_steady_slip_grow_as_in_linear_theory(evolution):
     """Each mode of the lattice with stiffness K: (p a/V) s^2 + (K - k_c) s + K V/D_c = 0.
 
-    Modes with K < k_c = p (b - a)/D_c grow: those of up to three half waves, the longer ones.
+    Modes with K < k_c = p (b - a)/D_c grow: those of up to three half waves, the longer ones. With
+    Nagata's law k_c is smaller by 1 + c.
     """
     V, p, a, b = 1e-6, 10.0, LAW["a"], LAW["b"]
     scene, elastic = block_of(41, 20, a, 2.0)
-    scene = scene.replace({"interface.law.evolution": evolution})
+    own = {"evolution": evolution} | OWN.get(evolution, {})
+    scene = scene.replace({f"interface.law.{name}": value for name, value in own.items()})
     D_c, grew = scene.interface.law.D_c, []
     stiffness, modes = np.linalg.eigh(-elastic)
-    critical = p * (b - a) / D_c
-    steady = p * (LAW["f_star"] + (a - b) * np.log(V / 1e-6))
+    law, c = laws.EVOLUTIONS[evolution], scene.law.c
+    critical = p * (b - a) / (D_c * (1 + c))
+    steady = p * (LAW["f_star"] + (a - b) * np.log(V / 1e-6) + b * np.log(law.steady))
     for n in (1, 2, 3, 4, 5, 7, 10, 20):
         K, shape = stiffness[n], modes[:, n]
         # d/dt of u and ln theta beyond steady slip: v = -(V/(p a)) (K u + p b y)
         rate = np.array([[-K, -p * b], [K / D_c, p * b / D_c - p * a / D_c]]) * V / (p * a)
+        rate[1] += c * K / (b * p) * rate[0]  # with a rate of stress, -(c/b) (-K v/p)
         t = 0.3 * D_c / V
         small = 1e-5
         limits = {"end": t, "dt": 1e-9, "relative": 1e-11, "u": 1e-11 * D_c * small}
         limits["log_theta"] = 1e-11 * small
-        start = np.log(D_c / V) + small * shape
+        start = np.log(law.steady * D_c / V) + small * shape
         found = slide(scene, elastic, start, (steady, 0.0), **limits)
         expected = expm(rate * t) @ [0.0, small]
-        u, y = shape @ (found.u - V * t), shape @ (found.log_theta - np.log(D_c / V))
+        u, y = shape @ (found.u - V * t), shape @ (found.log_theta - np.log(law.steady * D_c / V))
         np.testing.assert_allclose([u, y], expected, rtol=0.01)
         roots = np.linalg.eigvals(rate)
         grew.append(roots.real.max() > 0)
         assert grew[-1] == (K < critical)
-    assert grew == [True] * 3 + [False] * 5
+    assert grew == sorted(grew, reverse=True)
+    assert grew.count(True) == (1 if c else 3)
 
 
 def test_nucleation_is_wider_the_closer_a_is_to_b():
@@ -409,12 +430,17 @@ def cycles(accuracy, evolution="ageing"):
 def _cycles(accuracy, evolution):
     """Return a run of some stick-slip cycles: full dynamics for accuracy 0."""
     law = {"D_c": 1e-6, "v_0": 2e-3, "evolution": evolution}
+    if evolution == "nagata":  # a/(1 + c) and b/(1 + c) act
+        law |= {"a": 3 * LAW["a"], "b": 3 * LAW["b"]}
     scene = chain(L=0.02, V=2e-3, K=1e6, p=20.0, tau=0.0, interface=rated(**law))
     how = {"accuracy": accuracy, "fidelity": "hybrid"} if accuracy else {"fidelity": "dynamic"}
     return pyfric.simulate(scene, 9e-2, sample=1e-3, progress=False, **how)
 
 
-@pytest.mark.parametrize("evolution", ["ageing", pytest.param("slip", marks=pytest.mark.slow)])
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("slip", "prz")]
+
+
+@pytest.mark.parametrize("evolution", ["ageing", "nagata", *SLOW])
 def test_moving_the_hand_over_changes_events_within_the_accuracy(evolution):
     exact = cycles(0, evolution).events
     spared = []

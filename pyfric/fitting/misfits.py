@@ -146,9 +146,9 @@ def _off(
 def overview(measured: pd.DataFrame, model: pd.DataFrame) -> np.ndarray:
     """Return how far a model is, event by event, without a match: shape (2 n,).
 
-    An event counts by the part of it that would have been seen: none at half of the threshold of
-    the measurement, half at the threshold. Numbers of events may differ by a constant, as small
-    early events may be lost in noise.
+    Events near the threshold of the measurement count in part: 0 below half of it, 1/2 at the
+    threshold, 1 from 1.5 times the threshold on. Numbers of events may differ by a constant, as
+    small early events may be lost in noise.
     """
     threshold = measured.attrs.get("threshold", 0.0)
 

@@ -248,7 +248,7 @@ class Sizes(_OfEvents):
 
     @property
     def duration(self) -> float:
-        """Of the measurement, or of a first loading and enough events, s."""
+        """Time to simulate, s: that of the measurement, or less if enough events come earlier."""
         table, whole = large(self.whole), LONGER * float(self.whole.attrs["t_end"])
         mean, rate = float(table["t_start"].diff().mean()), float(self.whole["rate"].median())
         first = float(table["peak"].mean()) / rate if rate > 0 else whole

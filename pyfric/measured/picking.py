@@ -114,11 +114,12 @@ def events(
             noise. Falls within the time of so many usual steps are one event.
         threshold: smallest drop of an event, over F_N, or its smallest slip, m; None: what is clear
             of the noise.
-        t_gap: without noise, and in runs: falls within this pause are one event, s, at the time of
-            the largest, whose drop is the sum of theirs; None: that of `pyfric.build_catalogue`,
-            from the start of the first fall to the end of the last, in runs and in what `sampled`
-            makes of them; 0 in other curves, whose events are then all falls from a turning point
-            to the next. Without noise, all slip is a step, creep too.
+        t_gap: pause in s, of runs and of curves without noise. Falls within it are one event. Its
+            time is that of the largest fall, its drop the sum of all. None: for runs, and for what
+            `sampled` makes of them, the pause of `pyfric.build_catalogue`, from the start of the
+            first fall to the end of the last; for other curves 0, so that each fall from a turning
+            point to the next is an event. Slip without noise is split into steps wherever it
+            grows, even if it creeps.
 
     Returns:
         A data frame with a row for each event, counted from 1, and columns as in `COLUMNS`, or

@@ -19,8 +19,9 @@ L_c        Slip weakening: 1.158 E d_c/((mu_s - mu_k) p), twice the half-length 
            Rubin and Ampuero, 1.3774 L_b for a/b < 0.378, else L_b/(pi (1 - a/b)^2).
 Series     `SERIES`. Neither F_N nor V is a test of L_c alone: in linear geometry F_N and V at one
            L_c/L are one parameter, V/F_N. Only the laws, mu_s, L, H and h test it.
-Disorder   mu_s (f* with rate and state) is a random field of the same x for each l, `SEEDS` seeds,
-           of width `WIDTH` over a correlation length of 20 mm. Error bars are standard errors.
+Disorder   mu_s (f* with rate and state) is a random field of the same x for each l, `SEEDS` seeds
+           (`FEW` where runs are long), of width `WIDTH` over a correlation length of 20 mm. Error
+           bars are standard errors.
 Collapse   y = ln(1 + mean count) of a series at a value of L_c/L. The curve of a scale is the best
            one that never rises (least squares). The share of a scale is that of the variance of y
            which curves through the other series predict, each series left out in turn: a curve
@@ -75,8 +76,8 @@ RATED_WIDTH = 0.01
 """That of f*, whose drops are smaller."""
 CORRELATION = 20e-3
 """Correlation length of both, m."""
-SEEDS = size(6, 2)
-"""Of each point."""
+SEEDS, FEW = size(6, 2), size(3, 2)
+"""Of each point, and of points whose runs take long."""
 AT = size((0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.6), (0.05, 0.6))
 """L_c/L of slip weakening; in the base series d_c = 0.8 to 25 um."""
 AT_RATED = size((0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.6), (0.6,))
@@ -107,17 +108,21 @@ UENISHI_RICE, RUBIN_AMPUERO, SMALL_RATIO = 2 * 0.579, 1.3774, 0.378
 
 
 class Series(NamedTuple):
-    """A series of runs: what it changes, and the L_c/L at which it is run."""
+    """A series of runs: what it changes, L_c/L at which it is run, and its largest number of seeds.
+
+    Series whose runs take ten seconds have fewer seeds.
+    """
 
     changes: Mapping[str, Any] = {}
     at: Sequence[float] = AT
     preset: str = "fig1"
+    seeds: int = SEEDS
 
 
 _RATED: dict[str, Any] = {"preset": "rate_and_state", "at": AT_RATED}
 SERIES = {
     "base": Series(),
-    "exponential": Series({"law": ExponentialWeakening()}),
+    "exponential": Series({"law": ExponentialWeakening()}, seeds=FEW),
     "mu_s = 0.575": Series({"mu_s": 0.575}),
     "L = 70 mm": Series({"L": 0.07, "F_N": 1750.0}),
     "H = 35 mm": Series({"H": 0.035, "M": 0.0756 * 35 / 75}),
@@ -130,14 +135,13 @@ SERIES = {
     "V = 3.15 mm/s": Series({"V": 4 * V}),
     "V = 0.2 mm/s": Series({"V": V / 4}),
     "l = 2.5 mm": Series({"l": 2.5e-3}, NEAR),
-    "exponential, l = 2.5 mm": Series({"l": 2.5e-3, "law": ExponentialWeakening()}, NEAR),
     "rate and state": Series(**_RATED),
     "rate and state, a/b = 1/3": Series({"a": 0.005}, **_RATED),
     "rate and state, h = 20 mm": Series({"h": 0.02}, **_RATED),
     "rate and state, H = 35 mm": Series({"H": 0.035, "M": 0.0756 * 35 / 75}, **_RATED),
     "rate and state, F_N = 1750 N": Series({"F_N": 1750.0}, **_RATED),
     "rate and state, l = 2.5 mm": Series({"l": 2.5e-3}, **_RATED),
-    "rate and state, V = 4 mm/s": Series({"V": 10 * RATED_V}, **_RATED),
+    "rate and state, V = 4 mm/s": Series({"V": 10 * RATED_V}, **_RATED, seeds=FEW),
 }
 """Series by name."""
 SERIES = size(SERIES, {name: SERIES[name] for name in ("base", "l = 2.5 mm", "rate and state")})
@@ -231,16 +235,17 @@ def study(
         runs: folder in which rows are kept; it is made if missing. Rows that are there are not made
             again.
         names: series.
-        seeds: number of seeds of each point.
+        seeds: number of seeds of each point, at most that of the series.
         say: told what is run next.
     """
     runs.mkdir(parents=True, exist_ok=True)
     tables = []
     for name in names:
+        count = min(seeds, SERIES[name].seeds)
         for share in SERIES[name].at:
             path = runs / f"{name.replace('/', '_')}, {share:g}.csv"
-            table = _kept(path, name, share, seeds, say)
-            tables.append(table[table["seed"] < seeds])
+            table = _kept(path, name, share, count, say)
+            tables.append(table[table["seed"] < count])
     return pd.concat(tables, ignore_index=True)
 
 

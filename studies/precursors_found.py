@@ -3,13 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy.optimize import isotonic_regression
 from sizes import size
 
-__all__ = ["ENOUGH", "ONE", "SCALES", "collapse", "end", "ends", "points", "share", "verdict"]
+from pyfric.figures import DataFigure
+
+__all__ = [
+    "ENOUGH",
+    "ONE",
+    "SCALES",
+    "collapse",
+    "end",
+    "ends",
+    "figure",
+    "measured",
+    "points",
+    "report",
+    "share",
+    "tables",
+    "verdict",
+]
 
 ENOUGH = 0.9
 """Least share of the variance that counts as a collapse."""
@@ -30,8 +47,14 @@ SCALES: dict[str, Callable[[pd.DataFrame], pd.Series]] = {
     "L_c": lambda of: of["L_c"],
     "L_c/h": lambda of: of["L_c"] / of["h"],
     "L_c/l": lambda of: of["L_c"] / of["l"],
+    "L_b/L": lambda of: of["zone"] * of["l"] / of["L"],
 }
 NULLS = ("d_c", "L_c", "L_c/h", "L_c/l")
+WEAKENING = tuple(name for name in SCALES if name != "L_b/L")
+RATED = ("L_c/L", "L_c/H", "L_b/L", "d_c", "L_c/h", "L_c/l")
+"""Scales of both kinds of laws. L is the same in all series of rate and state."""
+LARGEST = 5e-3
+"""Larger spacing of the lattices that are compared, m."""
 
 
 # --- points --------------------------------------------------------------------------------------
@@ -74,7 +97,7 @@ def share(x: np.ndarray, y: np.ndarray, series: np.ndarray) -> float:
 
 
 def collapse(
-    table: pd.DataFrame, scales: Sequence[str] = tuple(SCALES), draws: int = DRAWS
+    table: pd.DataFrame, scales: Sequence[str] = WEAKENING, draws: int = DRAWS
 ) -> pd.DataFrame:
     """Return the share of each scale, its 95 % interval, and how often it exceeds that of L_c/L.
 
@@ -173,3 +196,169 @@ def spread_of_ends(found: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows)
+
+
+# --- all of it -----------------------------------------------------------------------------------
+
+
+def measured(runs: pd.DataFrame) -> pd.DataFrame:
+    """Return runs with what follows from lengths: first and longest precursor over L, and large.
+
+    large is the number of precursors that reach as far as four blocks of `LARGEST`.
+    """
+    lengths = [np.array(str(text).split(), float) for text in runs["lengths"].fillna("")]
+    reached = (runs["L"] + runs["l"]) * (1 + 1e-3)  # lengths have four digits
+    large = [(one * far >= 4 * LARGEST).sum() for one, far in zip(lengths, reached, strict=True)]
+    first = [one[0] if one.size else np.nan for one in lengths]
+    return runs.assign(
+        first=first, longest=[one.max() if one.size else np.nan for one in lengths], large=large
+    )
+
+
+def tables(runs: pd.DataFrame, checks: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Return the tables of the study by name.
+
+    Args:
+        runs: that of `precursors.study`.
+        checks: that of `precursors.checks`.
+    """
+    runs = measured(runs)
+    found = points(runs)
+    for column in ("n_by_rate", "first", "longest"):
+        other = points(runs, column)
+        found[[f"{column}_mean", f"{column}_error"]] = other[["mean", "error"]]
+    own = []
+    for by, column in {"contact": "n", "rate": "n_by_rate", "four blocks of 5 mm": "large"}.items():
+        own.append(ends(runs, column).assign(by=by))
+    scales, spreads = [], []
+    for by, column in {"contact": "n", "rate": "n_by_rate"}.items():
+        for law, part in _laws(runs).items():
+            names = WEAKENING if law == "slip weakening" else RATED
+            scales.append(collapse(points(part, column), names).assign(by=by, law=law))
+            of = spread_of_ends(ends(part, column), part)
+            spreads.append(of[of["scale"].isin(names)].assign(by=by, law=law))
+    return {
+        "runs": runs,
+        "points": found,
+        "ends": pd.concat(own, ignore_index=True),
+        "collapse": pd.concat(scales, ignore_index=True),
+        "spread": pd.concat(spreads, ignore_index=True),
+        "checks": compared(runs, checks),
+    }
+
+
+def _laws(runs: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Return the runs with slip weakening, and with rate and state, where there are series."""
+    rated = runs["law"] == "rate_and_state"
+    both = {"slip weakening": runs[~rated], "rate and state": runs[rated]}
+    return {law: part for law, part in both.items() if part["series"].nunique() > 1}
+
+
+def compared(runs: pd.DataFrame, checks: pd.DataFrame) -> pd.DataFrame:
+    """Return counts and forces of runs beside those of full dynamics."""
+    if not len(checks):
+        return pd.DataFrame(columns=["series", "share", "n", "n_dynamic"])
+    same = ["series", "share", "seed"]
+    names = ["n", "n_by_rate", "F_first", "F_slide_by_rate", "seconds"]
+    return checks[same + names].merge(
+        runs[same + names], on=same, suffixes=("_dynamic", ""), validate="one_to_one"
+    )
+
+
+def report(found: dict[str, pd.DataFrame]) -> str:
+    """Return the verdict, the ends and what was compared."""
+    lines = []
+    for (law, by), part in found["collapse"].groupby(["law", "by"], sort=False):
+        nulls = [name for name in NULLS if name in set(part["scale"])]
+        lines.append(f"{law}, events by {by}: L_c/L {verdict(part, nulls)}")
+        lines += [
+            f"  {row['scale']}: {row['share']:.2f} ({row['low']:.2f} to {row['high']:.2f}), "
+            f"better than L_c/L in {row['better_than_first']:.0%}"
+            for _, row in part.iterrows()
+        ]
+    lines.append("ends in L_c/L, by contact and by rate")
+    for name, part in found["ends"].groupby("series", sort=False):
+        each = ", ".join(
+            f"{row['end']:.3f} ({row['low']:.3f} to {row['high']:.3f})"
+            for _, row in part[part["by"] != "four blocks of 5 mm"].iterrows()
+        )
+        lines.append(f"  {name}: {each}")
+    return "\n".join(lines)
+
+
+def figure(found: dict[str, pd.DataFrame]) -> DataFigure:
+    """Return the study as a figure: counts over d_c and L_c/L, lengths, and rate and state."""
+    table = found["points"]
+    rated = table["law"] == "rate_and_state"
+    fig = DataFigure(figsize=(8.4, 7.0), layout="constrained")
+    (by_d_c, by_share), (lengths, of_rate) = fig.subplots(2, 2)
+    for (name, part), look in zip(table[~rated].groupby("series", sort=False), LOOKS, strict=False):
+        how = {**look, "label": _label(name)} | LINES
+        by_d_c.errorbar(1e6 * part["d_c"], part["mean"], part["error"], **how)
+        by_share.errorbar(part["share"], part["mean"], part["error"], **how)
+        longest = part["longest_mean"], part["longest_error"]
+        lengths.errorbar(part["share"], *longest, **how)
+    for (name, part), look in zip(table[rated].groupby("series", sort=False), LOOKS, strict=False):
+        label = _label(name.removeprefix("rate and state, ")).replace("rate and state", "base")
+        of_rate.errorbar(part["share"], part["mean"], part["error"], **look, label=label, **LINES)
+    by_d_c.set_xlabel(r"slip of weakening $d_\mathrm{c}$ ($\mu$m)")
+    share = r"nucleation length over length of the slider, $L_\mathrm{c}/L$"
+    for axes in (by_share, lengths, of_rate):
+        axes.set_xlabel(share)
+    for axes in (by_d_c, by_share, of_rate):
+        axes.set_ylabel("precursors in a run")
+        axes.set_yscale("symlog", linthresh=1, linscale=0.6)
+        axes.set_yticks([0, 1, 2, 5, 10, 20, 50], ["0", "1", "2", "5", "10", "20", "50"])
+        axes.set_ylim(bottom=-0.15)
+    lengths.set_ylabel(r"longest precursor $L_\mathrm{p}/L$")
+    lengths.set_ylim(0, 1)
+    titles = (
+        "(a) slip weakening, number over $d_c$",
+        "(b) the same runs over $L_c/L$",
+        "(c) their longest precursor",
+        "(d) rate and state, number over $L_c/L$",
+    )
+    for axes, title in zip((by_d_c, by_share, lengths, of_rate), titles, strict=True):
+        axes.set_xscale("log")
+        axes.set_title(title, fontsize=9, loc="left")
+    by_d_c.legend(fontsize=6.5, frameon=False, ncols=1)
+    of_rate.legend(fontsize=6.5, frameon=False)
+    fig.tables = found
+    fig.caption = (
+        "Precursors before the first event of the whole slider: means over seeds of disorder in "
+        "mu_s (3 %, correlation length 20 mm; f* by 1 % with rate and state), error bars are "
+        "standard errors. Each series changes one thing of the Fig. 1 scene with l = 5 mm. L_c is "
+        "the nucleation length of Uenishi and Rice, or of Rubin and Ampuero in (d). Hybrid engine, "
+        "linear geometry, accuracy 1e-3."
+    )
+    return fig
+
+
+def _label(name: str) -> str:
+    """Return the name of a series with the paper's letters."""
+    words = {"mu_s": r"$\mu_\mathrm{s}$", "F_N": r"$F_\mathrm{N}$"}
+    for plain, letters in words.items():
+        name = name.replace(plain, letters)
+    return name
+
+
+LINES: dict[str, Any] = {"ms": 3.5, "lw": 0.8, "capsize": 2, "elinewidth": 0.8}
+LOOKS: tuple[dict[str, Any], ...] = tuple(
+    {"color": colour, "fmt": f"{marker}{line}"}
+    for marker, line, colour in (
+        ("o", "-", "black"),
+        ("s", "-", "#D55E00"),
+        ("^", "-", "#009E73"),
+        ("v", "-", "#0072B2"),
+        ("D", "-", "#CC79A7"),
+        ("P", "-", "#56B4E9"),
+        ("<", "--", "#E69F00"),
+        (">", "--", "#D55E00"),
+        ("x", "--", "#009E73"),
+        ("1", "--", "#0072B2"),
+        ("2", "--", "#CC79A7"),
+        ("o", ":", "black"),
+        ("s", ":", "#D55E00"),
+    )
+)
+"""Of series, in their order."""

@@ -51,6 +51,7 @@ J. Geophys. Res. 110, B11312 (2005).
 from __future__ import annotations
 
 import math
+import re
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -82,7 +83,7 @@ AT = size((0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.6), (0.05, 0.6))
 """L_c/L of slip weakening; in the base series d_c = 0.8 to 25 um."""
 AT_RATED = size((0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.6), (0.6,))
 """L_c/L of rate and state."""
-NEAR = size((0.1, 0.15, 0.2, 0.25, 0.3), (0.6,))
+NEAR = size((0.1, 0.15, 0.2, 0.25, 0.3), (0.05,))
 """L_c/L on lattices of half the spacing."""
 V, RATED_V = 0.7875e-3, 0.4e-3
 """Speed of the driver, m/s."""
@@ -243,10 +244,15 @@ def study(
     for name in names:
         count = min(seeds, SERIES[name].seeds)
         for share in SERIES[name].at:
-            path = runs / f"{name.replace('/', '_')}, {share:g}.csv"
+            path = _file(runs, name, share)
             table = _kept(path, name, share, count, say)
             tables.append(table[table["seed"] < count])
     return pd.concat(tables, ignore_index=True)
+
+
+def _file(runs: Path, name: str, share: float) -> Path:
+    """Return the file of a point."""
+    return runs / f"precursors_{re.sub(r'[^a-zA-Z0-9.]+', '_', name)}_{share:g}.csv"
 
 
 def _kept(
@@ -282,7 +288,7 @@ def checks(runs: Path, say: Callable[[str], None] = lambda _: None) -> pd.DataFr
     runs.mkdir(parents=True, exist_ok=True)
     tables = []
     for name, share in CHECKED:
-        path = runs / f"check, {name.replace('/', '_')}, {share:g}.csv"
+        path = _file(runs, f"{name} dynamic", share)
         if not path.is_file():
             say(f"full dynamics, {name}, L_c/L = {share:g}")
             (job,) = sweep_of(SERIES[name], share, [0]).jobs

@@ -1,7 +1,6 @@
 """The study of precursors: its rule on numbers made up, its lengths, and its stored result."""
 
 import math
-import re
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +9,7 @@ import precursors
 import precursors_found as found
 import pytest
 
+import pyfric
 from pyfric.laws import ExponentialWeakening
 
 ROOT = Path(__file__).parents[1]
@@ -36,8 +36,13 @@ def made_up(of, noise=0.0):
 
 @pytest.mark.parametrize(
     ("scale", "noise", "said"),
-    [("L_c/L", 0.05, "holds"), ("L_c/h", 0.05, "refuted"), ("d_c", 0.05, "refuted")]
-    + [("L_c/l", 0.05, "refuted"), ("L_c/L", 1.0, "not told")],
+    [
+        ("L_c/L", 0.05, "holds"),
+        ("L_c/h", 0.05, "refuted"),
+        ("d_c", 0.05, "refuted"),
+        ("L_c/l", 0.05, "refuted"),
+        ("L_c/L", 1.0, "not told"),
+    ],
 )
 def test_the_rule_tells_which_scale_sets_the_count(scale, noise, said):
     """The share of the true scale is high, and that of others low; noise tells nothing."""
@@ -127,3 +132,51 @@ def test_exponential_weakening_has_the_slope_and_twice_the_energy():
     assert about["zone"] == pytest.approx(2 * base["zone"], rel=0.02)
     law = ExponentialWeakening()
     assert law == precursors.SERIES["exponential"].changes["law"]
+
+
+# --- runs ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def small(monkeypatch):
+    monkeypatch.setattr(precursors, "BASE", {"l": 5e-3, "L": 0.04, "H": 0.02, "F_N": 1000.0})
+    monkeypatch.setattr(precursors, "PUSHED", 0.4e-3)
+    series = {"base": precursors.Series(at=(0.05, 0.1)), "few": precursors.Series(at=(), seeds=1)}
+    monkeypatch.setattr(precursors, "SERIES", series)
+    monkeypatch.setattr(precursors, "CHECKED", (("base", 0.05),))
+
+
+def test_runs_that_are_there_are_not_made_again(small, tmp_path, monkeypatch):
+    """What was made before a stop stays, and more seeds add runs; counts are those of records."""
+    made, real = [], precursors._made
+
+    def counted(job):
+        if len(made) == 2:
+            made.append(None)
+            raise KeyboardInterrupt
+        made.append(job)
+        return real(job)
+
+    monkeypatch.setattr(precursors, "_made", counted)
+    with pytest.raises(KeyboardInterrupt):
+        precursors.study(tmp_path, ["base"], seeds=2)
+    table = precursors.study(tmp_path, ["base"], seeds=2)
+    assert len(made) == 5  # four runs, one of them begun twice
+    assert table[["share", "seed"]].to_numpy().tolist() == [
+        [0.05, 0],
+        [0.05, 1],
+        [0.1, 0],
+        [0.1, 1],
+    ]
+    again = precursors.study(tmp_path, ["base"], seeds=2)
+    pd.testing.assert_frame_equal(table, again)
+    assert len(made) == 5
+    record = made[0].made(progress=False).with_events()
+    run = pyfric.record.Outline.of_record(record)
+    assert table["n"].iloc[0] == run["n_precursors"] > 0
+    assert float(table["lengths"].iloc[0].split()[0]) == pytest.approx(run["L_p_first"], abs=1e-4)
+    checks = precursors.checks(tmp_path)
+    pd.testing.assert_frame_equal(checks, precursors.checks(tmp_path))
+    both = found.compared(table, checks)
+    assert both["n"].tolist() == both["n_dynamic"].tolist()
+    assert both["F_first"].to_numpy() == pytest.approx(both["F_first_dynamic"], abs=1e-3)

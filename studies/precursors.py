@@ -89,7 +89,7 @@ V, RATED_V = 0.7875e-3, 0.4e-3
 """Speed of the driver, m/s."""
 PUSHED = size(1.6e-3, 0.4e-3)
 """Way of the driver at which runs end at the latest, m."""
-BASE = size({"l": 5e-3}, {"l": 5e-3, "L": 0.04, "H": 0.02, "F_N": 1000.0})
+BASE = size({"l": 5e-3}, {"l": 5e-3, "L": 0.03, "H": 0.01, "F_N": 750.0})
 """Changes of all series."""
 HOW = {
     "fidelity": "hybrid",

@@ -106,23 +106,23 @@ def collapse(
         scales: names in `SCALES`, of which the first is compared with the others.
         draws: draws of series with replacement. Copies of a series are left out together.
     """
-    names, rng = table["series"].unique(), np.random.default_rng(1)
-    parts = {name: table[table["series"] == name] for name in names}
-    found = np.empty((draws, len(scales)))
-    for k in range(draws):
-        drawn = rng.choice(names, len(names))
-        while len(np.unique(drawn)) == 1:
-            drawn = rng.choice(names, len(names))
-        found[k] = _shares(pd.concat([parts[name] for name in drawn]), scales)
+    rng, y = np.random.default_rng(1), table["y"].to_numpy()
+    names, series = np.unique(table["series"], return_inverse=True)
+    x = [SCALES[name](table).to_numpy() for name in scales]
+    rows = [np.flatnonzero(series == k) for k in range(len(names))]
+
+    def shares(kept: np.ndarray) -> list[float]:
+        return [share(of[kept], y[kept], series[kept]) for of in x]
+
+    found = []
+    while len(found) < draws:
+        drawn = rng.integers(len(names), size=len(names))
+        if len(np.unique(drawn)) > 1:
+            found.append(shares(np.concatenate([rows[k] for k in drawn])))
     low, high = np.quantile(found, [0.025, 0.975], axis=0)
-    better = (found > found[:, :1]).mean(axis=0)
-    rows = {"scale": list(scales), "share": _shares(table, scales), "low": low, "high": high}
-    return pd.DataFrame(rows | {"better_than_first": better})
-
-
-def _shares(table: pd.DataFrame, scales: Sequence[str]) -> list[float]:
-    y, series = table["y"].to_numpy(), table["series"].to_numpy()
-    return [share(SCALES[name](table).to_numpy(), y, series) for name in scales]
+    better = (np.array(found) > np.array(found)[:, :1]).mean(axis=0)
+    about = {"scale": list(scales), "share": shares(np.arange(len(y))), "low": low, "high": high}
+    return pd.DataFrame(about | {"better_than_first": better})
 
 
 def verdict(found: pd.DataFrame, nulls: Sequence[str] = NULLS) -> str:

@@ -627,6 +627,29 @@ def scatter(out: Path, tell: Tell) -> None:
 @main.command(section="Physics")
 @figure_out_option
 @folder_option("--runs", metavar="DIR", help="Folder of its runs. [default: runs in --out]")
+@click.option("--seeds", type=click.IntRange(2), help="Of each point.  [default: 6]")
+@telling
+def precursors(out: Path, runs: Path | None, seeds: int | None, tell: Tell) -> None:
+    """Number and length of precursors over the nucleation length, and where they end (an hour).
+
+    Runs are kept in --runs; the next call goes on where this one was stopped.
+    """
+    folder = out / "runs" if runs is None else runs
+    check_folder(out)
+    import precursors
+    import precursors_found
+
+    found = precursors.study(folder, seeds=seeds or precursors.SEEDS, say=tell.step)
+    found = precursors_found.tables(found, precursors.checks(folder, say=tell.step))
+    words = ["--seeds", seeds] if seeds else []
+    command = made_by("precursors", *words)
+    save_figure(precursors_found.figure(found), out / "precursors", command, tell)
+    tell.result({"report": precursors_found.report(found)}, lambda: precursors_found.report(found))
+
+
+@main.command(section="Physics")
+@figure_out_option
+@folder_option("--runs", metavar="DIR", help="Folder of its runs. [default: runs in --out]")
 @click.option("--case", "cases", multiple=True, help="Only this case; may be repeated.")
 @telling
 def slow(out: Path, runs: Path | None, cases: tuple[str, ...], tell: Tell) -> None:

@@ -60,9 +60,9 @@ def coarse_curves(monkeypatch):
 @pytest.fixture
 def free_attempts(monkeypatch):
     """Attempts to jump at the price of six steps: many more of them on small lattices."""
-    from pyfric.engines.hybrid import HybridRun
+    from pyfric.engines.skip import Prices
 
-    monkeypatch.setattr(HybridRun, "_as_steps", lambda self, counts: 6.0)
+    monkeypatch.setattr(Prices, "in_steps", lambda self, counts: 6.0)
 
 
 def pytest_collection_finish():

@@ -193,8 +193,8 @@ class RingDown:
         def motion(s: np.ndarray) -> Iterator[dict[str, np.ndarray]]:
             """Yield a motion that is linear between the ends; f is not known."""
             begin, lasts = state.y[0, 0].copy(), whole.n * state.dt
-            moves, there = state.mode != STUCK, self.known.displacements(whole.q)[0][0, 0]
-            v = np.where(moves, there - begin, 0.0) / lasts
+            moves, end_x = state.mode != STUCK, self.known.displacements(whole.q)[0][0, 0]
+            v = np.where(moves, end_x - begin, 0.0) / lasts
             for after in s:
                 yield {"u_x": begin + v * after, "v_x": v, "f": np.full(len(begin), np.nan)}
 

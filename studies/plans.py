@@ -258,7 +258,7 @@ def judged(made: Record, truth: Record) -> dict[str, Any]:
     apart, trusted = differences(made, truth), differences(made, truth, until)
     real = Errors(want=own.want, tolerance=own.tolerance, **trusted.errors())
     row: dict[str, Any] = {"events": len(apart.events), "trusted": len(trusted.events)}
-    row |= {"covered": own.covered, "by": "; ".join(own.by)}
+    row |= {"covered": own.covered, "by": "; ".join(map(str, own.by))}
     every = Errors(want=own.want, tolerance=own.tolerance, **apart.errors())
     row |= {"measured": own.measured(), "real": real.measured(), "real_of_all": every.measured()}
     unknown = own.holds is None and (own.until is None or own.measured() is None)

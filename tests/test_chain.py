@@ -151,9 +151,9 @@ def test_chains_and_lattices_do_not_mix():
     one, two = small(), setup2()
     replace = dataclasses.replace
     refused(lambda: replace(two, top=PrescribedLoad(p=(1.0,) * 13)), "top.p", "101 of them")
-    refused(lambda: replace(one, top=two.top), "slider.H", "or 0 for a chain")
+    refused(lambda: replace(one, top=two.top), "slider.H", value=0.0, unit="m", within=(0.0025, 0))
     driver = replace(one.driver, h=2.5e-3)
-    refused(lambda: replace(one, driver=driver), "driver.h", "0 m", "only row")
+    refused(lambda: replace(one, driver=driver), "driver.h", value=0.0025, unit="m", within=(0,))
 
 
 def test_finite_geometry_is_refused():

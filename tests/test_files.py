@@ -15,9 +15,17 @@ from helpers import small
 
 import pyfric
 from pyfric.core import State, StateError
-from pyfric.scene import files
 from pyfric.statics import loaded_state
-from pyfric.values import SceneError, check_writable, clean_drafts, sealed, unsealed, write, written
+from pyfric.values import (
+    SceneError,
+    check_writable,
+    clean_drafts,
+    files,
+    sealed,
+    unsealed,
+    write,
+    written,
+)
 
 NOBODY = 4_000_000  # above the largest number that Linux gives a process
 

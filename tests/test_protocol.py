@@ -44,6 +44,7 @@ def test_a_measured_speed_is_thinned_within_an_error(error):
     assert 4 <= len(kept) < 300
     fewer = len(pyfric.thinned(kept, 2 * error))
     assert fewer < len(kept)
+    assert pyfric.thinned(kept, f"{error * 1e6:g} um/s") == pyfric.thinned(kept, error)
 
 
 def test_jumps_are_kept_as_they_are():
@@ -60,7 +61,9 @@ def test_too_many_breakpoints_are_refused_with_what_thins_them():
     refused(lambda: small().replace({"driver.protocol": pairs}), "driver.protocol", said)
     run = small().replace({"driver.protocol": pyfric.thinned(pairs, 1e-4)})
     assert run.drive(1.0) == pytest.approx(0.1 * (1 - np.cos(1.0)), abs=1e-4)
+    assert pyfric.thinned(pairs, "2 mN") == pyfric.thinned(pairs, 2e-3)
     refused(lambda: pyfric.thinned(pairs, 0.0), "error")
+    refused(lambda: pyfric.thinned(pairs, "1 um"), "error", "for a speed, or N for a load")
     refused(lambda: pyfric.thinned(pairs[::-1], 1.0), "corners", "in order of time")
     refused(lambda: pyfric.thinned([(0, "a")], 1.0), "corners", "list")
     refused(lambda: pyfric.thinned([], 1.0), "corners")
@@ -616,7 +619,7 @@ def test_arrays_are_lists_of_rows(made):
     assert scene.top.protocol == ((0.1, 410.0), (0.2, 420.0))
     assert [(one.block, one.force) for one in scene.top.push] == [(2, 0.25), (3, 0.5)]
     assert setup1(mu_s=pd.Series([0.7] * 57)).interface.mu_s == (0.7,) * 57
-    refused(lambda: setup1(push=made([[2.5, 0.25]])), "top.push", "not a whole number")
+    refused(lambda: setup1(push=made([[2.5, 0.25]])), "top.push", value=2.5, within=(0, 1000000000))
 
 
 def test_a_state_of_another_lattice_is_refused():

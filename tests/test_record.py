@@ -37,8 +37,8 @@ from pyfric.record import (
     held_in,
 )
 from pyfric.record.layout import SCHEMA, SEAL, TEXTS, fields
-from pyfric.scene import files, setup1, setup2
-from pyfric.values import SceneError
+from pyfric.scene import setup1, setup2
+from pyfric.values import SceneError, files
 
 MS = 1e-3
 MANY = int(os.environ.get("PYFRIC_BROKEN", "0"))  # see test_broken
@@ -769,7 +769,7 @@ def test_a_final_state_fits_its_scene(resealed):
     assert "final_state" in resealed(lambda file: file.__delitem__("final_y"))
 
 
-@settings(max_examples=MANY // 4 or 25, derandomize=not MANY, deadline=None, database=None,
+@settings(max_examples=MANY // 4 or 12, derandomize=not MANY, deadline=None, database=None,
           suppress_health_check=list(HealthCheck))  # fmt: skip
 @given(st.data())
 def test_whatever_is_changed_is_answered_or_read(saved, tmp_path, data):

@@ -37,13 +37,12 @@ from pyfric.scene import (
     preset,
     setup1,
     setup2,
-    units,
 )
 from pyfric.scene.parts import MAX_BLOCKS
 from pyfric.scene.presets import Fields
 from pyfric.scene.presets import settings as names_of
 from pyfric.statics import loaded_state
-from pyfric.values import Annotation, SceneError, annotations, check_number, parse_quantity
+from pyfric.values import Annotation, SceneError, annotations, check_number, parse_quantity, units
 from pyfric.values.toml import MAX_FILE
 from pyfric.values.units import LARGEST, SMALLEST
 

@@ -217,7 +217,7 @@ def test_a_ladder_that_does_not_get_on(monkeypatch):
 def test_a_ladder_that_takes_longer_than_dynamics_ends(monkeypatch):
     monkeypatch.setattr(simulation, "STATIC_SHARE", 0.0)
     record = simulate(slow(), 0.7, tolerance=0.1, verify="sample")
-    assert record.errors.by[0].startswith("hybrid, finite geometry")
+    assert str(record.errors.by[0]).startswith("hybrid, finite geometry")
     assert any("left out: quasistatic" in note and "too long" in note for note in record.notes)
 
 

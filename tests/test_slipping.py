@@ -44,7 +44,7 @@ SLIPS = {
 }
 
 
-@pytest.mark.usefixtures("free_attempts")
+@pytest.mark.usefixtures("cheap_attempts")
 @pytest.mark.parametrize("name", SLIPS)
 def test_stable_slip_is_full_dynamics(name):
     """Stable slip for 4 ms, an event, stable slip once more, of two parts of the interface."""
@@ -196,7 +196,7 @@ def test_where_slip_is_left_to_dynamics():
     assert not slides(pyfric.preset("rate_and_state").law)
 
 
-@pytest.mark.usefixtures("free_attempts")
+@pytest.mark.usefixtures("cheap_attempts")
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
 def test_blocks_that_are_drawn_along_are_jumped_over(geometry, monkeypatch):
     """With mu_k from the first slip on: the driver draws three blocks, and all others hold."""
@@ -214,7 +214,7 @@ def test_blocks_that_are_drawn_along_are_jumped_over(geometry, monkeypatch):
     assert run(scene, 0.04, "hybrid", geometry=geometry).counts["slides"] == 0
 
 
-@pytest.mark.usefixtures("free_attempts")
+@pytest.mark.usefixtures("cheap_attempts")
 def test_a_plate_that_moves_on_the_top_draws_slip():
     """The driver rests: the plate sets what is slow."""
     size = {"L": 0.02, "H": 0.012, "l": 1e-3, "h": 3e-3, "F_N": 400.0, "d_c": 5e-6}

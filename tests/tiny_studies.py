@@ -15,7 +15,7 @@ from pathlib import Path
 import click
 from click.testing import CliRunner
 
-GIVEN = {"fronts": ["--collapse", "2.5 mm"], "collapse": ["{out}/fronts/fronts_fronts.csv"]}
+GIVEN = {"fronts": ["--collapse", "5 mm"], "collapse": ["{out}/fronts/fronts_fronts.csv"]}
 """What commands need or should try beside folders; the file is what `fronts` made before."""
 
 

@@ -79,6 +79,29 @@ def stop_unless_complete(record: Record, hint: str) -> None:
 # --- parameters ----------------------------------------------------------------------------------
 
 
+class Listed(click.Choice[str]):
+    """Choices that a registry lists; it is imported when they are asked for."""
+
+    def __init__(self, names: Callable[[], Iterable[str]]) -> None:
+        self.names, self.case_sensitive = names, True
+
+    @property
+    def choices(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return tuple(self.names())
+
+
+def _with_events() -> list[str]:
+    from pyfric.engines import ENGINES
+
+    return [name for name, engine in ENGINES.items() if engine.has("verify", None)]
+
+
+def fidelity_option(default: str, text: str) -> Callable[[Any], Any]:
+    """Add --fidelity, for commands whose runs need events."""
+    kind = Listed(_with_events)
+    return click.option("--fidelity", type=kind, default=default, help=text, show_default=True)
+
+
 class SceneName(click.ParamType):
     """A preset or a file. Shells complete both."""
 

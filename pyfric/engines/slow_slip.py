@@ -201,14 +201,8 @@ class SlowSlip:
         faster = np.maximum(np.abs(found.v), np.abs(first))
         if not waves.effect(faster, second - first) <= allowed:
             return None
-        slip = waves.slip(np.abs(first))
-        return np.array([slip, -slip * np.sign(first) * self._weakening(first)])
-
-    def _weakening(self, v: np.ndarray) -> np.ndarray:
-        """Return -d(ln theta)/d|u| at speeds v (m/s), shape (N_x,), in 1/m."""
-        law, x = self.scene.law, np.abs(v) * self.state.theta / self.scene.law.D_c
-        of = 1.0 if law.kind.evolution == "ageing" else 1.0 + np.log(np.maximum(x, 1e-300))
-        return of / law.D_c
+        slip, weakens = waves.slip(np.abs(first)), self.scene.law.weakening(first, state.theta)
+        return np.array([slip, -slip * np.sign(first) * weakens])
 
     def slip(self, last: int, moved: np.ndarray) -> Span | None:
         """Leave out inertia up to step `last` at most.
@@ -361,7 +355,7 @@ class SlowSlip:
         """Return slip without inertia from the present state on."""
         about = self.about(closed)
         how |= {"viscous": about.by_v, "inertial": about.by_a, "closed": closed}
-        start = np.log(self.state.theta)
+        start, how["v"] = np.log(self.state.theta), self.state.y[0, 2]
         return core.slow_slip(self.steps.model, interface.load, interface.p, start, limits, **how)
 
     def _moving(self) -> np.ndarray:

@@ -87,7 +87,8 @@ def moved(table: pd.DataFrame, at: At) -> pd.DataFrame:
     if not (offset or drift):
         return table
     ends = (("peak", "t_start"), ("valley", "t_stop"))
-    return table.assign(**{name: table[name] + offset + drift * table[t] for name, t in ends})
+    ends = {name: (table[name].to_numpy(), table[t].to_numpy()) for name, t in ends}
+    return table.assign(**{name: F + offset + drift * t for name, (F, t) in ends.items()})
 
 
 class _OfEvents(Measurement):
@@ -247,7 +248,7 @@ class Sizes(_OfEvents):
 
     @property
     def duration(self) -> float:
-        """Of the measurement, or of a first loading and enough events, s."""
+        """Time to simulate, s: that of the measurement, or less if enough events come earlier."""
         table, whole = large(self.whole), LONGER * float(self.whole.attrs["t_end"])
         mean, rate = float(table["t_start"].diff().mean()), float(self.whole["rate"].median())
         first = float(table["peak"].mean()) / rate if rate > 0 else whole

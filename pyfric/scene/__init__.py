@@ -4,10 +4,11 @@ from importlib.metadata import version
 
 from pyfric.scene import laws
 from pyfric.scene.change import followed_by, full_name, once, scene_fields
-from pyfric.scene.composed import NO_LIMIT, OnDriven
 from pyfric.scene.consistency import Geometry, check_geometry, check_push, default_geometry
 from pyfric.scene.ends import Conditions, condition
 from pyfric.scene.friction import FRICTIONLESS, Law, of, slipped
+from pyfric.scene.lattice import OnDriven
+from pyfric.scene.loads import NO_LIMIT
 from pyfric.scene.materials import MATERIALS, Material
 from pyfric.scene.parts import (
     DistributedLoad,
@@ -36,7 +37,7 @@ from pyfric.scene.presets import (
 )
 from pyfric.scene.profile import Profile
 from pyfric.scene.protocol import Leg, Push, legs, thinned
-from pyfric.scene.restless import RateStateLaw
+from pyfric.scene.restless import LAWS, JunctionLaw, RateStateLaw
 from pyfric.scene.scene import Scene
 from pyfric.scene.spread import Spread
 from pyfric.scene.text import law_notes

@@ -18,6 +18,7 @@ from pyfric.cli.shared import (
     check_folder,
     claimed,
     command_line,
+    fidelity_option,
     figure_out_option,
     folder_option,
     running,
@@ -198,13 +199,7 @@ def _axis(side: str, given: str) -> tuple[str, Any]:
     show_default=True,
     help="Number of lattices: l, l/2, l/4 and so on.",
 )
-@click.option(
-    "--fidelity",
-    type=click.Choice(["quasistatic", "hybrid", "dynamic"]),
-    default="quasistatic",
-    show_default=True,
-    help="Model; quasistatic takes seconds.",
-)
+@fidelity_option("quasistatic", "Model; quasistatic takes seconds.")
 @running
 @telling
 def resolve(

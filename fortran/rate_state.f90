@@ -108,11 +108,16 @@ contains
       end do
       call logarithms(n, high)
       call logarithms(n, eta)
-      call speed_by_friction(of, from, n, h, c, x_0(from), w, speed)
+      if (.not. all(near(from:from + n - 1)*v(from:from + n - 1) > 0.0_dp)) then
+        call speed_by_friction(of, from, n, h, c, x_0(from), w, speed)
+        do i = 1, n
+          k = from + i - 1
+          eta(i) = merge(eta(i), speed(i), near(k)*v(k) > 0.0_dp)
+        end do
+      end if
       do i = 1, n
-        k = from + i - 1
         high(i) = max(high(i), LEAST)
-        eta(i) = min(max(merge(eta(i), speed(i), near(k)*v(k) > 0.0_dp), LEAST), high(i))
+        eta(i) = min(max(eta(i), LEAST), high(i))
       end do
       call find_roots(of, from, n, h, c, inertia, x_0(from), w, high, eta)
       call speeds_at(of, n, eta, speed)
@@ -192,7 +197,7 @@ contains
         x(i) = x_0(i) - of%stress(from + i - 1)*(of%a(from + i - 1)*y(i))
       end do
     else
-      none = 0.0_dp
+      none(:n) = 0.0_dp
       call stage(of, from, n, h, x_0, none, none, x, slope)
     end if
     call state_effect(of, from, n, x, psi, slope)

@@ -718,16 +718,32 @@ def one_block(out: Path, tell: Tell) -> None:
 
 @main.command(section="Physics")
 @figure_out_option
+@click.option(
+    "--only",
+    metavar="PROGRAM",
+    multiple=True,
+    help="Only this program, such as DART; other rows of the folder stay. May be repeated.",
+)
 @telling
-def sticks(out: Path, tell: Tell) -> None:
+def sticks(out: Path, only: tuple[str, ...], tell: Tell) -> None:
     """One block and ten on a spring, in pyfric and in programs with friction: creep, forces, cost.
 
     The other programs are installed first, in an environment of their own (five minutes).
     """
     check_folder(out)
+    import pandas as pd
     import sticks as study
 
-    figure = study.figure(study.study(say=tell.step), study.chains(say=tell.step))
+    known = [peer.name for peer in study.PEERS]
+    if unknown := sorted({*only} - {*known}):
+        raise click.BadParameter(f"{unknown[0]!r}; known are {', '.join(known)}")
+    rows = study.study(say=tell.step, only=only)
+    if only:
+        rows = study.renewed(pd.read_csv(out / "sticks_programs.csv"), rows)
+        chains = pd.read_csv(out / "sticks_chain.csv")
+    else:
+        chains = study.chains(say=tell.step)
+    figure = study.figure(rows, chains)
     save_figure(figure, out / "sticks", made_by("sticks"), tell)
 
 

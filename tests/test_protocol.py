@@ -521,10 +521,10 @@ def varied(kind):
     return loaded(driven(scene, corners), **load), t_end
 
 
-@pytest.mark.usefixtures("free_attempts")
-@pytest.mark.parametrize("kind", ["rod", "free"])
-def test_jumps_follow_speed_and_loads_as_full_dynamics_does(kind):
+@pytest.mark.parametrize(("kind", "price"), [("rod", "cheap"), ("free", "free")])
+def test_jumps_follow_speed_and_loads_as_full_dynamics_does(kind, price, request):
     """Measured 2e-7 F_N. "free" makes 0.53 of all steps, for errors of rates."""
+    request.getfixturevalue(f"{price}_attempts")
     scene, t_end = varied(kind)
     how = {"geometry": "linear", "energies": False, "dt": pyfric.step_size(scene)}
     a = pyfric.simulate(scene, t_end, fidelity="hybrid", accuracy=1e-6, **how)
@@ -538,7 +538,7 @@ def test_jumps_follow_speed_and_loads_as_full_dynamics_does(kind):
     assert a.counts["steps"] < 0.55 * b.counts["steps"]
 
 
-@pytest.mark.usefixtures("free_attempts")
+@pytest.mark.usefixtures("cheap_attempts")
 def test_jumps_follow_speed_and_loads_in_finite_geometry():
     """As accurate as is asked for."""
     T, V = 8e-3, 10e-3

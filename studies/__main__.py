@@ -627,7 +627,7 @@ def scatter(out: Path, tell: Tell) -> None:
 @main.command(section="Physics")
 @figure_out_option
 @folder_option("--runs", metavar="DIR", help="Folder of its runs. [default: runs in --out]")
-@click.option("--seeds", type=click.IntRange(2), help="Of each point.  [default: 6]")
+@click.option("--seeds", type=click.IntRange(2), help="Of each point.  [default: 3]")
 @telling
 def precursors(out: Path, runs: Path | None, seeds: int | None, tell: Tell) -> None:
     """Number and length of precursors over the nucleation length, and where they end (an hour).

@@ -44,6 +44,10 @@ Rate       Series of rate and state have a curve of their own: whether a/b = 2/3
 Engine     Hybrid, linear geometry, accuracy 1e-3. `checks` compares with full dynamics: it is good
            enough if counts are the same in all of them.
 
+Since the rule was fixed: six seeds were planned, three and `FEW` were made; exponential weakening
+with l = 2.5 mm, rate and state with 4 mm/s and one check were left out, all for their time; `half`
+in `precursors_found` was added when counts were known.
+
 Source: K. Uenishi and J. R. Rice, J. Geophys. Res. 108, 2042 (2003); A. M. Rubin and J.-P. Ampuero,
 J. Geophys. Res. 110, B11312 (2005).
 """
@@ -77,8 +81,8 @@ RATED_WIDTH = 0.01
 """That of f*, whose drops are smaller."""
 CORRELATION = 20e-3
 """Correlation length of both, m."""
-SEEDS, FEW = size(6, 2), size(3, 2)
-"""Of each point, and of points whose runs take long."""
+SEEDS, FEW = size(3, 2), 2
+"""Of each point, and of points of series that take long or are no test of L_c."""
 AT = size((0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.6), (0.05, 0.6))
 """L_c/L of slip weakening; in the base series d_c = 0.8 to 25 um."""
 AT_RATED = size((0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.6), (0.6,))
@@ -111,7 +115,7 @@ UENISHI_RICE, RUBIN_AMPUERO, SMALL_RATIO = 2 * 0.579, 1.3774, 0.378
 class Series(NamedTuple):
     """A series of runs: what it changes, L_c/L at which it is run, and its largest number of seeds.
 
-    Series whose runs take ten seconds have fewer seeds.
+    Series that take long, or are no test of L_c, have fewer seeds.
     """
 
     changes: Mapping[str, Any] = {}
@@ -132,16 +136,16 @@ SERIES = {
     ),
     "h = 10 mm": Series({"h": 0.01}),
     "h = 20 mm": Series({"h": 0.02}),
-    "F_N = 1750 N": Series({"F_N": 1750.0}),
-    "V = 3.15 mm/s": Series({"V": 4 * V}),
-    "V = 0.2 mm/s": Series({"V": V / 4}),
-    "l = 2.5 mm": Series({"l": 2.5e-3}, NEAR),
+    "F_N = 1750 N": Series({"F_N": 1750.0}, seeds=FEW),
+    "V = 3.15 mm/s": Series({"V": 4 * V}, seeds=FEW),
+    "V = 0.2 mm/s": Series({"V": V / 4}, seeds=FEW),
+    "l = 2.5 mm": Series({"l": 2.5e-3}, NEAR, seeds=FEW),
     "rate and state": Series(**_RATED),
     "rate and state, a/b = 1/3": Series({"a": 0.005}, **_RATED),
-    "rate and state, h = 20 mm": Series({"h": 0.02}, **_RATED),
-    "rate and state, H = 35 mm": Series({"H": 0.035, "M": 0.0756 * 35 / 75}, **_RATED),
-    "rate and state, F_N = 1750 N": Series({"F_N": 1750.0}, **_RATED),
-    "rate and state, l = 2.5 mm": Series({"l": 2.5e-3}, **_RATED),
+    "rate and state, h = 20 mm": Series({"h": 0.02}, **_RATED, seeds=FEW),
+    "rate and state, H = 35 mm": Series({"H": 0.035, "M": 0.0756 * 35 / 75}, **_RATED, seeds=FEW),
+    "rate and state, F_N = 1750 N": Series({"F_N": 1750.0}, **_RATED, seeds=FEW),
+    "rate and state, l = 2.5 mm": Series({"l": 2.5e-3}, **_RATED, seeds=FEW),
 }
 """Series by name."""
 SERIES = size(SERIES, {name: SERIES[name] for name in ("base", "l = 2.5 mm", "rate and state")})

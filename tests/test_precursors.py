@@ -46,7 +46,7 @@ def made_up(of, noise=0.0):
 )
 def test_the_rule_tells_which_scale_sets_the_count(scale, noise, said):
     """The share of the true scale is high, and that of others low; noise tells nothing."""
-    table = found.collapse(made_up(found.SCALES[scale], noise), draws=200)
+    table = found.collapse(made_up(found.SCALES[scale], noise), draws=100)
     assert found.verdict(table) == said
     shares = table.set_index("scale")["share"]
     if noise < 1:
@@ -180,3 +180,86 @@ def test_runs_that_are_there_are_not_made_again(small, tmp_path, monkeypatch):
     both = found.compared(table, checks)
     assert both["n"].tolist() == both["n_dynamic"].tolist()
     assert both["F_first"].to_numpy() == pytest.approx(both["F_first_dynamic"], abs=1e-3)
+
+
+# --- stored --------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def stored():
+    names = ("runs", "points", "ends", "collapse", "spread", "checks")
+    return {name: pd.read_csv(STORED / f"precursors_{name}.csv") for name in names}
+
+
+@pytest.fixture(scope="module")
+def page():
+    return " ".join((ROOT / "docs/explanation/precursors.md").read_text(encoding="utf-8").split())
+
+
+def test_stored_tables_are_those_of_the_stored_runs(stored):
+    """Points and ends are found again; every point of every series has its seeds."""
+    runs = stored["runs"]
+    for name, series in precursors.SERIES.items():
+        own = runs[runs["series"] == name]
+        assert sorted(own["share"].unique()) == sorted(series.at)
+        assert (own.groupby("share")["seed"].nunique() == series.seeds).all()
+        row = precursors.about(name, series.at[-1])
+        last = own[own["share"] == series.at[-1]].iloc[0]
+        assert {key: last[key] for key in row} == pytest.approx(row, rel=1e-5)
+    points = found.points(found.measured(runs))
+    assert points["mean"].to_numpy() == pytest.approx(stored["points"]["mean"], abs=1e-5)
+    ends = stored["ends"]
+    for by, column in {"contact": "n", "rate": "n_by_rate"}.items():
+        again = found.ends(runs, column, draws=1)["end"].to_numpy()
+        assert again == pytest.approx(ends.loc[ends["by"] == by, "end"], rel=1e-4)
+    shares = found.collapse(points[points["law"] != "rate_and_state"], draws=1)["share"]
+    kept = stored["collapse"]
+    kept = kept[(kept["by"] == "contact") & (kept["law"] == "slip weakening")]["share"]
+    assert shares.to_numpy() == pytest.approx(kept, abs=1e-5)
+
+
+def test_the_page_says_what_is_stored(stored, page):
+    points = stored["points"].set_index(["series", "share"])
+    ends = stored["ends"].set_index(["series", "by"])
+    half = {name: ends.loc[(name, "half of the first count"), "end"] for name in precursors.SERIES}
+    for law, said in (("slip weakening", "not told"), ("rate and state", "not told")):
+        table = stored["collapse"]
+        table = table[(table["law"] == law) & (table["by"] == "contact")]
+        nulls = [name for name in found.NULLS if name in set(table["scale"])]
+        assert found.verdict(table, nulls) == said
+        share = table.set_index("scale")["share"]["L_c/L"]
+        assert f"{share:.0%} with {law}".replace("%", " %") in page
+    assert f"are left at {half['h = 20 mm']:.2f}, at {half['base']:.2f} with" in page
+    lengths = (half["L = 70 mm"], half["L = 70 mm, H = 35 mm"])
+    assert "left at {:.2f} and {:.2f}".format(*lengths) in page
+    assert "$L_c$ = {:.0f} and {:.0f} mm".format(*(70 * one for one in lengths)) in page
+    assert f"instead of {140 * half['base']:.0f} mm" in page
+    assert f"half are left at {half['H = 35 mm']:.2f} already" in page
+    assert (
+        f"Exponential weakening ends at {ends.loc[('exponential', 'contact'), 'end']:.2f}" in page
+    )
+    fine = ends.loc[("l = 2.5 mm", "contact")]
+    assert f"$L_c/L$ = {fine['end']:.2f}, where the zone spans {fine['zone']:.1f} blocks" in page
+    assert f"the half is {half['base'] / half['l = 2.5 mm'] - 1:.0%}".replace("%", " %") in page
+    assert f"the end at {ends.loc[('base', 'contact'), 'end']:.2f}" in page
+    for name in ("F_N = 1750 N", "V = 3.15 mm/s", "V = 0.2 mm/s"):
+        assert abs(half[name] / half["base"] - 1) < 0.04
+    several = points[(points["mean"] >= 2) & (points["law"] != "rate_and_state")]
+    least, most = several["longest_mean"].min(), several["longest_mean"].max()
+    assert f"spans {least:.2f} to {most:.2f} of the slider" in page
+    rated = points["mean"]["rate and state"]
+    assert f"from {rated[0.2]:.0f} at 0.2 to one at 1.2" in page
+    assert rated[1.2] == 1
+
+
+def test_the_hybrid_engine_has_the_counts_of_full_dynamics(stored, page):
+    checks = stored["checks"]
+    assert len(checks) == len(precursors.CHECKED)
+    assert (checks["n"] == checks["n_dynamic"]).all()
+    assert (checks["n_by_rate"] == checks["n_by_rate_dynamic"]).all()
+    off = max(
+        (checks[name] - checks[f"{name}_dynamic"]).abs().max()
+        for name in ("F_first", "F_slide_by_rate")
+    )
+    assert off < 6e-6
+    assert "forces within 5e-6" in page

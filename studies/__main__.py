@@ -744,7 +744,8 @@ def sticks(out: Path, only: tuple[str, ...], tell: Tell) -> None:
     else:
         chains = study.chains(say=tell.step)
     figure = study.figure(rows, chains)
-    save_figure(figure, out / "sticks", made_by("sticks"), tell)
+    how = [word for program in only for word in ("--only", program)]
+    save_figure(figure, out / "sticks", made_by("sticks", *how), tell)
 
 
 if __name__ == "__main__":

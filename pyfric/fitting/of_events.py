@@ -20,7 +20,7 @@ from pyfric.fitting.misfits import (
     onset,
     overview,
 )
-from pyfric.measured import COLUMNS, Curve, events
+from pyfric.measured import COLUMNS, Curve, events, sampled
 from pyfric.record import Record
 from pyfric.scene import Scene, SceneError
 
@@ -37,6 +37,12 @@ IN_A_ROW = 3
 """Events in a row whose errors in a wrong model are taken as one. A policy."""
 POPULATION, ENOUGH = 8, 20
 """Fewest events of a population, and how many of a run are enough. Policies."""
+LATER = 3.0
+"""Mean time between events over that of a slider that sticks, beyond which no run waits for more.
+A policy."""
+SLIDES = 0.5
+"""Rise of force between events over that of a slider that sticks, below which it is said to slide.
+A policy."""
 NUMBERS = ("mean peak", "mean valley", "recurrence", "spread of peaks", "spread of valleys")
 """Numbers of a population; forces are over F_N, the recurrence is the mean time between events, s,
 and spreads are standard deviations."""
@@ -215,6 +221,8 @@ class Sizes(_OfEvents):
     For sequences that are not reproducible, so that no event of a model is one that was measured.
     Standard errors of means hold the scatter from event to event and its correlation along the
     sequence (Newey and West), those of the run, too. Large events have a fifth of the largest drop.
+    Runs are sampled with the step and the noise of the curve, and their events are found as its
+    are. So what an instrument and the swing of the slider make of an event is in both.
 
     Args:
         measured: curve, or its table of events (`pyfric.measured.events`).
@@ -246,11 +254,42 @@ class Sizes(_OfEvents):
 
     @property
     def duration(self) -> float:
-        """Of the measurement, or of a first loading and enough events, s."""
-        table, whole = large(self.whole), LONGER * float(self.whole.attrs["t_end"])
-        mean, rate = float(table["t_start"].diff().mean()), float(self.whole["rate"].median())
-        first = float(table["peak"].mean()) / rate if rate > 0 else whole
-        return min(whole, LONGER * (first + ENOUGH * mean))
+        """Of the measurement, s."""
+        return LONGER * float(self.whole.attrs["t_end"])
+
+    def lasts(self, scene: Scene) -> float:
+        """Return the time of a first loading and enough events, s, or that of the measurement.
+
+        A slider that slides between events is not loaded then, so that the driver tells how long
+        loading takes, not the force.
+        """
+        table, rate = large(self.whole), self._loading(scene)
+        if not rate > 0:
+            return self.duration
+        apart = min(table["t_start"].diff().mean(), LATER * table["drop"].mean() / rate)
+        return min(self.duration, LONGER * float(table["peak"].mean() / rate + ENOUGH * apart))
+
+    def _loading(self, scene: Scene) -> float:
+        """Return the mean rise of F_T/F_N of a slider that sticks, 1/s."""
+        t_end = float(self.whole.attrs["t_end"])
+        return scene.driver.K * abs(scene.drive(t_end)) / (t_end * scene.F_N)
+
+    def doubts(self, scene: Scene) -> tuple[str, ...]:
+        """Say whether the slider slides between events."""
+        stuck = self._loading(scene)
+        share = float(self.whole["rate"].median()) / stuck if stuck else np.nan
+        if not share < SLIDES:
+            return ()
+        said = f"forces rise between events by {share:.2g} of what they would if the slider stuck"
+        return (f"{said}: it slides there, and events tell little of mu_s",)
+
+    def seen(self, record: Record) -> pd.DataFrame:
+        attrs = self.whole.attrs
+        if not attrs.get("resolution") or not attrs.get("noise"):
+            return super().seen(record)
+        step = attrs["resolution"] / attrs["smooth"]
+        curve = sampled(record, step, noise=attrs["noise"])
+        return events(curve, smooth=attrs["smooth"], threshold=attrs["threshold"])
 
     @property
     def size(self) -> int:

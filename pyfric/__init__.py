@@ -44,7 +44,6 @@ if TYPE_CHECKING:
         Profile,
         Rod,
         Scene,
-        SceneError,
         Slider,
         Spread,
         Walls,
@@ -86,6 +85,7 @@ if TYPE_CHECKING:
         resolve,
         run_all,
     )
+    from pyfric.values import SceneError
 
 __all__ = [
     "MATERIALS",
@@ -168,6 +168,7 @@ __all__ = [
 ]
 
 ROOMS = (
+    "values",
     "scene",
     "theory",
     "core",
@@ -204,7 +205,7 @@ def __getattr__(name: str) -> Any:
         found = importlib.import_module(f"pyfric.{room}")
         if hasattr(found, name):
             return globals().setdefault(name, getattr(found, name))
-    from pyfric.scene import line, meant, no_attribute
+    from pyfric.values import line, meant, no_attribute
 
     instead = ""
     if found := meant(name, __all__):

@@ -33,7 +33,7 @@ import pandas as pd
 import tomli_w
 
 import pyfric
-from pyfric.scene import written
+from pyfric.values import written
 
 HERE = Path(__file__).resolve().parent
 SCENES = ("fig1", "setup2", "setup2-", "run1", "run2", "run3", "run4", "setup2+")

@@ -455,7 +455,7 @@ def fronts(
     planned to take is said before it starts: 8 times the one before it. Precursors on a lattice of
     --finer start just before the first slip, from the tractions of the run with twice the l.
     """
-    from pyfric.scene import check_number, spoken
+    from pyfric.values import check_number, spoken
 
     folder = out / "runs" if runs is None else runs
     given = {"collapse": [check_number("collapse", spoken(one), "m", gt=0.0) for one in collapse]}

@@ -30,9 +30,10 @@ from pyfric.engines import RunError
 from pyfric.figures import DataFigure
 from pyfric.planning import simulate
 from pyfric.record import front_speed, paired
-from pyfric.scene import Scene, SceneError, preset, setup1
+from pyfric.scene import Scene, preset, setup1
 from pyfric.signals import at_once
 from pyfric.statics import stability_limit
+from pyfric.values import SceneError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

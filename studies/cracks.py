@@ -16,8 +16,9 @@ from pyfric import theory
 from pyfric.engines import step_size
 from pyfric.planning import simulate
 from pyfric.record import Record, viscous_error
-from pyfric.scene import Walls, slab, write
+from pyfric.scene import Walls, slab
 from pyfric.statics import loaded_state
+from pyfric.values import write
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

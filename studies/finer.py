@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pyfric.engines import step_size
-from pyfric.scene import SceneError
 from pyfric.statics import ContactProblem, EquilibriumError, StaticSolver
+from pyfric.values import SceneError
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -35,8 +35,9 @@ from pyfric.core import STEPPERS
 from pyfric.engines import step_size
 from pyfric.planning import simulate
 from pyfric.record import Record, analysis
-from pyfric.scene import preset, write
+from pyfric.scene import preset
 from pyfric.signals import at_once
+from pyfric.values import write
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

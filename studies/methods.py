@@ -28,9 +28,10 @@ from pyfric.engines import RunError
 from pyfric.figures import DataFigure
 from pyfric.planning import simulate
 from pyfric.record import budget_left, front_speed
-from pyfric.scene import SceneError, preset
+from pyfric.scene import preset
 from pyfric.signals import at_once
 from pyfric.statics import stability_limit
+from pyfric.values import SceneError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

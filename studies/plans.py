@@ -31,9 +31,10 @@ from pyfric.engines import ENGINES, QuasistaticRun, RunError, default_stepper, s
 from pyfric.engines.cost import full_work, machine_speed
 from pyfric.planning import simulate
 from pyfric.record import Errors, differences, fronts, paired
-from pyfric.scene import SceneError, Spread, chain, default_geometry, setup1, setup2, slab
+from pyfric.scene import Spread, chain, default_geometry, setup1, setup2, slab
 from pyfric.scene.laws import Ageing, SpeedDependent
 from pyfric.statics import EquilibriumError, stability_limit
+from pyfric.values import SceneError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -257,7 +258,7 @@ def judged(made: Record, truth: Record) -> dict[str, Any]:
     apart, trusted = differences(made, truth), differences(made, truth, until)
     real = Errors(want=own.want, tolerance=own.tolerance, **trusted.errors())
     row: dict[str, Any] = {"events": len(apart.events), "trusted": len(trusted.events)}
-    row |= {"covered": own.covered, "by": "; ".join(own.by)}
+    row |= {"covered": own.covered, "by": "; ".join(map(str, own.by))}
     every = Errors(want=own.want, tolerance=own.tolerance, **apart.errors())
     row |= {"measured": own.measured(), "real": real.measured(), "real_of_all": every.measured()}
     unknown = own.holds is None and (own.until is None or own.measured() is None)

@@ -52,8 +52,9 @@ from pyfric.engines import step_size
 from pyfric.planning import simulate
 from pyfric.record import analysis
 from pyfric.record.zones import material_of, zone_at_rest
-from pyfric.scene import preset, write
+from pyfric.scene import preset
 from pyfric.signals import at_once
+from pyfric.values import write
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

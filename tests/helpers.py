@@ -20,8 +20,9 @@ from pyfric.core import OPEN
 from pyfric.record import budget_left
 from pyfric.record.layout import SEAL, seal
 from pyfric.record.netcdf import read_image
-from pyfric.scene import SceneError, setup1, setup2
+from pyfric.scene import setup1, setup2
 from pyfric.statics import damping, loaded_state, mass, stiffness
+from pyfric.values import SceneError
 
 GEOMETRIES = ("linear", "finite")
 ENERGY_IN = ["work_driver", "work_load"]

@@ -13,7 +13,7 @@ from pyfric.fitting.problem import Problem
 from pyfric.fitting.sensors import ARRIVALS, checked
 from pyfric.measured import OF_SLIP, Curve, arrivals, events, noise_of, sampled
 from pyfric.measured.sensors import displacement
-from pyfric.scene import SceneError
+from pyfric.values import SceneError
 
 NOISE, STEP, T_END = 1e-6, 5e-4, 1.3
 FINE = 1e-6

@@ -7,8 +7,9 @@ import pandas as pd
 import pytest
 
 from pyfric.planning import simulate
-from pyfric.scene import SceneError, chain
+from pyfric.scene import chain
 from pyfric.sweeps import boundary, label_map
+from pyfric.values import SceneError
 
 LINES = {
     "straight": lambda y: 10 ** (0.3 * y - 1),

@@ -22,11 +22,12 @@ from pyfric.cli.shared import Exit
 from pyfric.core import STUCK
 from pyfric.figures import fig1b
 from pyfric.record import Record
-from pyfric.scene import PrescribedLoad, Scene, SceneError, Slider, chain, preset, setup2
-from pyfric.scene.checked import MAX_LISTED
+from pyfric.scene import PrescribedLoad, Scene, Slider, chain, preset, setup2
 from pyfric.scene.presets import settings as names_of
 from pyfric.statics import StaticSolver, loaded_state, stability_limit, stiffness
 from pyfric.statics.stability import least_limit
+from pyfric.values import SceneError
+from pyfric.values.checked import MAX_LISTED
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic", sample=1e-5)  # few points
 

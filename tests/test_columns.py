@@ -8,8 +8,9 @@ import pytest
 from hypothesis import strategies as st
 
 from pyfric import laws
-from pyfric.scene import Interface, Scene, SceneError, chain
-from pyfric.scene.tables import unit_in
+from pyfric.scene import Interface, Scene, chain
+from pyfric.values import SceneError
+from pyfric.values.tables import unit_in
 
 FALL = ((0.0, 0.65), (8.0, 0.453))
 

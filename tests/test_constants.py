@@ -13,10 +13,13 @@ import pandas as pd
 import pytest
 
 import pyfric
-from pyfric.engines import cost, hybrid, pauses, slow_slip
+from pyfric import core
+from pyfric.core import packing
+from pyfric.engines import cost, hybrid, pauses, quasistatic, slow_slip
 from pyfric.planning import levels
 from pyfric.record import differences
-from pyfric.scene import preset, setup1
+from pyfric.scene import friction, preset, setup1
+from pyfric.statics import sequences
 
 ACCURACY = 1e-6
 """Of start and arrest forces of every event, over F_N."""
@@ -275,6 +278,39 @@ def test_a_fast_rod_has_other_events_with_other_pauses():
     assert list(found.values()) == [(25, 6), (21, 6), (19, 6), (34, 25), (28, 19), (7, 5)]
 
 
+@functools.cache
+def at_corners(share):
+    """Return the quasi-static sequence of setup 2+, whose trailing edge is nearly unloaded."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (core, packing, sequences, quasistatic):
+            patch.setattr(module, "CORNER_SHARE", share)
+        how = {"fidelity": "quasistatic", "geometry": "linear", "progress": False}
+        return pyfric.simulate("setup2+", 0.2, **how)
+
+
+@pytest.mark.parametrize(("factor", "count"), [(0.5, 76), (1.0, 76), (2.0, 84)])
+def test_the_corner_share_changes_what_is_called_an_event_and_no_motion(factor, count):
+    a, b = at_corners(packing.CORNER_SHARE), at_corners(factor * packing.CORNER_SHARE)
+    np.testing.assert_array_equal(a.curve["F_T"], b.curve["F_T"])
+    assert (len(b.events), int(b.events["is_main"].sum())) == (count, 17)
+
+
+@pytest.mark.parametrize(("share", "factor"), [(0.006, 0.5), (0.015, 2.0)])
+def test_forces_with_and_without_jumps_agree_where_friction_falls_little(
+    share, factor, monkeypatch
+):
+    scene = rod(mu_s=0.6, mu_k=0.6 * (1 - share))
+    how = {"fidelity": "quasistatic", "geometry": "linear", "progress": False}
+    a = pyfric.simulate(scene, 0.12, **how).curve
+    monkeypatch.setattr(friction, "GRADUAL", factor * friction.GRADUAL)
+    b = pyfric.simulate(scene, 0.12, **how).curve
+    t = np.linspace(0, 0.12, 200)
+    forces = [np.interp(t, curve["t"], curve["F_T"]) / scene.F_N for curve in (a, b)]
+    assert max(forces[0]) > 0.59
+    apart = np.abs(np.subtract(*forces)).max()
+    assert 1e-6 < apart < 0.6 * 2 * friction.GRADUAL
+
+
 def test_the_docs_list_them_all():
     page = Path(__file__).parents[1] / "docs" / "explanation" / "numbers.md"
     text = page.read_text(encoding="utf-8")
@@ -282,6 +318,6 @@ def test_the_docs_list_them_all():
     prices = (*(f"cost.{name}" for name in PRICES), *RATED[:2])
     advice = (constant.partition(".")[2] for constant in ADVISE)
     fitted = (constant for _, constant in FITTED)
-    more = ("pauses.DRIVER_SHARE", "pauses.RING_DOWN")
+    more = ("pauses.DRIVER_SHARE", "pauses.RING_DOWN", "packing.CORNER_SHARE", "friction.GRADUAL")
     for constant in (*fitted, *chosen, *prices, *advice, *more):
         assert f"`{constant}`" in text

@@ -13,8 +13,9 @@ from tolerances import ROUNDING
 
 from pyfric import core
 from pyfric.core import OPEN, STUCK, State, StateError, builds
-from pyfric.scene import SceneError, setup1, setup2
+from pyfric.scene import setup1, setup2
 from pyfric.statics import loaded_state, stability_limit
+from pyfric.values import SceneError
 
 CLOCKS = small().law.memory
 VARIANTS = [

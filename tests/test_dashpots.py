@@ -9,8 +9,9 @@ from helpers import GEOMETRIES, advance, budget_error, operators, shaken, small
 
 import pyfric
 from pyfric import core
-from pyfric.scene import Scene, SceneError, Walls, slab
+from pyfric.scene import Scene, Walls, slab
 from pyfric.statics import stability_limit
+from pyfric.values import SceneError
 
 
 def along(scene, **changes):

@@ -13,7 +13,8 @@ from helpers import small
 import pyfric
 from pyfric import theory
 from pyfric.record import numbered
-from pyfric.scene import Driver, Interface, PrescribedLoad, SceneError, preset
+from pyfric.scene import Driver, Interface, PrescribedLoad, preset
+from pyfric.values import SceneError
 
 PRE = '<pre style="white-space: pre-wrap">'  # long notes stay inside the page
 

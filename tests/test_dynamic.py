@@ -29,8 +29,9 @@ from pyfric.core import OPEN, STUCK, StateError
 from pyfric.engines import RunError, default_stepper, integration, step_size
 from pyfric.engines.step_sizes import AUTO_SHARE, LONGEST
 from pyfric.record import Record, analysis
-from pyfric.scene import SceneError, preset, setup1, setup2
+from pyfric.scene import preset, setup1, setup2
 from pyfric.statics import StaticSolver, loaded_state, stability_limit
+from pyfric.values import SceneError
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic", sample=1e-5)  # few points
 

@@ -9,8 +9,9 @@ import pytest
 import pyfric
 from pyfric.engines import ENGINES, Engine, Run, integrate, owned
 from pyfric.engines.quasistatic import QuasistaticRun, static_sequence
-from pyfric.scene import SceneError, chain, preset, setup1
+from pyfric.scene import chain, preset, setup1
 from pyfric.statics import check_statics
+from pyfric.values import SceneError
 
 SCENE, T_END = setup1(L=0.03, H=0.015, V=7.875e-3), 0.065
 """A scene, and a time (s) after its first event of more than one block."""

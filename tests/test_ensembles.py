@@ -14,9 +14,10 @@ import pyfric
 from pyfric.cli.commands import main
 from pyfric.engines import Asked, outlines
 from pyfric.record import EVENT_COLUMNS, RUN_COLUMNS, Outline
-from pyfric.scene import SceneError, Spread, chain
+from pyfric.scene import Spread, chain
 from pyfric.statics import EquilibriumError
 from pyfric.sweeps import Span, Store, Sweep, measures
+from pyfric.values import SceneError
 
 simulate = functools.partial(pyfric.simulate, fidelity="quasistatic", progress=False)
 FIELD = Spread(mean=0.7, std=0.05)

@@ -12,7 +12,7 @@ from helpers import mirrored_scene, scaled, small_free, small_rod
 from scipy.sparse.linalg import spsolve
 
 from pyfric import core
-from pyfric.scene import Law, Scene, SceneError, preset, setup1, setup2
+from pyfric.scene import Law, Scene, preset, setup1, setup2
 from pyfric.statics import (
     ContactProblem,
     EquilibriumError,
@@ -22,6 +22,7 @@ from pyfric.statics import (
     solve_static,
 )
 from pyfric.statics.equilibrium import _warn_if_ambiguous
+from pyfric.values import SceneError
 
 ARRAYS = ("u", "rod", "f", "tau", "p")
 

@@ -15,7 +15,8 @@ from helpers import small
 
 import pyfric
 from pyfric.core import State, StateError
-from pyfric.scene import (
+from pyfric.statics import loaded_state
+from pyfric.values import (
     SceneError,
     check_writable,
     clean_drafts,
@@ -25,7 +26,6 @@ from pyfric.scene import (
     write,
     written,
 )
-from pyfric.statics import loaded_state
 
 NOBODY = 4_000_000  # above the largest number that Linux gives a process
 

@@ -32,7 +32,7 @@ from pyfric.fitting.problem import Problem
 from pyfric.fitting.profiles import _interval
 from pyfric.fitting.sensors import arrivals_off, lengths_of, lengths_off
 from pyfric.measured import Curve, events, sampled
-from pyfric.scene import SceneError
+from pyfric.values import SceneError
 
 NOISE, STEP, T_END = 1e-3, 5e-4, 1.2
 STATIC = {"fidelity": "quasistatic", "part": "all"}

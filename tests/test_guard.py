@@ -9,8 +9,9 @@ import pyfric
 from pyfric import core
 from pyfric.engines import RunError, default_stepper, folded
 from pyfric.engines.integration import MARGIN, Guard
-from pyfric.scene import SceneError, chain, setup1, setup2
+from pyfric.scene import chain, setup1, setup2
 from pyfric.statics import StaticSolver, stability_limit
+from pyfric.values import SceneError
 
 
 def rod(**changes):

@@ -21,8 +21,9 @@ import pyfric
 from pyfric.cli import hints
 from pyfric.cli.commands import main
 from pyfric.record import held_in
-from pyfric.scene import laws, parse_quantity, usage, words
+from pyfric.scene import laws
 from pyfric.scene.ends import TAKES
+from pyfric.values import parse_quantity, usage, words
 
 GUESSES = re.findall(
     r"^(?!#)(.+)  ->  (.+)$", (Path(__file__).parent / "guesses.txt").read_text(), re.M

@@ -6,8 +6,9 @@ from helpers import budget_error, small_free, small_rod
 
 import pyfric
 from pyfric.core import OPEN
-from pyfric.scene import SceneError, preset
+from pyfric.scene import preset
 from pyfric.statics import ContactProblem, StaticSolver, loaded_state
+from pyfric.values import SceneError
 
 LINEAR = {"geometry": "linear"}
 

@@ -18,12 +18,13 @@ from pyfric import core
 from pyfric.core import OPEN
 from pyfric.engines import ACCURACY, hybrid
 from pyfric.record import Record
-from pyfric.scene import SceneError, chain, preset, setup1, setup2
+from pyfric.scene import chain, preset, setup1, setup2
 from pyfric.statics import (
     EquilibriumError,
     loaded_state,
     solve_static,
 )
+from pyfric.values import SceneError
 
 
 def rod(**changes):

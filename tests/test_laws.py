@@ -15,9 +15,10 @@ from test_weakening import CASES, D_C, MU_K, MU_S, SLOPE, P, rigid, sliding, sli
 import pyfric
 from pyfric import core, laws, theory
 from pyfric.core import STUCK
-from pyfric.scene import SceneError, Spread, chain, setup1
+from pyfric.scene import Spread, chain, setup1
 from pyfric.scene.restless import WITHOUT_REST
 from pyfric.statics import loaded_state
+from pyfric.values import SceneError
 
 KINDS = {
     name: {"law": kind(**kind.example)}

@@ -38,8 +38,9 @@ from pyfric.planning.levels import (
     of_named,
     rotation,
 )
-from pyfric.scene import SceneError, chain, laws, preset, setup1, setup2, slab
+from pyfric.scene import chain, laws, preset, setup1, setup2, slab
 from pyfric.statics import stability_limit
+from pyfric.values import SceneError
 
 ROOT = Path(__file__).parents[1]
 WANTS = ("loading_curve", "precursors", "stress", "front_speed", "motion")

@@ -9,8 +9,9 @@ from helpers import refused
 
 import pyfric
 from pyfric import Slider
-from pyfric.scene import MATERIALS, Material, Scene, SceneError, setup1
+from pyfric.scene import MATERIALS, Material, Scene, setup1
 from pyfric.statics.operators import dispersion
+from pyfric.values import SceneError
 
 SLAB = {"L": "140 mm", "H": "75 mm", "l": "2.5 mm"}
 E, B, RHO = 3e9, 6e-3, 1200.0

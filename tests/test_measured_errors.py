@@ -9,7 +9,7 @@ import pytest
 from helpers import small_rod
 
 import pyfric
-from pyfric.record import Errors, Record, differences, statistics, summary
+from pyfric.record import Errors, Model, Record, differences, statistics, summary
 from pyfric.record.measured import SAID
 from pyfric.scene import setup1, slab
 
@@ -262,12 +262,15 @@ def test_statistics_of_what_follows(ladder):
 
 
 def test_beyond_the_tolerance_is_said():
-    how = {"want": "precursors", "tolerance": 0.01, "by": ("another run",), "factor": 3.0}
+    how = {"want": "precursors", "tolerance": 0.01, "factor": 3.0}
+    how["by"] = (Model(engine="hybrid", geometry="finite", faster=0.1),)
     errors = Errors(**how, start=0.02, arrest=0.001)
     assert errors.holds is False
     assert errors.measured() == 0.02
     assert "BEYOND 0.01" in str(errors)
-    assert "by another run, differences times 3" in str(errors)
+    assert "by hybrid, finite geometry, a driver that is faster by 0.1, differences times 3" in str(
+        errors
+    )
 
 
 # --- measured, or not ----------------------------------------------------------------------------

@@ -32,7 +32,7 @@ from pyfric.fitting.measurement import KINDS, At, packed, unpacked
 from pyfric.fitting.of_events import _numbers, large
 from pyfric.fitting.problem import Problem
 from pyfric.measured import COLUMNS, Curve, events, sampled
-from pyfric.scene import SceneError
+from pyfric.values import SceneError
 
 HOW = {"fidelity": "quasistatic", "progress": False}
 STORED = Path(__file__).parents[1] / "reference_data" / "fits" / "velocity_steps.csv"

@@ -7,7 +7,7 @@ from test_slipping import rod, run
 
 import pyfric
 from pyfric.record import analysis
-from pyfric.scene import SceneError
+from pyfric.values import SceneError
 
 
 def test_nucleation_is_where_the_slipping_part_is_no_longer_stable():

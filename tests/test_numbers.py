@@ -2,15 +2,25 @@
 
 import ast
 import importlib
+import importlib.util
 import re
 from pathlib import Path
 
 import numpy as np
 
+import pyfric
+
 ROOT = Path(__file__).parents[1]
-ROOMS = ("planning", "engines", "statics", "record")
+WHOLE = {
+    "figures": "sizes of drawings",
+    "paper": "numbers of published cases",
+    "checks": "limits of checks, each with its reason",
+    "cli": "none",
+}
+"""Rooms whose numbers are all of one kind."""
+ROOMS = tuple(room for room in (*pyfric.ROOMS, "cli") if room not in WHOLE)
 PAGE = ROOT / "docs" / "explanation" / "numbers.md"
-MOST_FITTED = 18
+MOST_FITTED = 20
 NUMBER = r"[\d.]+(?:e-?\d+)?"
 KINDS = {
     "policy": {
@@ -46,6 +56,39 @@ KINDS = {
         "rupture": "AVERAGED SLOWEST",
         "complementarity": "LEAST",
         "creep": "RATE PAST",
+        "arrivals": "PART FEWEST",
+        "boundaries": "FIRST NEAR FAINT POINTS",
+        "builds": "BLOCKS_PER_THREAD",
+        "chain": "_DAMPED _FAR _PERIODS",
+        "cracks": "ACCURACY _STEP",
+        "curve": "OTHER_SIGN STILL",
+        "files": "OLD",
+        "fits": "MORE STARTS TOLERANCES",
+        "junctions": "PARTS TAIL",
+        "kinds": "CLOSE DECADES FAR PER_DECADE",
+        "lines": "TUKEY",
+        "measurement": "CAP",
+        "measures": "PART",
+        "misfits": "FEWEST LARGE OF_COUNTS OF_FORCES",
+        "noise": "ALONE AROUND EQUAL FAR FEW FINE LONGEST OFTEN RARE SMOOTH_LINE WHITE",
+        "of_curves": "PARTS POINTS",
+        "of_events": "ENOUGH IN_A_ROW LONGER OFF_LOAD POPULATION",
+        "phases": "BLOCKS STEP",
+        "picking": "BLOCK CLEAR NEAR SMOOTH TOLD",
+        "posteriors": "BURNT WALKERS",
+        "presets": "UNSAID",
+        "problem": "DOUBTFUL FURTHER",
+        "reading": "NAMED NEAR_END SOME",
+        "results": "AT_BOUND",
+        "runs": "MAX_LOSSES POLL",
+        "search": "COARSE FAR FOLLOWED NOTICED STEP WALK WALKS WIDEST",
+        "sensitivities": "NOISE STEPS",
+        "shared": "CALIBRATION CHECKED CONFIDENCE LEAST",
+        "spread": "CELLS",
+        "store": "DAY FORGET POLL SILENCE",
+        "sweep": "ASKED",
+        "text": "LEFT RUN",
+        "words": "LONG",
     },
     "rounding": {
         "crossing": "GONE",
@@ -65,6 +108,11 @@ KINDS = {
         "catalogue": "ROUNDED",
         "growth": "ROUNDING",
         "recurrence": "WHOLE",
+        "columns": "ROUNDED",
+        "lines": "ROUNDED",
+        "parts": "MULTIPLE_RTOL",
+        "phases": "MORE",
+        "sensitivities": "ROUNDED",
     },
     "derived": {
         "cost": "BEYOND",
@@ -75,8 +123,37 @@ KINDS = {
         "netcdf": "DEFLATE",
         "creep": "PART",
         "stability": "_REDUCED",
+        "cracks": "_WEIGHT",
+        "files": "SEAL_LENGTH",
+        "lines": "NORMAL",
+        "materials": "PLANE_STRAIN",
+        "misfits": "ALONE PER_EVENT",
+        "of_events": "OTHERS",
+        "shared": "GOLDEN",
+        "spread": "SUMMED",
+        "waves": "_STIFFNESS",
     },
-    "definition": {"layout": "SCHEMA", "contact": "BARE"},
+    "definition": {
+        "layout": "SCHEMA",
+        "contact": "BARE",
+        "arrays": "FILLS",
+        "calls": "SLIP_FINISHED",
+        "cracks": "ANDREWS_S",
+        "ends": "TAKES",
+        "log": "POINT",
+        "loggers": "CHANNELS HEAD TIME VALUES",
+        "memory": "LIMITS",
+        "packing": "BEYOND",
+        "phases": "PACES",
+        "reading": "BITS",
+        "results": "MEASURED",
+        "sequences": "IN_EVENT MOVES PASSES",
+        "spacings": "AT",
+        "state": "OPEN SIDES STUCK",
+        "steppers": "_RK4_ROWS",
+        "units": "PREFIXES",
+        "words": "LINES",
+    },
     "cap or size": {
         "jump": "LONGEST",
         "path": "ROUNDS",
@@ -97,6 +174,31 @@ KINDS = {
         "condensation": "LARGE KEPT",
         "system": "KEPT",
         "netcdf": "COMPRESSED_FROM",
+        "body": "PART",
+        "chain": "FASTEST FASTEST_OVERDAMPED LARGEST_VISCOSITY SLOWEST SLOWEST_OVERDAMPED",
+        "checked": "MAX_LISTED",
+        "columns": "MAX_BYTES PASSES",
+        "errors": "_SHORT",
+        "formats": "START",
+        "found": "MAX_COLUMNS",
+        "junctions": "MOST",
+        "kinds": "MAX_KNOTS",
+        "lattice": "MAX_NAME",
+        "lines": "AT_ONCE FEWEST PASSES",
+        "log": "POINTS",
+        "parts": "MAX_BLOCKS",
+        "profile": "MAX_BYTES",
+        "protocol": "MOST",
+        "rate_state": "LARGEST LONGEST",
+        "restless": "LARGEST_RATIO LONGEST_REST",
+        "sequences": "KEPT POINTS QUIET",
+        "spread": "MOST_CELLS",
+        "store": "MAX_BYTES",
+        "text": "MAX_BYTES SAMPLE",
+        "toml": "MAX_FILE",
+        "units": "LARGEST SMALLEST _LONGEST",
+        "varied": "MAX_POINTS",
+        "waves": "SOFTEST STIFFEST",
     },
 }
 """Kinds of numbers that are not fitted, by module. A policy is a choice that could be another one:
@@ -105,15 +207,59 @@ should have ended before; a size costs time or memory only. Others follow from a
 them, or are what double precision leaves."""
 
 FORMULAS = {
-    "cost": (2e-7, 500.0),  # the step of the paper; bytes for each unknown
-    "errors": (0.95,),  # a quantile
-    "plans": (0.01, 1e5),  # default tolerance; bytes of a record without events
-    "operators": (1.5,),  # impedances of P and S waves
-    "zones": (0.75,),  # 3 pi/4
+    "core/memory": (1024.0,),  # bytes of a kilobyte
+    "engines/cost": (2e-7, 500.0),  # the step of the paper; bytes for each unknown
+    "fitting/fits": (0.9,),  # default level of intervals
+    "fitting/misfits": (1.2533, 1.4826),  # sqrt(pi/2); 1 over the third quartile of a normal number
+    "fitting/posteriors": (12.0,),  # 1 over the variance of a uniform number
+    "fitting/results": (0.9,),  # default level of intervals
+    "fitting/search": (1e-5, 1e-4, 0.01),  # ends of a search
+    "fitting/sensitivities": (0.01,),  # a hundredth, of per cent
+    "measured/loggers": (5e8,),
+    "measured/lvm": (60.0, 3600.0),  # seconds of a minute and of an hour
+    "measured/meanings": (0.01,),  # a hundredth, of per cent
+    "measured/noise": (0.9,),  # a quantile
+    "measured/picking": (1.25,),  # from the middle of a mean to the step beyond its end
+    "planning/plans": (0.01, 1e5),  # default tolerance; bytes of a record without events
+    "record/errors": (0.95,),  # a quantile
+    "record/zones": (0.75,),  # 3 pi/4
+    "scene/lattice": (0.1,),  # eta of the paper
+    "scene/laws/kinds": (0.25, 0.75),  # where a function is tried between knots
+    "scene/materials": (0.75,),  # k of plane strain over E
+    "scene/text": (0.25, 1.5),  # 1/2 squared; c_P squared over c squared
+    "statics/operators": (1.5,),  # impedances of P and S waves
+    "sweeps/boundaries": (1e-3,),  # default tolerance
+    "sweeps/measures": (0.05, 0.95),  # quantiles
+    "sweeps/phases": (1e-3, 0.45, 0.7),  # default tolerance; mu_k and mu_s of a chain
+    "sweeps/spacings": (0.1, 3.0),  # damping of the paper; default end
+    "theory/chain": (30.0,),  # where an integrand has ended
+    "theory/waves": (0.499999, 0.99),  # range of Poisson's ratio
 }
 """Other numbers in the bodies of functions, by module."""
+PRESETS = ("presets",)
+"""Modules whose functions hold values of scenes."""
 UNITS, ROUNDED = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 10.0, 1e3, 1e6, 1e9), 1e-9
 """Numbers that need no name: small ones and powers of ten, and those that are rounding."""
+
+
+FORTRAN = {
+    "policy": {"location": "DIP_DEPTH DIP_LENGTH", "slow_slip": "LONGER SAFE SHORTER SLOWLY"},
+    "rounding": {
+        "junctions": "AT_LIMIT",
+        "location": "FORESEEN_WIDTH KNOT_WIDTH ROOT_WIDTH",
+        "slow_slip": "TURNED",
+    },
+    "derived": {
+        "elementary": "INVERSE LOG_2 LOG_2_INVERSE LOG_2_REST ODD TWO_52 WHOLE",
+        "slow_slip": "A AT BY_TIME C GAMMA INSIDE",
+    },
+    "cap or size": {
+        "location": "SHORTEST_SUBSTEP",
+        "model": "S_SERIES",
+        "rate_state": "LAST_STEP LEAST LOST SMALL",
+    },
+}
+"""Real parameters of the core, as `KINDS`; none is fitted. Those of steppers are coefficients."""
 
 
 def has_number(node):
@@ -142,14 +288,27 @@ def numbers(root=ROOT):
 def unnamed(root=ROOT):
     """Numbers in bodies of functions that are neither small, units nor rounding, by module."""
     found = {}
-    for path in (file for room in ROOMS for file in (root / "pyfric" / room).rglob("*.py")):
+    files = (file for room in ROOMS for file in (root / "pyfric" / room).rglob("*.py"))
+    for path in (file for file in files if file.stem not in PRESETS):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         functions = [one for one in ast.walk(tree) if isinstance(one, ast.FunctionDef)]
         inside = (one for function in functions for one in ast.walk(function))
         numbers = {one.value for one in inside if isinstance(one, ast.Constant)}
         floats = {one for one in numbers if type(one) is float and one not in UNITS}
         if kept := tuple(sorted(one for one in floats if one > ROUNDED)):
-            found[path.stem] = kept
+            found[path.relative_to(root / "pyfric").with_suffix("").as_posix()] = kept
+    return found
+
+
+def parameters(folder=ROOT / "fortran"):
+    """Real parameters of modules of the core, "module.NAME"."""
+    found = set()
+    for path in folder.glob("*.f90"):
+        for line in path.read_text(encoding="utf-8").splitlines():
+            kind, _, names = line.partition("!")[0].partition("parameter ::")
+            if names and kind.split("(")[0].strip() == "real":
+                bare = re.sub(r"\([^()]*\)|\[.*", "", re.sub(r"\([^()]*\)", "", names))
+                found |= {f"{path.stem}.{name}" for name in re.findall(r"([A-Z]\w*) *=", bare)}
     return found
 
 
@@ -172,14 +331,26 @@ def test_each_number_has_one_kind():
     assert set(found) == numbers()
 
 
+def test_each_parameter_of_the_core_has_one_kind():
+    kinds = [
+        f"{module}.{name}"
+        for modules in FORTRAN.values()
+        for module, names in modules.items()
+        for name in names.split()
+    ]
+    assert len(kinds) == len(set(kinds))
+    assert set(kinds) == parameters()
+
+
 def test_the_page_has_the_values_of_the_code():
     rows, _ = told(0)
     for row in rows:
         names, value = row.split("|")[1:3]
         found = []
         for module, name in re.findall(r"`([a-z_]+)\.([A-Z_]+)`", names):
-            (room,) = (one for one in ROOMS if (ROOT / "pyfric" / one / f"{module}.py").exists())
-            number = getattr(importlib.import_module(f"pyfric.{room}.{module}"), name)
+            holds = (f"pyfric.{one}.{module}" for one in ROOMS)
+            holds = (importlib.import_module(one) for one in holds if importlib.util.find_spec(one))
+            (number,) = (getattr(one, name) for one in holds if hasattr(one, name))
             number = list(number.values()) if isinstance(number, dict) else number
             found += np.atleast_1d(number).tolist()
         assert [float(one) for one in re.findall(NUMBER, value)] == found, row
@@ -205,4 +376,4 @@ def test_a_number_that_is_not_told_is_noticed(tmp_path):
     (tmp_path / "pyfric" / "engines" / "new.py").write_text("FUDGE = 0.37\nNAME = 'text'\n")
     assert numbers(tmp_path) == {"new.FUDGE"}
     (tmp_path / "pyfric" / "engines" / "new.py").write_text("def f(s):\n    return 0.37 * s\n")
-    assert unnamed(tmp_path) == {"new": (0.37,)}
+    assert unnamed(tmp_path) == {"engines/new": (0.37,)}

@@ -118,10 +118,10 @@ def test_levels_are_made_until_two_agree_and_the_finer_one_is_returned(
 def test_the_error_is_that_of_the_coarser_run(ladder):
     record = Known(ladder, static=0.04, bonds=0.001).made(tolerance=0.05)
     assert record.errors.start == pytest.approx(0.04)
-    assert record.errors.by[0].startswith("quasistatic, linear geometry")
+    assert str(record.errors.by[0]).startswith("quasistatic, linear geometry")
     record = Known(ladder, bonds=0.001).made(tolerance=0.02)
     assert record.errors.start == pytest.approx(0.001)
-    assert record.errors.by[0].startswith("hybrid, linear geometry")
+    assert str(record.errors.by[0]).startswith("hybrid, linear geometry")
     known = Known(ladder, bonds=0.4, step=1e-3)
     record = known.made(tolerance=0.01)
     steps = [dt / known.longest for *_, dt in known.asked]

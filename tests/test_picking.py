@@ -10,7 +10,7 @@ import pyfric
 from pyfric.fitting import misfit
 from pyfric.measured import COLUMNS, Curve, events, lines, noise_of, robust_line, sampled
 from pyfric.measured.picking import _gaps
-from pyfric.scene import SceneError
+from pyfric.values import SceneError
 
 NOISE, STEP = 1e-3, 5e-4
 

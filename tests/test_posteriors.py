@@ -11,7 +11,7 @@ import pytest
 import pyfric
 from pyfric.fitting import posterior
 from pyfric.measured import events
-from pyfric.scene import SceneError
+from pyfric.values import SceneError
 
 SCENE = pyfric.preset("fig1", l="5 mm")
 ERROR = 1e-3

@@ -14,8 +14,9 @@ from scipy.integrate import solve_ivp
 
 import pyfric
 from pyfric import core
-from pyfric.scene import Interface, SceneError, chain, laws
+from pyfric.scene import Interface, chain, laws
 from pyfric.statics import loaded_state, stability_limit
+from pyfric.values import SceneError
 
 STORED = Path(__file__).parents[1] / "reference_data" / "rated"
 IMEX = {"stepper": "imex", "switching": "step_end"}

@@ -13,7 +13,7 @@ from scipy.io import netcdf_file, savemat
 
 from pyfric.measured import Curve, read
 from pyfric.measured import body as parsing
-from pyfric.scene import SceneError
+from pyfric.values import SceneError
 
 T = (0.0, 0.5, 1.0, 1.5)
 F = (0.0, 120.0, 260.0, 190.0)

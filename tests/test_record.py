@@ -37,7 +37,8 @@ from pyfric.record import (
     held_in,
 )
 from pyfric.record.layout import SCHEMA, SEAL, TEXTS, fields
-from pyfric.scene import SceneError, files, setup1, setup2
+from pyfric.scene import setup1, setup2
+from pyfric.values import SceneError, files
 
 MS = 1e-3
 MANY = int(os.environ.get("PYFRIC_BROKEN", "0"))  # see test_broken

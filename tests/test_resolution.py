@@ -7,7 +7,8 @@ import pytest
 import resolution
 
 from pyfric.figures import save_figure
-from pyfric.scene import SceneError, preset
+from pyfric.scene import preset
+from pyfric.values import SceneError
 
 SPACINGS = (5e-3, 2.5e-3)
 BY_FORMULA, FIXED = resolution.VISCOSITIES

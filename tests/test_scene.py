@@ -21,7 +21,6 @@ from pyfric.engines import Options
 from pyfric.laws import TabulatedLaw
 from pyfric.scene import (
     PRESETS,
-    Annotation,
     DistributedLoad,
     Driver,
     Interface,
@@ -29,27 +28,23 @@ from pyfric.scene import (
     PrescribedLoad,
     Rod,
     Scene,
-    SceneError,
     Slider,
     Spread,
     Walls,
-    annotations,
     as_scene,
-    check_number,
     full_name,
     laws,
-    parse_quantity,
     preset,
     setup1,
     setup2,
-    units,
 )
 from pyfric.scene.parts import MAX_BLOCKS
 from pyfric.scene.presets import Fields
 from pyfric.scene.presets import settings as names_of
-from pyfric.scene.toml import MAX_FILE
-from pyfric.scene.units import LARGEST, SMALLEST
 from pyfric.statics import loaded_state
+from pyfric.values import Annotation, SceneError, annotations, check_number, parse_quantity, units
+from pyfric.values.toml import MAX_FILE
+from pyfric.values.units import LARGEST, SMALLEST
 
 GOOD = """\
 name = "good"

@@ -55,12 +55,13 @@ def made(monkeypatch):
             while count is None and errors[last - 1] > options.tolerance:
                 last += 1
         level = of[last]
-        names = ("engine", "geometry", "stepper", "dt", "accuracy")
-        method = dataclasses.replace(base.method, **{name: getattr(level, name) for name in names})
+        own = dataclasses.asdict(level.model)
+        own.pop("faster")
+        method = dataclasses.replace(base.method, **own)
         record = dataclasses.replace(base, scene=scene, method=method, errors=None)
         if count == 1:
             return record
-        how = {"want": options.want, "tolerance": options.tolerance, "by": (str(of[last - 1]),)}
+        how = {"want": options.want, "tolerance": options.tolerance, "by": (of[last - 1].model,)}
         return dataclasses.replace(record, errors=Errors(start=errors[last - 1], **how))
 
     monkeypatch.setattr(shared, "simulate_point", planted)

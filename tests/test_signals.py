@@ -20,7 +20,6 @@ from helpers import WATCHED, same_run, small
 import pyfric
 from pyfric.checks import regimes
 from pyfric.cli.commands import main
-from pyfric.scene import written
 from pyfric.signals import (
     SIGNALS,
     at_once,
@@ -30,6 +29,7 @@ from pyfric.signals import (
     saved_first,
 )
 from pyfric.sweeps import runs
+from pyfric.values import written
 
 LONG = {"fidelity": "dynamic", "geometry": "linear", "threads": 1}
 

@@ -17,9 +17,10 @@ from pyfric.core import State, StateError
 from pyfric.engines import ENGINES, HybridRun, RunError, integration, quasistatic, step_size
 from pyfric.planning import plan, simulation
 from pyfric.record import Record, budget_error
-from pyfric.scene import SceneError, chain, setup1, setup2
+from pyfric.scene import chain, setup1, setup2
 from pyfric.statics import EquilibriumError, loaded_state
 from pyfric.sweeps import Sweep
+from pyfric.values import SceneError
 
 simulate = functools.partial(pyfric.simulate, progress=False, verify="none")
 """Runs that measure no errors, which takes a second run: see test_measured_errors."""
@@ -216,7 +217,7 @@ def test_a_ladder_that_does_not_get_on(monkeypatch):
 def test_a_ladder_that_takes_longer_than_dynamics_ends(monkeypatch):
     monkeypatch.setattr(simulation, "STATIC_SHARE", 0.0)
     record = simulate(slow(), 0.7, tolerance=0.1, verify="sample")
-    assert record.errors.by[0].startswith("hybrid, finite geometry")
+    assert str(record.errors.by[0]).startswith("hybrid, finite geometry")
     assert any("left out: quasistatic" in note and "too long" in note for note in record.notes)
 
 

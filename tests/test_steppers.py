@@ -13,8 +13,9 @@ import pyfric
 from pyfric import core
 from pyfric.core import OPEN, STUCK, State
 from pyfric.engines import default_stepper, step_size
-from pyfric.scene import SceneError, chain, preset, setup1
+from pyfric.scene import chain, preset, setup1
 from pyfric.statics import dispersion, loaded_state, stability_limit
+from pyfric.values import SceneError
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic", progress=False, sample=1e-5)
 

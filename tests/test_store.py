@@ -16,9 +16,9 @@ from helpers import small
 
 import pyfric
 from pyfric.cli.commands import main
-from pyfric.scene import SceneError
 from pyfric.sweeps import Job, Store, run_all, runs, store
 from pyfric.sweeps.store import CACHE_VARIABLE, DAY, LOCK
+from pyfric.values import SceneError
 
 KEYS = ["0" * 40, "1" * 40, "a" * 40]
 

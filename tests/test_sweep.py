@@ -24,8 +24,9 @@ from pyfric.cli.commands import main
 from pyfric.engines import Options, RunError
 from pyfric.planning import simulate
 from pyfric.record import Record, analysis
-from pyfric.scene import SceneError, Spread, laws, preset
+from pyfric.scene import Spread, laws, preset
 from pyfric.sweeps import Job, Span, Sweep, runs, sweep
+from pyfric.values import SceneError
 
 OPTIONS = Options(fidelity="quasistatic")
 RANDOM = small().replace({"interface.mu_s": Spread(mean=0.7, std=0.02)})

@@ -13,11 +13,11 @@ from scipy.special import beta
 import pyfric
 from pyfric import chain, setup2, simulate, theory
 from pyfric.record import front_speed
-from pyfric.scene import SceneError
 from pyfric.statics import dispersion, solve_static, spring_stiffness
 from pyfric.statics.operators import bonds
 from pyfric.theory.cracks import _I
 from pyfric.theory.waves import reduced_D
+from pyfric.values import SceneError
 
 ROCK = theory.Material(c_P=6000.0, c_S=3464.0, rho=2670.0)
 CAUCHY = theory.Material(c_P=np.sqrt(3), c_S=1.0, rho=1.0)  # lambda = mu, as the lattice

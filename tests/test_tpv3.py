@@ -8,7 +8,8 @@ import pytest
 import tpv3
 
 from pyfric.engines import step_size
-from pyfric.scene import Scene, SceneError, preset
+from pyfric.scene import Scene, preset
+from pyfric.values import SceneError
 
 
 def test_the_scene_is_that_of_the_benchmark():

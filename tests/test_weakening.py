@@ -15,8 +15,9 @@ from pyfric import core
 from pyfric.core import OPEN, STUCK
 from pyfric.engines.step_sizes import AUTO_SHARE
 from pyfric.record import Record
-from pyfric.scene import Scene, SceneError, chain, preset, setup1
+from pyfric.scene import Scene, chain, preset, setup1
 from pyfric.statics import loaded_state, stability_limit
+from pyfric.values import SceneError
 
 P, MU_S, MU_K, D_C = 60.0, 0.7, 0.45, 2e-6
 SLOPE = (MU_S - MU_K) * P / D_C

@@ -26,9 +26,10 @@ from pyfric.engines import (
 from pyfric.figures import DataFigure
 from pyfric.planning import simulate
 from pyfric.record import Record, differences, material_of
-from pyfric.scene import Scene, SceneError, SceneLike, as_scene, check_number, default_geometry
+from pyfric.scene import Scene, SceneLike, as_scene, default_geometry
 from pyfric.signals import at_once
 from pyfric.statics import EquilibriumError, stability_limit
+from pyfric.values import SceneError, check_number
 
 WANTS = {
     "loading_curve": "loading curve: RMS of F_T over F_N",

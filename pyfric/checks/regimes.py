@@ -30,9 +30,10 @@ from pyfric.core import OPEN
 from pyfric.engines import RunError, default_stepper, folded, prediction_curve
 from pyfric.planning import simulate
 from pyfric.record import budget_error
-from pyfric.scene import Scene, SceneError, chain, setup1, setup2
+from pyfric.scene import Scene, chain, setup1, setup2
 from pyfric.signals import at_once
 from pyfric.statics import StaticSolver, stability_limit
+from pyfric.values import SceneError
 
 Behaviour = Literal["refusal", "stop", "warning", "switch", "answer"]
 

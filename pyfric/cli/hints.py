@@ -1,6 +1,6 @@
 """What the command line says of words that it does not know, and errors in its own words.
 
-Words are those of `pyfric.scene.words`. Errors of Python functions name arguments, such as
+Words are those of `pyfric.values.words`. Errors of Python functions name arguments, such as
 units={"t": "s"}; the command line says --unit t=s.
 """
 
@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pyfric.scene import LINES, PRESETS, SETTABLE, line, meant, nearest, plain
+from pyfric.scene import PRESETS, SETTABLE
+from pyfric.values import LINES, line, meant, nearest, plain
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

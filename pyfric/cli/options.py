@@ -15,7 +15,7 @@ from pyfric.cli.app import Command
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pyfric.scene import Annotation
+    from pyfric.values import Annotation
 
 ELSEWHERE = ("checkpoint", "checkpoint_every")
 """Options without a word of their own: --out of `pyfric run` is the checkpoint."""
@@ -70,7 +70,7 @@ class Value(click.ParamType):
         self.mark, self.name = mark, "time" if mark.unit == "s" else "number"
 
     def convert(self, value: Any, param: Any, ctx: Any) -> Any:
-        from pyfric.scene import naming, spoken
+        from pyfric.values import naming, spoken
 
         with naming(param.opts[0]):
             return self.mark.check(spoken(value) if isinstance(value, str) else value)

@@ -79,6 +79,29 @@ def stop_unless_complete(record: Record, hint: str) -> None:
 # --- parameters ----------------------------------------------------------------------------------
 
 
+class Listed(click.Choice[str]):
+    """Choices that a registry lists; it is imported when they are asked for."""
+
+    def __init__(self, names: Callable[[], Iterable[str]]) -> None:
+        self.names, self.case_sensitive = names, True
+
+    @property
+    def choices(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return tuple(self.names())
+
+
+def _with_events() -> list[str]:
+    from pyfric.engines import ENGINES
+
+    return [name for name, engine in ENGINES.items() if engine.has("verify", None)]
+
+
+def fidelity_option(default: str, text: str) -> Callable[[Any], Any]:
+    """Add --fidelity, for commands whose runs need events."""
+    kind = Listed(_with_events)
+    return click.option("--fidelity", type=kind, default=default, help=text, show_default=True)
+
+
 class SceneName(click.ParamType):
     """A preset or a file. Shells complete both."""
 
@@ -114,7 +137,7 @@ class Seconds(click.ParamType):
         self.words = words
 
     def convert(self, value: Any, param: Any, ctx: Any) -> float | str:
-        from pyfric.scene import check_number, spoken
+        from pyfric.values import check_number, spoken
 
         if value in self.words:
             return value
@@ -137,7 +160,8 @@ def scene_of(name: str, changes: tuple[str, ...]) -> Scene:
 
 def changes_of(changes: tuple[str, ...]) -> dict[str, Any]:
     """Return the names and values of --set."""
-    from pyfric.scene import once, spoken
+    from pyfric.scene import once
+    from pyfric.values import spoken
 
     values = []
     for change in changes:
@@ -204,7 +228,7 @@ def check_folder(out: Path | None, option: str = "--out") -> None:
 
 def _check_writable(out: Path, path: Path, option: str, suffix: str = "") -> None:
     """Refuse an output for which this file cannot be written."""
-    from pyfric.scene import check_writable, naming
+    from pyfric.values import check_writable, naming
 
     try:
         with naming(option):
@@ -314,7 +338,7 @@ class _Stem(_File):
     """The stem of the names of a figure's files; the suffix .png or .pdf may follow it."""
 
     def convert(self, value: Any, param: Any, ctx: Any) -> Any:
-        from pyfric.scene import figure_stem, naming
+        from pyfric.values import figure_stem, naming
 
         with naming(param.opts[0]):
             return figure_stem(super().convert(value, param, ctx))
@@ -410,7 +434,7 @@ def command_line() -> str:
 def save_table(table: pd.DataFrame, out: Path | None, command: str, digits: str) -> None:
     """If `out` is given, save a table as CSV, and beside it the command that makes it."""
     from pyfric.record import provenance
-    from pyfric.scene import write
+    from pyfric.values import write
 
     if out is not None:
         write(out, table.to_csv(index=False, float_format=digits).encode())

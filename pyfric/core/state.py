@@ -15,7 +15,8 @@ import numpy as np
 
 from pyfric.core.packing import check_driven
 from pyfric.display import html
-from pyfric.scene import check_free, read_at_most, sealed, slipped, unsealed, write
+from pyfric.scene import slipped
+from pyfric.values import check_free, read_at_most, sealed, unsealed, write
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

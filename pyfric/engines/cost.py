@@ -17,8 +17,9 @@ import numpy as np
 from pyfric import core
 from pyfric.core import STEPPERS, available
 from pyfric.engines.integration import largest_strain
-from pyfric.scene import SceneError, setup1
+from pyfric.scene import setup1
 from pyfric.statics import loaded_state
+from pyfric.values import SceneError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -15,21 +15,14 @@ import numpy as np
 
 from pyfric.engines.engine import ENGINES
 from pyfric.engines.step_sizes import is_auto
-from pyfric.scene import (
-    Annotation,
-    Conditions,
-    Quantity,
-    SceneError,
-    Words,
-    check_number,
-    check_whole,
-)
+from pyfric.scene import Conditions
+from pyfric.values import Annotation, Quantity, SceneError, Words, check_number, check_whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pyfric.record import Method
-    from pyfric.scene import Written
+    from pyfric.values import Written
 
 Owner = Literal["plan", "run", "events", "steps", "energies", "machine"]
 """What an option belongs to: the choice of the engine; every run; runs that find events, make time

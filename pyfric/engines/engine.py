@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 from pyfric.core import State
 from pyfric.engines.cost import check_memory
 from pyfric.engines.pauses import pause_notes
-from pyfric.scene import SceneError, default_geometry
+from pyfric.scene import default_geometry
+from pyfric.values import SceneError
 
 if TYPE_CHECKING:
     from collections.abc import Callable

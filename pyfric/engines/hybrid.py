@@ -33,7 +33,6 @@ from pyfric.engines.rests import RestStates
 from pyfric.engines.slipping import slides
 from pyfric.engines.slow_slip import RateHybridRun, mostly_stepped
 from pyfric.engines.works import add_jump
-from pyfric.scene import SceneError
 from pyfric.statics import (
     EquilibriumError,
     RememberedStates,
@@ -41,6 +40,7 @@ from pyfric.statics import (
     check_rests,
     check_sticks,
 )
+from pyfric.values import SceneError
 
 if TYPE_CHECKING:
     from pyfric.core import State

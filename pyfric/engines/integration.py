@@ -34,9 +34,10 @@ from pyfric.core import State
 from pyfric.display import Progress, run_bar
 from pyfric.engines.stopping import stopping_of
 from pyfric.record import Record, budget_error, budget_left
-from pyfric.scene import SceneError, check_number, default_geometry
+from pyfric.scene import default_geometry
 from pyfric.signals import answered
 from pyfric.statics import EquilibriumError, StaticSolver, check_pushes, one_thread
+from pyfric.values import SceneError, check_number
 
 if TYPE_CHECKING:
     import pandas as pd

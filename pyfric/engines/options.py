@@ -40,21 +40,8 @@ from pyfric.engines.step_sizes import (
     step_size,
 )
 from pyfric.record import Method
-from pyfric.scene import (
-    SETTABLE,
-    Annotation,
-    Geometry,
-    NotNegative,
-    Positive,
-    Quantity,
-    SceneError,
-    annotations,
-    check_geometry,
-    condition,
-    default_geometry,
-    paper_step,
-    part,
-)
+from pyfric.scene import SETTABLE, Geometry, check_geometry, condition, default_geometry, paper_step
+from pyfric.values import Annotation, NotNegative, Positive, Quantity, SceneError, annotations, part
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

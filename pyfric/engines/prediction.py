@@ -15,9 +15,9 @@ import numpy as np
 
 from pyfric.core import OPEN
 from pyfric.engines.quasistatic import QuasistaticRun
-from pyfric.scene import check_number, naming
 from pyfric.signals import at_once
 from pyfric.statics import LEAST_DEFINITENESS, bends, one_thread_if_small
+from pyfric.values import check_number, naming
 
 if TYPE_CHECKING:
     from pyfric.record import Record

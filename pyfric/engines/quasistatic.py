@@ -57,7 +57,6 @@ from pyfric.record import (
     versions,
     zone_notes,
 )
-from pyfric.scene import SceneError, check_number
 from pyfric.signals import answered
 from pyfric.statics import (
     LEAST_DEFINITENESS,
@@ -74,6 +73,7 @@ from pyfric.statics import (
     slider_of,
     stretches,
 )
+from pyfric.values import SceneError, check_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

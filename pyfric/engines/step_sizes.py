@@ -7,8 +7,9 @@ import math
 from typing import TYPE_CHECKING, Any, Literal
 
 from pyfric.core import STEPPERS, Switching
-from pyfric.scene import SceneError, as_scene, check_number
+from pyfric.scene import as_scene
 from pyfric.statics import stability_limit
+from pyfric.values import SceneError, check_number
 
 if TYPE_CHECKING:
     from pyfric.scene import Number, Scene, SceneLike

@@ -27,7 +27,7 @@ from pyfric.engines.quasistatic import (
     why_not,
 )
 from pyfric.record import Outline, Statics, build_catalogue
-from pyfric.scene import Scene, SceneError
+from pyfric.scene import Scene
 from pyfric.statics import (
     SMALL,
     EquilibriumError,
@@ -39,6 +39,7 @@ from pyfric.statics import (
     slider_of,
     stretches,
 )
+from pyfric.values import SceneError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence

@@ -34,7 +34,7 @@ from pyfric.figures.style import panels as panels
 from pyfric.figures.view import drawing as drawing
 from pyfric.figures.view import record_page
 from pyfric.figures.view import template as template
-from pyfric.scene import no_attribute
+from pyfric.values import no_attribute
 
 
 def __getattr__(name: str) -> Any:

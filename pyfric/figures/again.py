@@ -14,7 +14,7 @@ from pyfric.engines import ENGINES
 from pyfric.figures.style import single
 from pyfric.planning import simulate
 from pyfric.record import Record
-from pyfric.scene import SceneError
+from pyfric.values import SceneError
 
 LEAD = 20
 """Steps between the state that a run up to it gives and the event."""

@@ -41,7 +41,8 @@ from pyfric.record import (
     stress_profile,
     system_size_events,
 )
-from pyfric.scene import Law, Scene, SceneError
+from pyfric.scene import Law, Scene
+from pyfric.values import SceneError
 
 STATES = {"initial": (GREY, ":", 1.2), "before": (BLUE, "--", 1.0), "after": (VERMILION, "-", 1.0)}
 """State -> colour, line style, line width (pt)."""

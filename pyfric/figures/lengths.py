@@ -31,7 +31,8 @@ from pyfric.figures.style import (
     single,
 )
 from pyfric.record import Record, precursor_lengths
-from pyfric.scene import Scene, SceneError
+from pyfric.scene import Scene
+from pyfric.values import SceneError
 
 COLOURS = (SKY, BLUE, GREEN, ORANGE, VERMILION, PURPLE)
 MARKERS = "os^D"

@@ -20,9 +20,9 @@ from pyfric.figures.style import (
     legend,
     panels,
 )
-from pyfric.scene import unknown
 from pyfric.sweeps import PhaseDiagram, even_scale
 from pyfric.theory import LARGEST_VISCOSITY, chain_prestress
+from pyfric.values import unknown
 
 SYMBOLS = ("x", "o", "s", "^", "D", "v", "*", "+")
 """Symbols of labels, in alphabetical order."""

@@ -10,8 +10,8 @@ import pandas as pd
 from pyfric.figures.loading import envelope
 from pyfric.figures.style import BLUE, GREY, VERMILION, DataFigure, legend, panels, time_unit
 from pyfric.measured import Curve, events
-from pyfric.scene import SceneError, unknown
 from pyfric.sweeps import MEASURED, Resolution, Results
+from pyfric.values import SceneError, unknown
 
 LINES = 8
 """Most lines of a sweep, one for each set of values of its other fields."""

@@ -30,7 +30,8 @@ from pyfric.figures.style import (
     panels,
     scene_text,
 )
-from pyfric.scene import Scene, SceneLike, annotations, as_scene, prefix_power
+from pyfric.scene import Scene, SceneLike, as_scene
+from pyfric.values import annotations, prefix_power
 
 MOST_COLUMNS = 32
 """Lattices with more columns are thinned."""

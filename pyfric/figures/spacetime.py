@@ -24,8 +24,9 @@ from pyfric.figures.style import (
     time_unit,
 )
 from pyfric.record import Record, energy_release, front, material_of
-from pyfric.scene import Scene, SceneError
+from pyfric.scene import Scene
 from pyfric.signals import at_once
+from pyfric.values import SceneError
 
 BEFORE, AFTER = 0.15, 0.5
 """What is shown before and after the front, in units of the time that it takes."""

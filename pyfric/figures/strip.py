@@ -38,8 +38,9 @@ from pyfric.figures.style import (
     time_unit,
 )
 from pyfric.record import Record
-from pyfric.scene import Scene, SceneError, check_unmasked, written
+from pyfric.scene import Scene
 from pyfric.signals import at_once
+from pyfric.values import SceneError, check_unmasked, written
 
 MOMENTS = (0.05, 0.3, 0.55, 0.8, 1.0, 1.6)
 """Frames of a strip, in units of the time the front takes."""

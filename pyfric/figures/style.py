@@ -15,16 +15,8 @@ from matplotlib.figure import Figure
 
 from pyfric.display import Shown
 from pyfric.record import Record, check_record
-from pyfric.scene import (
-    PREFIXES,
-    Scene,
-    SceneError,
-    figure_stem,
-    laws,
-    prefix_power,
-    usage,
-    write_all,
-)
+from pyfric.scene import Scene, laws
+from pyfric.values import PREFIXES, SceneError, figure_stem, prefix_power, usage, write_all
 
 COLUMN_WIDTH = 3.4
 """Width of one journal column, inches."""

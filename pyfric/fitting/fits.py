@@ -27,20 +27,8 @@ from pyfric.fitting.results import Fit
 from pyfric.fitting.search import FOLLOWED, minima, walked
 from pyfric.fitting.sensors import Arrivals, Lengths
 from pyfric.measured import Curve
-from pyfric.scene import (
-    Number,
-    Quantity,
-    Scene,
-    SceneError,
-    SceneLike,
-    as_scene,
-    check_number,
-    check_whole,
-    full_name,
-    naming,
-    scene_fields,
-    usage,
-)
+from pyfric.scene import Number, Scene, SceneLike, as_scene, full_name, scene_fields
+from pyfric.values import Quantity, SceneError, check_number, check_whole, naming, usage
 
 TOLERANCES = (0.01, 0.003, 0.0)
 """Standard deviations of forces added while the minimum is searched, over F_N. A policy."""

@@ -18,7 +18,8 @@ import pandas as pd
 
 from pyfric.display import Shown
 from pyfric.record import Record
-from pyfric.scene import Scene, SceneError, check_number
+from pyfric.scene import Scene
+from pyfric.values import SceneError, check_number
 
 CAP = 10.0
 """Standard deviations beyond which an event without a partner, or a pair, counts no more."""

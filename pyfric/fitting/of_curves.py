@@ -13,7 +13,8 @@ from pyfric.fitting.misfits import OF_FORCES
 from pyfric.fitting.of_events import OF_THE_CURVE
 from pyfric.measured import Curve, noise_of
 from pyfric.record import Record
-from pyfric.scene import Number, SceneError, check_number, check_whole
+from pyfric.scene import Number
+from pyfric.values import SceneError, check_number, check_whole
 
 POINTS, PARTS = 500, 20
 """Points of a curve of more samples, and parts of it whose errors in a wrong model are one:

@@ -22,7 +22,8 @@ from pyfric.fitting.misfits import (
 )
 from pyfric.measured import COLUMNS, Curve, events, sampled
 from pyfric.record import Record
-from pyfric.scene import Scene, SceneError
+from pyfric.scene import Scene
+from pyfric.values import SceneError
 
 OTHERS = 4
 """Residuals of a curve that are not of its events."""

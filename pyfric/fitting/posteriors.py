@@ -14,7 +14,7 @@ import pandas as pd
 
 from pyfric.fitting.results import Fit
 from pyfric.fitting.search import derivatives
-from pyfric.scene import SceneError, check_whole
+from pyfric.values import SceneError, check_whole
 
 WALKERS = 8
 """Walkers, at least, and at least four for each parameter. A policy."""

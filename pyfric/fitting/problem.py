@@ -17,8 +17,9 @@ from pyfric.fitting.measurement import At, Measurement, Together
 from pyfric.fitting.misfits import Misfit
 from pyfric.fitting.of_events import Events
 from pyfric.planning import check_run, simulate
-from pyfric.scene import Scene, SceneError
+from pyfric.scene import Scene
 from pyfric.statics import EquilibriumError
+from pyfric.values import SceneError
 
 DOUBTFUL = 0.01
 """Probability of the residuals below which the model is said not to fit. A policy."""

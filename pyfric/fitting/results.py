@@ -17,7 +17,8 @@ from pyfric.display import Shown
 from pyfric.fitting.measurement import Together, packed, unpacked
 from pyfric.fitting.problem import DOUBTFUL, Problem, probability, wider
 from pyfric.fitting.profiles import Profiles, known_of
-from pyfric.scene import Scene, SceneError, check_number, read_at_most, write
+from pyfric.scene import Scene
+from pyfric.values import SceneError, check_number, read_at_most, write
 
 OF_FRONTS = ("lengths", "arrivals")
 """Kinds of measurements of fronts."""

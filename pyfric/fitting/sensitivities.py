@@ -24,17 +24,8 @@ from pyfric.display import Shown
 from pyfric.engines import Asked, Options, has_outline, outlines
 from pyfric.planning import check_run, simulate
 from pyfric.record import Outline, Record, front_speed
-from pyfric.scene import (
-    Number,
-    Scene,
-    SceneError,
-    SceneLike,
-    as_scene,
-    check_number,
-    full_name,
-    scene_fields,
-    usage,
-)
+from pyfric.scene import Number, Scene, SceneLike, as_scene, full_name, scene_fields
+from pyfric.values import SceneError, check_number, usage
 
 STEPS = {"mu_s": 0.01, "mu_k": 0.01, "F_N": "1 %", "V": "1 %", "K": "5 %", "k": "5 %"}
 """Default steps: what is known of parameters in a good experiment. A policy."""

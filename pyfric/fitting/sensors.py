@@ -18,7 +18,8 @@ import pandas as pd
 from pyfric.fitting.measurement import CAP, ROWS, At, Measurement, measurement
 from pyfric.fitting.of_events import LONGER, Events
 from pyfric.record import Record, precursor_lengths, system_size_events
-from pyfric.scene import Number, SceneError, check_number
+from pyfric.scene import Number
+from pyfric.values import SceneError, check_number
 
 LENGTHS = {"force": "F_T/F_N after arrest", "L_p_over_L": "length", "error": "its standard error"}
 ARRIVALS = {

@@ -8,7 +8,7 @@ from pyfric.measured.curve import Curve, sampled
 from pyfric.measured.lines import robust_line
 from pyfric.measured.picking import COLUMNS, OF_SLIP, events, noise_of
 from pyfric.measured.reading import read
-from pyfric.scene import no_attribute
+from pyfric.values import no_attribute
 
 __all__ = ["Curve", "arrivals", "events", "noise_of", "read", "sampled"]
 

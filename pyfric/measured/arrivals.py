@@ -15,7 +15,7 @@ import pandas as pd
 
 from pyfric.measured.curve import Curve
 from pyfric.measured.picking import NEAR, events
-from pyfric.scene import SceneError, check_number
+from pyfric.values import SceneError, check_number
 
 PART = 0.25
 """Part of the slip of an event up to which a rise is straight. A policy."""

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from pyfric.measured.found import refused
-from pyfric.scene import COMMA, POINT, cells_of, is_number
+from pyfric.values import COMMA, POINT, cells_of, is_number
 
 PART = 1 << 22
 """Bytes that are parsed at once."""

@@ -14,7 +14,7 @@ from pyfric.display import Shown
 from pyfric.measured.meanings import MEANINGS
 from pyfric.measured.sensors import displacement
 from pyfric.record import T_GAP, Record
-from pyfric.scene import SceneError, check_number, check_whole, usage
+from pyfric.values import SceneError, check_number, check_whole, usage
 
 FORCES = frozenset({"F_T", "tau", "mu"})
 SIGNALS = FORCES | {"slip"}

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from pyfric.measured import arrays, loggers
 from pyfric.measured.found import Asked, Found, refused
 from pyfric.measured.text import text
-from pyfric.scene import read_at_most
+from pyfric.values import read_at_most
 
 START = 4096
 """Bytes from which a kind is told."""

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from pyfric.scene import SceneError
+from pyfric.values import SceneError
 
 MAX_COLUMNS = 64
 """Most columns of an array that is a table, not a picture."""

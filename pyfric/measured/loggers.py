@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from pyfric.measured.found import Asked, Column, Found, refused
-from pyfric.scene import LARGEST, SMALLEST, read_at_most
+from pyfric.values import LARGEST, SMALLEST, read_at_most
 
 SCALES = ("Linear", "Polynomial", "RTD", "Strain", "Table", "Thermistor", "Thermocouple")
 SCALES += ("Add", "Subtract")

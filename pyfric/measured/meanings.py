@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-from pyfric.scene import SceneError, fits, parse_quantity, unit_in
+from pyfric.values import SceneError, fits, parse_quantity, unit_in
 
 
 class Meaning(NamedTuple):

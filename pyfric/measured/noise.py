@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from pyfric.measured.lines import NORMAL, ROUNDED
-from pyfric.scene import SceneError
+from pyfric.values import SceneError
 
 EQUAL = 0.01
 """Spread of time steps, over their median, up to which samples are equally spaced."""

@@ -31,7 +31,7 @@ from pyfric.measured.lines import ROUNDED, robust_lines
 from pyfric.measured.noise import check_ends, estimated, outliers
 from pyfric.measured.sensors import slips
 from pyfric.record import Record
-from pyfric.scene import SceneError, check_number, check_whole, usage
+from pyfric.values import SceneError, check_number, check_whole, usage
 
 COLUMNS = {
     "t_start": ("s", "last time before the fall"),

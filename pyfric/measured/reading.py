@@ -13,7 +13,7 @@ from pyfric.measured.curve import SIGNALS, Curve
 from pyfric.measured.formats import KINDS, contents
 from pyfric.measured.found import Asked, Column, Found, refused
 from pyfric.measured.meanings import AMBIGUOUS, MEANINGS, bare, factor, meaning_of, unit_of_name
-from pyfric.scene import LARGEST, SceneError, check_number, check_whole, parse_quantity, usage
+from pyfric.values import LARGEST, SceneError, check_number, check_whole, parse_quantity, usage
 
 Restarts = Literal["join"] | int
 NAMED = 6

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from pyfric.record import Record
-from pyfric.scene import check_number
+from pyfric.values import check_number
 
 
 def displacement(record: Record, x: float | str) -> tuple[np.ndarray, np.ndarray]:

@@ -31,7 +31,7 @@ from pyfric.measured.body import (
 from pyfric.measured.found import Asked, Column, Found, refused
 from pyfric.measured.lvm import decimal, described, sections
 from pyfric.measured.meanings import MEANINGS, SPELLED, unit_stated
-from pyfric.scene import (
+from pyfric.values import (
     COMMA,
     POINT,
     THOUSANDS,

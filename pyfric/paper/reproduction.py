@@ -21,8 +21,9 @@ from pyfric.figures import FIGURES, event_movie, has_ffmpeg, save_figure, templa
 from pyfric.paper.claims.claim import measured
 from pyfric.paper.runs import RUNS
 from pyfric.record import precursor_lengths
-from pyfric.scene import SceneError, __version__, unknown, write
+from pyfric.scene import __version__
 from pyfric.sweeps import Job, run_all, side_by_side
+from pyfric.values import SceneError, unknown, write
 
 if TYPE_CHECKING:
     from pyfric.record import Record

@@ -43,6 +43,7 @@ from pyfric.engines import (
     share_of_limit,
     step_size,
 )
+from pyfric.record import Model
 from pyfric.scene import default_geometry
 from pyfric.statics import stability_limit
 
@@ -73,43 +74,30 @@ cheapest with steps, the cheapest with steps in the scene's own geometry. A poli
 
 
 @dataclass(frozen=True, kw_only=True)
-class Level:
-    """A model of a scene, and its numbers.
+class Level(Model):
+    """A model that a plan may run; see `Model` for the other attributes.
 
     Attributes:
-        engine, geometry: the engine and its geometry.
-        stepper, dt: stepper and step in s; "" and None without steps.
-        switching: where contacts switch; None without steps.
-        accuracy: accuracy of jumps over F_N; None without jumps.
-        rtol: largest error of a sub-step; None for steps of fixed length.
         answers: whether its run may be returned. Otherwise it only measures errors.
         cannot: why it cannot run; "" if it can.
     """
 
-    engine: str
-    geometry: Geometry
-    stepper: str = ""
-    dt: float | None = None
-    switching: Any = None
-    accuracy: float | None = None
-    rtol: float | None = None
     answers: bool = True
     cannot: str = ""
 
-    def __str__(self) -> str:
-        words = [f"{self.engine}, {self.geometry} geometry"]
-        if self.dt is not None:
-            words.append(f"{self.stepper}, dt = {self.dt * 1e6:.3g} us")
-        if self.accuracy is not None:
-            words.append(f"jumps within {self.accuracy:.1g} F_N")
-        return ", ".join(words)
+    __str__ = Model.__str__
+
+    @property
+    def model(self) -> Model:
+        """The model alone."""
+        return Model.of(self)
 
     def options(self, asked: Options) -> Options:
         """Return the options of its run."""
         how: dict[str, Any] = {"fidelity": self.engine, "geometry": self.geometry, "verify": None}
-        how |= {"method": None, "dt": self.dt or "auto", "stepper": self.stepper or None}
-        for name in ("switching", "accuracy", "rtol"):
-            how[name] = getattr(self, name)
+        how |= {"method": None, "dt": self.dt or "auto", "accuracy": self.accuracy}
+        how |= {"stepper": self.stepper or None, "switching": self.switching or None}
+        how["rtol"] = self.rtol
         if self.dt is None:
             return dataclasses.replace(asked, **how, sample=None, energies=None, threshold=None)
         return dataclasses.replace(asked, **how, energies=bool(asked.energies))

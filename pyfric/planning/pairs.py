@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from pyfric.engines import Options
     from pyfric.planning.levels import Level
-    from pyfric.record import Differences, Record
+    from pyfric.record import Differences, Model, Record
     from pyfric.scene import Scene
 
 SAFETY = 3.0
@@ -107,14 +107,18 @@ class Pair:
         if not self.resolved:
             return Errors(**promise)
         factor = self.factor(found.turned)
-        by = (str(self.other.level),)
-        return Errors(**promise, by=by, factor=factor, **found.errors(factor))
+        return Errors(**promise, by=(self.by,), factor=factor, **found.errors(factor))
 
     @property
     def resolved(self) -> bool:
         """Whether the finer run resolves weakening of friction; otherwise both drop it at once."""
         dt = self.fine.level.dt
         return dt is None or dt <= self.asked.scene.resolving_step
+
+    @property
+    def by(self) -> Model:
+        """What the answer is compared with."""
+        return self.other.level.model
 
     def factor(self, turned: bool) -> float:
         """Return reported errors over differences."""
@@ -171,9 +175,9 @@ class Pair:
 class Faster(Pair):
     """A run, and the same run with a driver that is faster by `PERTURBATION`."""
 
-    def errors(self, found: Differences | None = None) -> Errors:
-        by = f"a driver that is faster by {PERTURBATION:g}"
-        return dataclasses.replace(super().errors(found), by=(by,))
+    @property
+    def by(self) -> Model:
+        return dataclasses.replace(super().by, faster=PERTURBATION)
 
 
 def finest(asked: Asked, runs: list[Made]) -> Pair:

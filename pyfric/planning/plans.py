@@ -30,9 +30,10 @@ from pyfric.engines import (
 )
 from pyfric.planning.levels import Level, alone, as_full, first_step, levels, of_named
 from pyfric.record import blocks_needed, zone_of_scene
-from pyfric.scene import SceneError, check_number, default_geometry, usage
+from pyfric.scene import default_geometry
 from pyfric.signals import at_once
 from pyfric.statics import EquilibriumError, one_thread_if_small
+from pyfric.values import SceneError, check_number, usage
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from pyfric.engines import Options
-    from pyfric.record import Record
+    from pyfric.record import Model, Record
     from pyfric.scene import Scene
 
 
@@ -22,8 +22,8 @@ class Told(NamedTuple):
     """What a run tells of levels, by their numbers from 0.
 
     Attributes:
-        made: the level of the record.
-        level: its number; full dynamics may be in the place of the hybrid engine.
+        made: the model of the record.
+        level: number of its level; full dynamics may be in the place of the hybrid engine.
         needs: the cheapest level that keeps the tolerance, as far as was measured. It is beyond
             both levels that were compared where they do not agree.
         errors: errors of the levels that were compared, of all events or of those before the first
@@ -31,7 +31,7 @@ class Told(NamedTuple):
         holds: whether the record keeps the tolerance; None where not all was measured.
     """
 
-    made: Level
+    made: Model
     level: int
     needs: int
     errors: Mapping[int, float]
@@ -43,19 +43,13 @@ def levels_of(scene: Scene, options: Options) -> tuple[Level, ...]:
     return (levels if options.fidelity == "auto" else of_named)(scene, options)
 
 
-def level_of(record: Record) -> Level:
-    """Return the level by which a record was made."""
-    names = ("engine", "geometry", "stepper", "dt", "switching", "accuracy", "rtol")
-    return Level(**{name: getattr(record.method, name) for name in names})
-
-
 def told(record: Record, of: Sequence[Level]) -> Told:
     """Return what a record tells of the levels of its scene that can be made."""
-    numbers: dict[str, int] = {}
+    numbers: dict[Model, int] = {}
     for number, level in enumerate(of):
-        numbers |= {str(level): number, str(as_full(level)): number}
-    made, errors = level_of(record), record.errors
-    own = numbers[str(made)]
+        numbers |= {level.model: number, as_full(level).model: number}
+    made, errors = record.method.model, record.errors
+    own = numbers[made]
     error = None if errors is None else errors.measured()
     if error is None:
         return Told(made, own, own, {}, None)

@@ -37,18 +37,7 @@ from pyfric.planning.pairs import Asked, Made, finest
 from pyfric.planning.plans import as_made, expected_work, work_done
 from pyfric.planning.points import levels_of
 from pyfric.record import Record
-from pyfric.scene import (
-    SceneError,
-    as_scene,
-    check_geometry,
-    check_number,
-    check_whole,
-    check_writable,
-    density_notes,
-    followed_by,
-    naming,
-    usage,
-)
+from pyfric.scene import as_scene, check_geometry, density_notes, followed_by
 from pyfric.signals import forget, raise_if_asked
 from pyfric.statics import (
     EquilibriumError,
@@ -56,6 +45,7 @@ from pyfric.statics import (
     loaded_state,
     one_thread_if_small,
 )
+from pyfric.values import SceneError, check_number, check_whole, check_writable, naming, usage
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

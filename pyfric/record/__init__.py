@@ -36,7 +36,7 @@ from pyfric.record.held import (
 )
 from pyfric.record.history import History
 from pyfric.record.measured import Errors
-from pyfric.record.method import T_GAP, Method, provenance, versions
+from pyfric.record.method import T_GAP, Method, Model, provenance, versions
 from pyfric.record.outlines import EVENT_COLUMNS, RUN_COLUMNS, Outline
 from pyfric.record.pairing import paired
 from pyfric.record.record import Record, load

@@ -30,7 +30,8 @@ from pyfric.record.growth import energy_release, griffith_length, nucleations
 from pyfric.record.held import of_record
 from pyfric.record.recurrence import Sizes, b_value, sizes
 from pyfric.record.rupture import front_speed
-from pyfric.scene import Scene, SceneError, check_number, check_whole, no_attribute
+from pyfric.scene import Scene
+from pyfric.values import SceneError, check_number, check_whole, no_attribute
 
 __all__ = [
     "Beside",

@@ -38,7 +38,7 @@ from pyfric.record.data import RecordData
 from pyfric.record.held import ENERGIES, event_column
 from pyfric.record.rupture import AVERAGED
 from pyfric.record.zones import pace_limits
-from pyfric.scene import SceneError
+from pyfric.values import SceneError
 
 NOT_MEASURED = "NaN: not measured, without energies = True"
 

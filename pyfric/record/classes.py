@@ -32,7 +32,8 @@ from pyfric import core
 from pyfric.core import OPEN, State
 from pyfric.record.data import RecordData
 from pyfric.record.zones import pace_limits
-from pyfric.scene import Scene, check_number
+from pyfric.scene import Scene
+from pyfric.values import check_number
 
 FROM_BLOCK = 5
 """First block whose stick before the next one slips makes a front alternate: a policy."""

@@ -25,7 +25,8 @@ from pyfric.record.held import (
 )
 from pyfric.record.measured import Errors
 from pyfric.record.method import Method
-from pyfric.scene import Scene, SceneError, meant, nearest, no_attribute
+from pyfric.scene import Scene
+from pyfric.values import SceneError, meant, nearest, no_attribute
 
 if TYPE_CHECKING:
     from pyfric.scene import Number

@@ -32,7 +32,7 @@ from pyfric.record.data import RecordData
 from pyfric.record.measured import FORCES, PROMISED
 from pyfric.record.pairing import event_distances, in_order, pace
 from pyfric.record.rupture import five_known, front_speed
-from pyfric.scene import SceneError
+from pyfric.values import SceneError
 
 SAME = 0.5
 """Events that share fewer than half of their blocks are not taken for one another, if one of them

@@ -32,7 +32,6 @@ import pandas as pd
 from pyfric.core import OPEN, STUCK
 from pyfric.record.data import RecordData
 from pyfric.record.zones import material_of
-from pyfric.scene import SceneError
 from pyfric.statics import (
     LARGE,
     Contact,
@@ -43,6 +42,7 @@ from pyfric.statics import (
     loaded_state,
 )
 from pyfric.theory import g_II
+from pyfric.values import SceneError
 
 SPEEDS = 2001
 """Speeds up to c_R between which g_II is taken as straight: a root is off by less than c_R/2000

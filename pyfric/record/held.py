@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, ParamSpec, TypeVar
 import numpy as np
 import pandas as pd
 
-from pyfric.scene import SceneError, usage
+from pyfric.values import SceneError, usage
 
 P = ParamSpec("P")
 T = TypeVar("T")

@@ -48,14 +48,15 @@ from pyfric.record.held import (
 )
 from pyfric.record.measured import Errors
 from pyfric.record.method import Method
-from pyfric.scene import Scene, SceneError
+from pyfric.scene import Scene
+from pyfric.values import SceneError
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from pyfric.record.netcdf import Variable
 
-SCHEMA = 11
+SCHEMA = 12
 """Version of the file layout that this module writes and reads."""
 SEAL = "pyfric_seal"
 """Attribute with the SHA-256 of what a file says."""

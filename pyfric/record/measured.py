@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from pyfric.record.method import Model
+
 NOTHING = "not measured: nothing was compared"
 NOT_VERIFIED = "errors not measured (a planned run, or verify = 'sample', measures them)"
 """What a record says that was not verified."""
@@ -60,7 +62,7 @@ class Errors:
             Errors are those of earlier events, or of all if earlier ones do not tell what is
             wanted.
         statistics: what holds for the events after that, together: name to value and error.
-        by: what the run was compared with.
+        by: the models that the run was compared with.
         chosen_at: number of other points whose errors have chosen the level, where those of this
             run were not measured; otherwise 0.
     """
@@ -83,7 +85,7 @@ class Errors:
     t_end: float | None = None
     until: float | None = None
     statistics: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    by: tuple[str, ...] = ()
+    by: tuple[Model, ...] = ()
     chosen_at: int = 0
 
     __pydantic_config__: ClassVar[Any] = {"extra": "forbid"}  # of files

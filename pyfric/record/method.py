@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import datetime
 import platform
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import tomli_w
 
 from pyfric import core
-from pyfric.scene import __version__, write
+from pyfric.scene import __version__
+from pyfric.values import write
 
 T_GAP = 1e-3
 """Default longest pause inside an event, s: a policy."""
@@ -23,14 +24,13 @@ SWITCH = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Method:
-    """How a scene was run.
+class Model:
+    """What a run computes of a scene, and how exactly.
 
-    ``rtol`` is the largest error of an adaptive sub-step, None for other steppers. ``dt`` (s) is
-    None for engines without a fixed step; ``sample`` is the number of steps between
-    two points of the curve; ``t_gap`` (s) is the longest pause inside an event; ``budget`` says
-    whether the energy budget was kept; ``accuracy`` (over F_N) is that of jumps, None without them;
-    ``threshold`` (m/s) is the slip rate that makes events, None where contact does.
+    ``stepper`` and ``switching`` are "" without steps, and ``dt`` (s) is None for engines without a
+    fixed step. ``accuracy`` (over F_N) is that of jumps, None without them. ``rtol`` is the largest
+    error of an adaptive sub-step, None for other steppers. The driver is ``faster`` than that of
+    the scene by this share.
     """
 
     engine: str
@@ -39,12 +39,50 @@ class Method:
     switching: str = ""
     rtol: float | None = None
     dt: float | None = None
+    accuracy: float | None = None
+    faster: float = 0.0
+
+    __pydantic_config__: ClassVar[Any] = {"extra": "forbid"}  # of files
+
+    def __str__(self) -> str:
+        words = [f"{self.engine}, {self.geometry} geometry"]
+        if self.dt is not None:
+            words.append(f"{self.stepper}, dt = {self.dt * 1e6:.3g} us")
+        if self.accuracy is not None:
+            words.append(f"jumps within {self.accuracy:.1g} F_N")
+        if self.faster:
+            words.append(f"a driver that is faster by {self.faster:g}")
+        return ", ".join(words)
+
+    @classmethod
+    def of(cls, other: object) -> Self:
+        """Return the model among the attributes of an object."""
+        names = (field.name for field in fields(cls))
+        return cls(**{name: getattr(other, name) for name in names if hasattr(other, name)})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method:
+    """How a scene was run.
+
+    The first fields are those of its `Model`. ``sample`` is the number of steps between two points
+    of the curve; ``t_gap`` (s) is the longest pause inside an event; ``budget`` says whether the
+    energy budget was kept; ``threshold`` (m/s) is the slip rate that makes events, None where
+    contact does.
+    """
+
+    engine: str
+    geometry: str
+    stepper: str = ""
+    switching: str = ""
+    rtol: float | None = None
+    dt: float | None = None
+    accuracy: float | None = None
     sample: int = 0
     t_gap: float = T_GAP
     threads: int = 1
     variant: str = ""
     budget: bool = False
-    accuracy: float | None = None
     threshold: float | None = None
 
     __pydantic_config__: ClassVar[Any] = {"extra": "forbid"}  # of files
@@ -61,6 +99,11 @@ class Method:
         if self.threshold is not None:
             words.append(f"events faster than {self.threshold:g} m/s")
         return ", ".join(words)
+
+    @property
+    def model(self) -> Model:
+        """What was computed, and how exactly."""
+        return Model.of(self)
 
 
 def versions() -> dict[str, str]:

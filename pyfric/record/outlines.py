@@ -19,7 +19,7 @@ import numpy as np
 import pyfric.record.balance  # noqa: F401  its columns of events
 from pyfric.record.held import held_in
 from pyfric.record.recurrence import b_value, most_frequent
-from pyfric.scene import SceneError
+from pyfric.values import SceneError
 
 if TYPE_CHECKING:
     from pyfric.record.catalogue import Catalogue

@@ -32,7 +32,7 @@ from pyfric.core import OPEN
 from pyfric.record.data import RecordData
 from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS, LastSlip
 from pyfric.record.held import ENERGIES
-from pyfric.scene import SceneError, check_number
+from pyfric.values import SceneError, check_number
 
 SAMPLED = "slip rates are those of points of the curve"
 """Begins the note of a record whose events were found from its motion."""

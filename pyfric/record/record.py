@@ -20,17 +20,10 @@ from pyfric.record.held import RecordError, found_arrays, held_in
 from pyfric.record.netcdf import file_image, read_image
 from pyfric.record.rates import SAMPLED, fast_slip
 from pyfric.record.report import summary, text
-from pyfric.scene import (
-    check_folder_name,
-    check_free,
-    check_number,
-    followed_by,
-    usage,
-    write,
-    write_all,
-)
+from pyfric.scene import followed_by
 from pyfric.signals import held_back
 from pyfric.statics import StaticSolver
+from pyfric.values import check_folder_name, check_free, check_number, usage, write, write_all
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -38,7 +38,7 @@ from numpy.typing import ArrayLike
 from pyfric.display import Shown, html
 from pyfric.record.data import RecordData
 from pyfric.record.held import held_in, of_record
-from pyfric.scene import SceneError, check_number
+from pyfric.values import SceneError, check_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -20,7 +20,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pyfric.scene import Scene, SceneError, check_number, usage
+from pyfric.scene import Scene
+from pyfric.values import SceneError, check_number, usage
 
 AVERAGED = 4
 """Blocks that a front passes in the time of which its speed is the average, as in the paper."""

@@ -3,36 +3,12 @@
 from importlib.metadata import version
 
 from pyfric.scene import laws
-from pyfric.scene.calls import usage
 from pyfric.scene.change import followed_by, full_name, once, scene_fields
-from pyfric.scene.checked import (
-    Annotation,
-    NotNegative,
-    Positive,
-    Quantity,
-    Words,
-    Written,
-    annotations,
-    part,
-)
-from pyfric.scene.composed import NO_LIMIT, OnDriven
 from pyfric.scene.consistency import Geometry, check_geometry, check_push, default_geometry
 from pyfric.scene.ends import Conditions, condition
-from pyfric.scene.errors import SceneError, naming, unknown
-from pyfric.scene.files import (
-    check_folder_name,
-    check_free,
-    check_writable,
-    clean_drafts,
-    figure_stem,
-    read_at_most,
-    sealed,
-    unsealed,
-    write,
-    write_all,
-    written,
-)
 from pyfric.scene.friction import FRICTIONLESS, Law, of, slipped
+from pyfric.scene.lattice import OnDriven
+from pyfric.scene.loads import NO_LIMIT
 from pyfric.scene.materials import MATERIALS, Material
 from pyfric.scene.parts import (
     DistributedLoad,
@@ -64,29 +40,6 @@ from pyfric.scene.protocol import Leg, Push, legs, thinned
 from pyfric.scene.restless import RateStateLaw
 from pyfric.scene.scene import Scene
 from pyfric.scene.spread import Spread
-from pyfric.scene.tables import (
-    COMMA,
-    POINT,
-    THOUSANDS,
-    cells_of,
-    fits,
-    is_number,
-    separator_of,
-    unit_in,
-)
 from pyfric.scene.text import law_notes
-from pyfric.scene.toml import parsed
-from pyfric.scene.units import (
-    LARGEST,
-    PREFIXES,
-    SMALLEST,
-    check_number,
-    check_unmasked,
-    check_whole,
-    parse_quantity,
-    prefix_power,
-    spoken,
-)
-from pyfric.scene.words import LINES, line, meant, nearest, no_attribute, plain
 
 __version__ = version("pyfric")

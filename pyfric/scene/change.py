@@ -9,13 +9,19 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from pyfric.scene.checked import Annotation, Positive, annotations
 from pyfric.scene.composed import Composed
-from pyfric.scene.errors import SceneError, naming, unknown
 from pyfric.scene.laws import FrictionLaw
 from pyfric.scene.parts import PARTS, DistributedLoad, Interface, PrescribedLoad, Rod
 from pyfric.scene.protocol import followed
-from pyfric.scene.units import check_number
+from pyfric.values import (
+    Annotation,
+    Positive,
+    SceneError,
+    annotations,
+    check_number,
+    naming,
+    unknown,
+)
 
 Parts = Composed | Mapping[str, Any]
 S = TypeVar("S", bound=Composed)

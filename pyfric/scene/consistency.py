@@ -6,13 +6,12 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from pyfric.scene.checked import Annotation, Words, annotations
 from pyfric.scene.composed import Composed
-from pyfric.scene.errors import SceneError, naming
 from pyfric.scene.parts import CHAIN_NOTE, PrescribedLoad, steps_in
 from pyfric.scene.profile import Profile
 from pyfric.scene.protocol import Push
 from pyfric.scene.spread import Spread
+from pyfric.values import Annotation, SceneError, Words, annotations, naming
 
 Geometry = Literal["linear", "finite"]
 """Relation of bond forces to displacements."""

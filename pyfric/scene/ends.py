@@ -8,9 +8,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from pyfric.scene.checked import Annotation, NotNegative, Positive, Quantity, Written
-from pyfric.scene.errors import SceneError, naming, unknown
-from pyfric.scene.units import spoken
+from pyfric.values import (
+    Annotation,
+    NotNegative,
+    Positive,
+    Quantity,
+    SceneError,
+    Written,
+    naming,
+    spoken,
+    unknown,
+)
 
 COUNT = Quantity("", ge=1.0)
 TAKES: dict[str, tuple[Quantity, ...]] = {

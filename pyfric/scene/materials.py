@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Annotated, ClassVar, Literal, NamedTuple
 
-from pyfric.scene.checked import Name, NotNegative, Positive, part
-from pyfric.scene.errors import SceneError, unknown
+from pyfric.values import Name, NotNegative, Positive, SceneError, part, unknown
 
 
 class Known(NamedTuple):

@@ -11,19 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 
-from pyfric.scene.calls import usage
-from pyfric.scene.checked import (
-    NotNegative,
-    OneOf,
-    Positive,
-    Quantity,
-    Switches,
-    Written,
-    annotations,
-    from_entries,
-    part,
-)
-from pyfric.scene.errors import SceneError
 from pyfric.scene.laws import (
     KINDS,
     FrictionLaw,
@@ -36,6 +23,19 @@ from pyfric.scene.materials import Material
 from pyfric.scene.profile import Profile
 from pyfric.scene.protocol import Corners, Protocol, Pushed, Pushes
 from pyfric.scene.spread import BLOCKS, FIELD, Field, Spread
+from pyfric.values import (
+    NotNegative,
+    OneOf,
+    Positive,
+    Quantity,
+    SceneError,
+    Switches,
+    Written,
+    annotations,
+    from_entries,
+    part,
+    usage,
+)
 
 MAX_BLOCKS = 20_000_000
 """Largest number of blocks N_x N_z. It prevents a mistyped l from exhausting the memory."""

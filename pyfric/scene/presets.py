@@ -10,9 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypedDict, Unpack
 
-from pyfric.scene.calls import usage
 from pyfric.scene.change import changed, full_name, joined, once, scene_fields
-from pyfric.scene.errors import SceneError, naming, unknown
 from pyfric.scene.laws import FrictionLaw, Junctions, RateAndState
 from pyfric.scene.parts import (
     PARTS,
@@ -27,8 +25,7 @@ from pyfric.scene.parts import (
 from pyfric.scene.profile import Profile
 from pyfric.scene.scene import Scene
 from pyfric.scene.spread import Spread
-from pyfric.scene.units import check_number
-from pyfric.scene.words import GO_ON
+from pyfric.values import GO_ON, SceneError, check_number, naming, unknown, usage
 
 Number = float | str
 """A number in SI units, text with a unit such as "5 mm", or a quantity of a unit library."""
@@ -514,7 +511,7 @@ def preset(name: str, changes: Changes = None, /, **fields: Unpack[Fields]) -> S
     >>> pyfric.preset("fig1", h=-1.0)
     Traceback (most recent call last):
     ...
-    pyfric.scene.errors.SceneError: driver.h = -1.0 m: ...
+    pyfric.values.errors.SceneError: driver.h = -1.0 m: ...
     """
     if not isinstance(name, str) or name not in PRESETS:
         raise unknown("preset", name, name if isinstance(name, str) else "", PRESETS)

@@ -7,11 +7,18 @@ from typing import Annotated, ClassVar, Self
 
 import numpy as np
 
-from pyfric.scene.checked import Quantity, part
-from pyfric.scene.errors import SceneError, naming
-from pyfric.scene.files import read_at_most
-from pyfric.scene.tables import is_number, lines_of, unit_in
-from pyfric.scene.units import check_number, parse_quantity
+from pyfric.values import (
+    Quantity,
+    SceneError,
+    check_number,
+    is_number,
+    lines_of,
+    naming,
+    parse_quantity,
+    part,
+    read_at_most,
+    unit_in,
+)
 
 MAX_BYTES = 1 << 20
 """Largest size of a file."""

@@ -16,9 +16,18 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from pyfric.scene.checked import FOR_EVER, Annotation, Quantity, Whole, Written
-from pyfric.scene.errors import SceneError, numbered
-from pyfric.scene.units import as_list, check_number, check_unmasked
+from pyfric.values import (
+    FOR_EVER,
+    Annotation,
+    Quantity,
+    SceneError,
+    Whole,
+    Written,
+    as_list,
+    check_number,
+    check_unmasked,
+    numbered,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -17,9 +17,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pyfric.scene.errors import SceneError
 from pyfric.scene.friction import Law
 from pyfric.scene.laws import FrictionLaw, Junctions, RateAndState, Table, Tables
+from pyfric.values import SceneError
 
 LONGEST_REST, LARGEST_RATIO = 1e10, 550.0
 """Time (s) after which friction at rest over p is at most this many times a.

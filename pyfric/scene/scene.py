@@ -16,15 +16,11 @@ from typing import Any, ClassVar, Self
 import tomli_w
 
 from pyfric.display import Shown
-from pyfric.scene import toml
 from pyfric.scene.change import changed, full_name, joined
-from pyfric.scene.checked import from_entries, part, table
 from pyfric.scene.composed import Composed
 from pyfric.scene.consistency import check
-from pyfric.scene.errors import SceneError
-from pyfric.scene.files import write
 from pyfric.scene.text import scene_text
-from pyfric.scene.words import line, no_attribute
+from pyfric.values import SceneError, from_entries, line, no_attribute, parsed, part, table, write
 
 
 @part
@@ -120,7 +116,7 @@ class Scene(Composed, Shown):
         *,
         files: bool | Path = True,
     ) -> Self:
-        """Return the scene in a TOML file or text; `pyfric.scene.toml` describes the format.
+        """Return the scene in a TOML file or text; `pyfric.values.toml` describes the format.
 
         Args:
             source: path of a file, or the text itself, which contains a line break.
@@ -133,5 +129,5 @@ class Scene(Composed, Shown):
                 are listed.
         """
         missing = dict.fromkeys(("slider", "top", "driver", "interface"))
-        entries, beside = toml.parsed(source)
+        entries, beside = parsed(source)
         return from_entries(cls, missing | entries, beside if files is True else files or None)

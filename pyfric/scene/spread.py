@@ -4,9 +4,8 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from pyfric.scene.checked import NotNegative, Whole, part
-from pyfric.scene.errors import SceneError
 from pyfric.scene.profile import Profile
+from pyfric.values import NotNegative, SceneError, Whole, part
 
 SUMMED = 12
 """Uniform numbers in a sum that approximates a normal number; the sum has variance 1."""

@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from pyfric.scene.checked import annotations
 from pyfric.scene.composed import Composed
 from pyfric.scene.parts import PrescribedLoad
-from pyfric.scene.units import with_prefix
+from pyfric.values import annotations, with_prefix
 
 LEFT = 0.01
 """Remaining share of mu_s - mu_k at which friction counts as fallen."""

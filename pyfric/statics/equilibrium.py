@@ -35,14 +35,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from pyfric.core import OPEN, STUCK, check_driven
-from pyfric.scene import (
-    FRICTIONLESS,
-    Geometry,
-    PrescribedLoad,
-    SceneError,
-    as_scene,
-    check_geometry,
-)
+from pyfric.scene import FRICTIONLESS, Geometry, PrescribedLoad, as_scene, check_geometry
 from pyfric.statics.complementarity import Contact, ContactProblem, Route, Static
 from pyfric.statics.contact import (
     LEAST_DEFINITENESS,
@@ -54,6 +47,7 @@ from pyfric.statics.contact import (
 from pyfric.statics.rest import Equilibrium, EquilibriumError, as_prescribed, check_rests
 from pyfric.statics.rows import ends
 from pyfric.statics.system import System
+from pyfric.values import SceneError
 
 if TYPE_CHECKING:
     from pyfric.scene import OnDriven, Scene, SceneLike

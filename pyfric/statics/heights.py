@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pyfric.scene import SceneError, as_scene, check_number
+from pyfric.scene import as_scene
 from pyfric.statics.complementarity import ContactProblem
 from pyfric.statics.condensation import condense
 from pyfric.statics.rest import EquilibriumError
 from pyfric.statics.rows import ends
+from pyfric.values import SceneError, check_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

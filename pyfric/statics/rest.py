@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pyfric.core import OPEN, STUCK, State, spring_of
-from pyfric.scene import SceneError
+from pyfric.values import SceneError
 
 if TYPE_CHECKING:
     from pyfric.scene import OnDriven, Scene

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pyfric.scene import Leg, SceneError, legs
+from pyfric.scene import Leg, legs
 from pyfric.statics.complementarity import Route
 from pyfric.statics.rest import check_rests, check_sticks
+from pyfric.values import SceneError
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene

@@ -11,18 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pyfric.core import STEPPERS
-from pyfric.scene import (
-    DistributedLoad,
-    Driver,
-    Interface,
-    PrescribedLoad,
-    Rod,
-    Scene,
-    SceneError,
-    as_scene,
-)
+from pyfric.scene import DistributedLoad, Driver, Interface, PrescribedLoad, Rod, Scene, as_scene
 from pyfric.statics.operators import damping, dispersion, mass, stiffness
 from pyfric.statics.rows import ends
+from pyfric.values import SceneError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping

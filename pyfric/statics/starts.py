@@ -13,17 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pyfric.scene import (
-    PrescribedLoad,
-    Push,
-    SceneError,
-    as_scene,
-    check_number,
-    check_push,
-    default_geometry,
-)
+from pyfric.scene import PrescribedLoad, Push, as_scene, check_push, default_geometry
 from pyfric.statics.equilibrium import StaticSolver
 from pyfric.statics.rest import EquilibriumError
+from pyfric.values import SceneError, check_number
 
 if TYPE_CHECKING:
     from pyfric.scene import Scene, SceneLike

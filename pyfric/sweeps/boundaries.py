@@ -27,9 +27,9 @@ from typing import Any, get_args
 import numpy as np
 import pandas as pd
 
-from pyfric.scene import SceneError, check_number, check_whole
 from pyfric.signals import at_once
 from pyfric.sweeps.varied import Scale, Span
+from pyfric.values import SceneError, check_number, check_whole
 
 Label = Callable[[float, float], Hashable]
 Measure = Callable[[float, float], float]

@@ -18,20 +18,13 @@ import numpy as np
 import pandas as pd
 
 from pyfric.engines import Options
-from pyfric.scene import (
-    Number,
-    SceneError,
-    SceneLike,
-    Spread,
-    as_scene,
-    check_whole,
-    full_name,
-)
+from pyfric.scene import Number, SceneLike, Spread, as_scene, full_name
 from pyfric.signals import at_once
 from pyfric.sweeps.measures import Ensemble
 from pyfric.sweeps.store import Cache
 from pyfric.sweeps.sweep import Sweep
 from pyfric.sweeps.varied import MAX_POINTS, Span, drawn
+from pyfric.values import SceneError, check_whole
 
 
 @at_once()

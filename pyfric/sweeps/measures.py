@@ -27,18 +27,10 @@ from pyfric.display import html, jobs_bar
 from pyfric.engines import Asked, Options, has_outline, outlines
 from pyfric.planning import simulate
 from pyfric.record import EVENT_COLUMNS, RUN_COLUMNS, Outline, Record
-from pyfric.scene import (
-    Scene,
-    SceneError,
-    SceneLike,
-    Spread,
-    as_scene,
-    check_whole,
-    unknown,
-    write_all,
-)
+from pyfric.scene import Scene, SceneLike, Spread, as_scene
 from pyfric.sweeps.runs import Job, JobError, code_version, run_all
 from pyfric.sweeps.store import MAX_BYTES, Cache, Store
+from pyfric.values import SceneError, check_whole, unknown, write_all
 
 PART = 256
 """Runs of a part that is kept: a second of work in the Fig. 1 scene. A policy."""

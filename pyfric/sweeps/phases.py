@@ -28,26 +28,14 @@ import pandas as pd
 from pyfric.display import Shown
 from pyfric.engines import Options
 from pyfric.record import SLOW, Record, pace_limits
-from pyfric.scene import (
-    PRESETS,
-    Number,
-    SceneError,
-    SceneLike,
-    as_scene,
-    chain,
-    check_number,
-    check_whole,
-    full_name,
-    once,
-    scene_fields,
-    usage,
-)
+from pyfric.scene import PRESETS, Number, SceneLike, as_scene, chain, full_name, once, scene_fields
 from pyfric.signals import at_once
 from pyfric.sweeps.boundaries import boundary
 from pyfric.sweeps.runs import Job, run_all
 from pyfric.sweeps.shared import Shared, sharing
 from pyfric.sweeps.store import Cache
 from pyfric.sweeps.varied import Scale, Span
+from pyfric.values import SceneError, check_number, check_whole, usage
 
 Labels = Mapping[str, Callable[[Record], Hashable]]
 Axis = tuple[str, Sequence[Number] | np.ndarray | Span]

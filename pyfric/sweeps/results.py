@@ -14,12 +14,11 @@ import numpy as np
 import pandas as pd
 
 from pyfric.display import Shown
-from pyfric.planning import level_of
 from pyfric.record import RUN_COLUMNS, Outline, Record
-from pyfric.scene import SceneError, check_folder_name, unknown, write_all
 from pyfric.sweeps.runs import Job, JobError
 from pyfric.sweeps.shared import Shared
 from pyfric.sweeps.varied import varied
+from pyfric.values import SceneError, check_folder_name, unknown, write_all
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -195,7 +194,11 @@ def _status(outcome: Any) -> dict[str, str]:
     found = dict.fromkeys(("status", "reason", "engine", "level"), "")
     if isinstance(outcome, Record):
         engine = f"{outcome.method.engine}, {outcome.method.geometry}"
-        return found | {"status": outcome.status, "engine": engine, "level": str(level_of(outcome))}
+        return found | {
+            "status": outcome.status,
+            "engine": engine,
+            "level": str(outcome.method.model),
+        }
     if outcome is None:
         return found | {"status": "waiting"}
     if isinstance(outcome, JobError):

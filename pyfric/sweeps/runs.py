@@ -34,22 +34,12 @@ from pyfric.display import jobs_bar
 from pyfric.engines import Options
 from pyfric.planning import simulate
 from pyfric.record import Record
-from pyfric.scene import (
-    Number,
-    Scene,
-    SceneError,
-    SceneLike,
-    __version__,
-    as_scene,
-    check_number,
-    check_whole,
-    unknown,
-    usage,
-)
+from pyfric.scene import Number, Scene, SceneLike, __version__, as_scene
 from pyfric.signals import at_once, saved_first
 from pyfric.sweeps.shared import Point, Shared
 from pyfric.sweeps.store import MAX_BYTES, Cache, Store
 from pyfric.sweeps.workers import InThisProcess, Workers
+from pyfric.values import SceneError, check_number, check_whole, unknown, usage
 
 OPTIONS = tuple(name for name, known in Options.declared().items() if known.owner != "machine")
 """Options that a job may have. Those of the machine do not change what a run gives."""

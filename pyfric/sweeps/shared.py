@@ -26,7 +26,7 @@ import scipy
 from pyfric.display import html
 from pyfric.planning import Told, levels_of, simulate_point, told
 from pyfric.record import Errors, Record
-from pyfric.scene import SceneError
+from pyfric.values import SceneError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping

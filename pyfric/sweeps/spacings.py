@@ -14,9 +14,10 @@ import pandas as pd
 from pyfric.display import Shown
 from pyfric.engines import Options
 from pyfric.record import Record, analysis
-from pyfric.scene import Number, PrescribedLoad, Scene, SceneError, SceneLike, as_scene, check_whole
+from pyfric.scene import Number, PrescribedLoad, Scene, SceneLike, as_scene
 from pyfric.sweeps.runs import Job, JobError, run_all
 from pyfric.sweeps.store import Cache
+from pyfric.values import SceneError, check_whole
 
 AT = 0.5
 """L_p/L at which forces are compared, those of the paper's Fig. 2, where an event stops."""

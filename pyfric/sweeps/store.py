@@ -28,7 +28,8 @@ import numpy as np
 from platformdirs import user_cache_path
 
 from pyfric.record import Record, RecordError
-from pyfric.scene import Scene, SceneError, clean_drafts, sealed, unsealed, write
+from pyfric.scene import Scene
+from pyfric.values import SceneError, clean_drafts, sealed, unsealed, write
 
 CACHE_VARIABLE = "PYFRIC_CACHE"
 """Environment variable that names another folder for finished runs."""

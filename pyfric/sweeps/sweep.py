@@ -36,23 +36,7 @@ from pyfric.display import Shown
 from pyfric.engines import Options
 from pyfric.planning import check_run, expected_cost
 from pyfric.record import Record
-from pyfric.scene import (
-    PRESETS,
-    Annotation,
-    Number,
-    Quantity,
-    Scene,
-    SceneError,
-    SceneLike,
-    Written,
-    as_scene,
-    check_number,
-    check_whole,
-    naming,
-    parsed,
-    unknown,
-    usage,
-)
+from pyfric.scene import PRESETS, Number, Scene, SceneLike, as_scene
 from pyfric.sweeps.measures import Ensemble, measured
 from pyfric.sweeps.results import Results
 from pyfric.sweeps.runs import DEFAULTS, Job, JobError, run_all
@@ -60,6 +44,18 @@ from pyfric.sweeps.shared import measured as measured_at
 from pyfric.sweeps.shared import sharing
 from pyfric.sweeps.store import Cache, Store
 from pyfric.sweeps.varied import MAX_POINTS, Span, drawn, full_field, varied
+from pyfric.values import (
+    Annotation,
+    Quantity,
+    SceneError,
+    Written,
+    check_number,
+    check_whole,
+    naming,
+    parsed,
+    unknown,
+    usage,
+)
 
 ENTRIES = ("scene", "t_end", "points", "n", "seed", "over", "options", "limits")
 LIMITS = ("max_hours", "max_GB")

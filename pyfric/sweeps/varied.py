@@ -12,20 +12,9 @@ import numpy as np
 import scipy
 
 from pyfric.engines import Options
-from pyfric.scene import (
-    Annotation,
-    Number,
-    Quantity,
-    SceneError,
-    SceneLike,
-    as_scene,
-    check_number,
-    check_whole,
-    full_name,
-    naming,
-    scene_fields,
-)
+from pyfric.scene import Number, SceneLike, as_scene, full_name, scene_fields
 from pyfric.sweeps.runs import OPTIONS
+from pyfric.values import Annotation, Quantity, SceneError, check_number, check_whole, naming
 
 MAX_POINTS = 1_000_000
 """Most points of a sweep."""

@@ -65,7 +65,7 @@ def size(tell: Tell) -> None:
 @telling
 def prune(older_than: float | None, most: float | None, damaged: bool, tell: Tell) -> None:
     """Delete what killed processes left behind, and the runs named by the options."""
-    from pyfric.scene import check_number
+    from pyfric.values import check_number
 
     for name, value in (("older-than", older_than), ("most", most)):
         if value is not None:

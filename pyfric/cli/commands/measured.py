@@ -13,6 +13,7 @@ from pyfric.cli.shared import (
     Seconds,
     Tell,
     check_out,
+    fidelity_option,
     figure_ends,
     overwrite_option,
     scene_of,
@@ -162,13 +163,7 @@ def _plain(text: str) -> float | str:
     default=0.0,
     help="Error of forces of the model over F_N.",
 )
-@click.option(
-    "--fidelity",
-    type=click.Choice(["quasistatic", "hybrid", "dynamic"]),
-    default="hybrid",
-    help="Engine of the runs.",
-    show_default=True,
-)
+@fidelity_option("hybrid", "Engine of the runs.")
 @click.option(
     "--part",
     type=click.Choice(["onset", "all"]),
@@ -257,13 +252,7 @@ def fit(
     metavar="NAME=STEP",
     help="A parameter and its change: 'F_N=10 N', mu_k=0.01, K=5%. [default: six of them]",
 )
-@click.option(
-    "--fidelity",
-    type=click.Choice(["quasistatic", "hybrid", "dynamic"]),
-    default="quasistatic",
-    help="Engine of the runs; only the last two have fronts.",
-    show_default=True,
-)
+@fidelity_option("quasistatic", "Engine of the runs; only the last two have fronts.")
 @set_option
 @stem_option("--out", help="Names of the files of the figure. [default: sensitivity_SCENE]")
 @overwrite_option

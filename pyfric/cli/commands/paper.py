@@ -12,6 +12,7 @@ from click.shell_completion import CompletionItem
 from pyfric.cli.app import main
 from pyfric.cli.shared import (
     EXIT_CODES,
+    Listed,
     Tell,
     check_folder,
     claimed,
@@ -21,11 +22,15 @@ from pyfric.cli.shared import (
     telling,
 )
 
-FIGURES = ("fig1a", "fig1b", "fig2a", "fig2b", "fig3a", "fig3b", "fig4a", "fig4b", "all")
+
+def _figures() -> list[str]:
+    from pyfric.figures import FIGURES
+
+    return [*sorted(FIGURES), "all"]
 
 
 @main.command(section="The paper", epilog=EXIT_CODES)
-@click.argument("names", nargs=-1, type=click.Choice(FIGURES))
+@click.argument("names", nargs=-1, type=Listed(_figures))
 @folder_option(
     "--out", metavar="DIR", default="figures", show_default=True, help="Folder for the files."
 )

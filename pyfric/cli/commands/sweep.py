@@ -18,6 +18,7 @@ from pyfric.cli.shared import (
     check_folder,
     claimed,
     command_line,
+    fidelity_option,
     figure_out_option,
     folder_option,
     running,
@@ -173,8 +174,8 @@ def phase_diagram(
 
 def _axis(side: str, given: str) -> tuple[str, Any]:
     """Return the name of a field and its range, from the text of an option."""
-    from pyfric.scene import SceneError, spoken
     from pyfric.sweeps import Span
+    from pyfric.values import SceneError, spoken
 
     name, _, values = given.partition("=")
     parts = values.split(":")
@@ -198,13 +199,7 @@ def _axis(side: str, given: str) -> tuple[str, Any]:
     show_default=True,
     help="Number of lattices: l, l/2, l/4 and so on.",
 )
-@click.option(
-    "--fidelity",
-    type=click.Choice(["quasistatic", "hybrid", "dynamic"]),
-    default="quasistatic",
-    show_default=True,
-    help="Model; quasistatic takes seconds.",
-)
+@fidelity_option("quasistatic", "Model; quasistatic takes seconds.")
 @running
 @telling
 def resolve(

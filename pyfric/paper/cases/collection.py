@@ -14,9 +14,10 @@ from pyfric.figures import save_figure, template
 from pyfric.paper.cases.case import CASES, Case
 from pyfric.paper.claims.claim import Claim, measured, report, table
 from pyfric.record import provenance
-from pyfric.scene import __version__, unknown, write
+from pyfric.scene import __version__
 from pyfric.signals import at_once
 from pyfric.sweeps import Job, run_all
+from pyfric.values import unknown, write
 
 if TYPE_CHECKING:
     from pyfric.figures import DataFigure

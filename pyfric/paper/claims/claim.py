@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import pandas as pd
 
 from pyfric.display import plain
-from pyfric.scene import __version__, write
+from pyfric.scene import __version__
+from pyfric.values import write
 
 if TYPE_CHECKING:
     from pyfric.record import Record

@@ -12,9 +12,9 @@ from pyfric.display import jobs_bar
 from pyfric.paper.claims import exact, fronts, lengths, stresses  # noqa: F401 they enter claims
 from pyfric.paper.claims.claim import CLAIMS, Claim, Runs
 from pyfric.paper.runs import jobs
-from pyfric.scene import unknown
 from pyfric.signals import at_once
 from pyfric.sweeps import run_all, side_by_side
+from pyfric.values import unknown
 
 NUMBERS = tuple(sorted(CLAIMS, key=lambda number: (number[0] == "E", int(number.lstrip("E")))))
 """Numbers of the claims, in order."""

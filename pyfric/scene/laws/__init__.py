@@ -23,7 +23,7 @@ from pyfric.scene.laws.kinds import (
 from pyfric.scene.laws.named import named
 from pyfric.scene.laws.rate_state import RateAndState
 from pyfric.scene.laws.tabulated import TabulatedLaw
-from pyfric.scene.words import no_attribute
+from pyfric.values import no_attribute
 
 __all__ = [
     "KINDS",

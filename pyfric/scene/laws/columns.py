@@ -14,11 +14,22 @@ from typing import Any
 
 import numpy as np
 
-from pyfric.scene.errors import SceneError, naming
-from pyfric.scene.files import read_at_most
 from pyfric.scene.laws.kinds import MAX_KNOTS, Table
-from pyfric.scene.tables import NAMES, SCALED, Line, is_number, lines_of, unit_among, unit_in
-from pyfric.scene.units import check_number, check_whole, parse_quantity
+from pyfric.values import (
+    NAMES,
+    SCALED,
+    Line,
+    SceneError,
+    check_number,
+    check_whole,
+    is_number,
+    lines_of,
+    naming,
+    parse_quantity,
+    read_at_most,
+    unit_among,
+    unit_in,
+)
 
 MAX_BYTES = 1_048_576
 """Largest CSV file that is read."""

@@ -5,10 +5,9 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
-from pyfric.scene.checked import NotNegative, Positive, Quantity, Whole
-from pyfric.scene.errors import SceneError
 from pyfric.scene.laws.kinds import FrictionLaw, Means, Table, law
 from pyfric.scene.spread import FIELD, Field
+from pyfric.values import NotNegative, Positive, Quantity, SceneError, Whole
 
 MOST = 1_000_000
 """Largest number of junctions of a block."""

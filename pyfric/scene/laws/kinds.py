@@ -19,9 +19,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, dataclass_tran
 
 import numpy as np
 
-from pyfric.scene.checked import NotNegative, Positive, part
-from pyfric.scene.errors import SceneError, naming
-from pyfric.scene.units import check_number
+from pyfric.values import NotNegative, Positive, SceneError, check_number, naming, part
 
 Kind = TypeVar("Kind", bound="type[FrictionLaw]")
 
@@ -194,7 +192,7 @@ def _short(value: Any) -> str:
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 def law(kind: Kind) -> Kind:
-    """Make a class a part (`pyfric.scene.checked`), and register it by its attribute `kind`."""
+    """Make a class a part (`pyfric.values.checked`), and register it by its attribute `kind`."""
     kind = part(kind)
     KINDS[kind.kind] = kind
     kind.__repr__ = kind.text

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from importlib.metadata import entry_points
 
-from pyfric.scene.errors import SceneError, naming, unknown
 from pyfric.scene.laws.tabulated import TabulatedLaw
+from pyfric.values import SceneError, naming, unknown
 
 GROUP = "pyfric.laws"
 

@@ -2,10 +2,9 @@
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from pyfric.scene.checked import Positive, Quantity
-from pyfric.scene.errors import SceneError
 from pyfric.scene.laws.kinds import FrictionLaw, Means, Tables, law
 from pyfric.scene.spread import FIELD, Field
+from pyfric.values import Positive, Quantity, SceneError
 
 LARGEST = 1.0
 """Largest a and b. Measured ones are about 0.01."""

@@ -4,8 +4,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
-from pyfric.scene.checked import NotNegative, from_entries
-from pyfric.scene.errors import SceneError, naming, unknown
 from pyfric.scene.laws.columns import Measured, from_csv
 from pyfric.scene.laws.kinds import (
     UNITS,
@@ -16,7 +14,15 @@ from pyfric.scene.laws.kinds import (
     law,
     sampled,
 )
-from pyfric.scene.units import check_number, with_prefix
+from pyfric.values import (
+    NotNegative,
+    SceneError,
+    check_number,
+    from_entries,
+    naming,
+    unknown,
+    with_prefix,
+)
 
 COLUMNS = {
     "slide": ("slip", "mu"),

@@ -7,8 +7,8 @@ import re
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from pyfric.scene.errors import SceneError
-from pyfric.scene.units import parse_quantity
+from pyfric.values.errors import SceneError
+from pyfric.values.units import parse_quantity
 
 SEPARATORS = ("\t", ";", ",", " ")
 """What may separate columns: the first of them that leaves numbers. A blank stands for several."""

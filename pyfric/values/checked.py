@@ -16,8 +16,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pyfric.scene.errors import SceneError, naming, numbered, show, unknown
-from pyfric.scene.units import (
+from pyfric.values.errors import SceneError, naming, numbered, show, unknown
+from pyfric.values.units import (
     as_list,
     check_number,
     check_whole,

@@ -17,8 +17,8 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from pyfric.scene.errors import SceneError
 from pyfric.signals import held_back
+from pyfric.values.errors import SceneError
 
 MARK = b"\npyfric sha256 "
 SEAL_LENGTH = len(MARK) + 64 + 1

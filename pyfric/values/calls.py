@@ -7,8 +7,8 @@ import inspect
 from collections.abc import Callable, Mapping
 from typing import ParamSpec, TypeVar
 
-from pyfric.scene.errors import SceneError
-from pyfric.scene.words import line, meant
+from pyfric.values.errors import SceneError
+from pyfric.values.words import line, meant
 
 P = ParamSpec("P")
 T = TypeVar("T")

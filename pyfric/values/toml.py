@@ -45,8 +45,8 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from pyfric.scene.errors import SceneError
-from pyfric.scene.files import read_at_most
+from pyfric.values.errors import SceneError
+from pyfric.values.files import read_at_most
 
 MAX_FILE = 1_048_576
 """Largest size of a scene file, in bytes; two lists of `checked.MAX_LISTED` forces fit."""

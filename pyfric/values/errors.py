@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pyfric.scene.words import line, meant, nearest
+from pyfric.values.words import line, meant, nearest
 
 NO_UNIT = "missing unit"
 _SHORT = reprlib.Repr()

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pyfric.scene.errors import NO_UNIT, SceneError, show
+from pyfric.values.errors import NO_UNIT, SceneError, show
 
 SMALLEST = 1e-30
 """Smallest accepted non-zero magnitude (SI); products of smaller values could underflow."""

@@ -612,7 +612,8 @@ def curves(out: Path, data: Path | None, tell: Tell) -> None:
         return
     out.mkdir(parents=True, exist_ok=True)
     table = curves.study(data, out, say=tell.step)
-    laws = curves.one_law(data, out, say=tell.step)
+    laws = curves.one_law(table)
+    laws.to_csv(out / "laws.csv", index=False, float_format="%.4g")
     curves.add_source(provenance(out / "curves_provenance.toml", made_by("curves")))
     tell.table(table, lambda frame: f"{curves.report(frame)}\n{curves.report_of_laws(laws)}")
 

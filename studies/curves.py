@@ -23,8 +23,8 @@ from sizes import size, tiny
 import pyfric
 from pyfric.fitting import Sizes, fit
 from pyfric.fitting.measurement import At
-from pyfric.measured import Curve, events, read
-from pyfric.scene import write
+from pyfric.measured import Curve, read
+from pyfric.values import write
 
 __all__ = ["add_source", "one_law", "report", "report_of_laws", "study", "wanted"]
 
@@ -41,10 +41,8 @@ BOUNDS = size({"mu_s": (0.2, 0.7), "mu_k": (0.1, 0.65)}, {"mu_s": (0.3, 0.5)})
 HOW = {"fidelity": "hybrid", "geometry": "linear"}
 RATE = size(2000, 500)
 """Samples per second of a made curve."""
-OFFSET = 0.3
-"""Largest force that a curve may have beside the law, over F_N."""
-RS = {"a": (0.002, 0.03), "b": (0.004, 0.08), "D_c": (5e-7, 5e-5)}
-"""Bounds of rate-and-state friction."""
+PARTS = 20
+"""Parts of a curve whose means tell the error of its mean."""
 
 
 def slider(k: float, V: float, **changes: Any) -> pyfric.Scene:
@@ -104,9 +102,11 @@ def study(folder: Path | None, out: Path, say: Callable[[str], None] = print) ->
 
 def row_of(scene: pyfric.Scene, curve: Curve) -> dict[str, Any]:
     """Return the population of events of a curve, and the coefficients that fit it."""
-    start, table = time.process_time(), events(curve)
-    sizes = Sizes(curve, spreads=False)
-    row = population(table, sizes) | {"force": float(curve.over_F_N.mean())}
+    start, sizes = time.process_time(), Sizes(curve, spreads=False)
+    table = sizes.whole
+    row = population(table, sizes)
+    means = np.array([part.mean() for part in np.array_split(curve.over_F_N, PARTS)])
+    row |= {"force": means.mean(), "force_error": error_of_mean(means)}
     row["stuck"] = float(table["rate"].median()) / (scene.driver.K * scene.driver.V / scene.F_N)
     found = fit(scene, sizes, BOUNDS, **HOW)
     for name, value in found.values.items():
@@ -130,47 +130,39 @@ def population(table: pd.DataFrame, sizes: Sizes) -> dict[str, float]:
     row["recurrence_std"] = float(waits.std())
     row["follow"] = float(part["peak"].corr(part["peak"].shift()))
     row["peak_valley"] = float(part["peak"].corr(part["valley"]))
+    row["half_drop_error"] = error_of_mean(0.5 * part["drop"].to_numpy())
     return row | {"wait_peak": float(waits.corr(part["peak"] - part["valley"].shift()))}
 
 
-def one_law(folder: Path | None, out: Path, say: Callable[[str], None] = print) -> pd.DataFrame:
-    """Return a row for each law, fitted to all curves at once; rows in the file are kept.
+def error_of_mean(values: np.ndarray) -> float:
+    """Return the standard error of a mean of numbers that follow each other."""
+    one_on = max(float(np.corrcoef(values[1:], values[:-1])[0, 1]), 0.0)
+    return float(values.std(ddof=1) * np.sqrt((1 + one_on) / (1 - one_on) / len(values)))
 
-    With offsets, each curve has a force of its own beside that of the law.
+
+def one_law(table: pd.DataFrame) -> pd.DataFrame:
+    """Return how far what a law has in common is from being one number for all curves.
+
+    Coulomb friction has one mu_s and one mu_k. If each curve has a level of its own (humidity,
+    wear, the zero of the sensor), mu_s - mu_k is left. Under any law of speed and of its history,
+    such as rate and state, a slider that slides at one speed has one mean force.
     """
-    path = out / "laws.csv"
-    rows = pd.read_csv(path).to_dict("records") if path.exists() else []
-    known = {(row["law"], row["offsets"]) for row in rows}
-    curves = list(found_in(folder))
-    data = [Sizes(curve, spreads=False) for _, _, curve in curves]
-    shifts = {f"offset@{n + 1}": (-OFFSET, OFFSET) for n in range(1, len(curves))}
-    kinds: list[tuple[str, bool, dict[str, Any], dict[str, Any]]] = [
-        ("Coulomb", False, {}, BOUNDS),
-        ("Coulomb", True, {}, BOUNDS | shifts),
-    ]
-    for evolution in size(("ageing", "slip"), ()):
-        law = pyfric.laws.RateAndState(
-            a=0.01, b=0.02, D_c=5e-6, f_star=0.34, V_star=1e-4, evolution=evolution
-        )
-        shared = RS | {"f_star": (0.15, 0.6)}
-        kinds.append((evolution, True, {"law": law, "mu_s": None, "mu_k": None}, shared | shifts))
-    for name, offsets, changes, vary in kinds:
-        if (name, offsets) in known:
-            continue
-        say(f"{name}, {'with' if offsets else 'without'} offsets")
-        start = time.process_time()
-        scenes = [slider(k, V, **changes) for k, V, _ in curves]
-        found = fit(scenes, data, vary, level=None, **HOW)
-        row: dict[str, Any] = {"law": name, "offsets": offsets, "chi2": found.chi2}
-        row |= {"dof": found.dof, "runs": found.runs}
-        row |= {name: value for name, value in found.values.items() if "@" not in name}
-        off = found.others["model"] - found.others["measured"]
-        for number in ("mean peak", "mean valley", "recurrence"):
-            these = found.others["at"] == number
-            miss = off[these] / (found.others["measured"][these] if number == "recurrence" else 1)
-            row[f"rms {number}"] = float(np.sqrt(np.nanmean(miss**2)))
-        rows.append(row | {"seconds": time.process_time() - start})
-        pd.DataFrame(rows).to_csv(path, index=False, float_format="%.5g")
+    rows = []
+    level = np.hypot(table["peak_error"], table["valley_error"]) / 2
+    asked = {
+        ("mu_s", "all"): (table["mu_s"], table["peak_error"]),
+        ("mu_k", "all"): (table["mu_k"], level),
+        ("mu_s - mu_k", "all"): (table["mu_s"] - table["mu_k"], table["half_drop_error"]),
+    }
+    for V, part in table.groupby("V"):
+        asked["mean force", f"V = {V} um/s"] = part["force"], part["force_error"]
+    for (number, curves), (values, errors) in asked.items():
+        weights = 1 / errors**2
+        mean = float((weights * values).sum() / weights.sum())
+        row = {"number": number, "curves": curves, "mean": mean, "std": float(values.std())}
+        row["error"] = float(np.sqrt((errors**2).mean()))
+        row |= {"chi2": float((((values - mean) / errors) ** 2).sum()), "dof": len(values) - 1}
+        rows.append(row)
     return pd.DataFrame(rows)
 
 
@@ -187,12 +179,13 @@ def report(table: pd.DataFrame) -> str:
 
 
 def report_of_laws(table: pd.DataFrame) -> str:
-    """Return how far each law is from all curves."""
-    lines = []
-    for _, row in table.iterrows():
-        said = f"{row['law']}{' with offsets' if row['offsets'] else ''}"
-        lines.append(f"{said}: chi^2 {row['chi2']:.4g} with {row['dof']} degrees of freedom")
-    return "\n".join(lines)
+    """Return how far curves are from one law."""
+    return "\n".join(
+        f"{row['number']} of {row['curves']}: {row['mean']:.3f}, from curve to curve "
+        f"+- {row['std']:.3f}, each known to {row['error']:.3f}, chi^2 {row['chi2']:.3g} "
+        f"with {row['dof']} degrees of freedom"
+        for _, row in table.iterrows()
+    )
 
 
 def wanted(folder: Path | None) -> str:

@@ -44,6 +44,8 @@ A policy."""
 SLIDES = 0.5
 """Rise of force between events over that of a slider that sticks, below which it is said to slide.
 A policy."""
+FAINT = 1e-3
+"""Noise of runs over that of the curve: no two readings are equal, and means do not scatter."""
 NUMBERS = ("mean peak", "mean valley", "recurrence", "spread of peaks", "spread of valleys")
 """Numbers of a population; forces are over F_N, the recurrence is the mean time between events, s,
 and spreads are standard deviations."""
@@ -222,8 +224,8 @@ class Sizes(_OfEvents):
     For sequences that are not reproducible, so that no event of a model is one that was measured.
     Standard errors of means hold the scatter from event to event and its correlation along the
     sequence (Newey and West), those of the run, too. Large events have a fifth of the largest drop.
-    Runs are sampled with the step and the noise of the curve, and their events are found as its
-    are. So what an instrument and the swing of the slider make of an event is in both.
+    Runs are sampled with the step of the curve, and their events are found as its are. So what an
+    instrument and the swing of the slider make of an event is in both.
 
     Args:
         measured: curve, or its table of events (`pyfric.measured.events`).
@@ -288,9 +290,9 @@ class Sizes(_OfEvents):
         attrs = self.whole.attrs
         if not attrs.get("resolution") or not attrs.get("noise"):
             return super().seen(record)
+        how = {name: attrs[name] for name in ("noise", "smooth", "threshold")}
         step = attrs["resolution"] / attrs["smooth"]
-        curve = sampled(record, step, noise=attrs["noise"])
-        return events(curve, smooth=attrs["smooth"], threshold=attrs["threshold"])
+        return events(sampled(record, step, noise=FAINT * attrs["noise"]), **how)
 
     @property
     def size(self) -> int:
@@ -304,7 +306,7 @@ class Sizes(_OfEvents):
             return self.none(at)
         known, found = _numbers(self.whole), self._of_model(seen, at)
         off = found[0] - known[0]
-        error = known[1] + found[1] + at.tolerance**2 * np.diag([1.0, 1.0, 0.0])
+        error = known[1] + found[1] + at.tolerance**2 * np.diag(_of_forces(known[0]) ** 2)
         means = np.linalg.solve(np.linalg.cholesky(error), off[:3])
         spreads = off[3:] / np.hypot(np.hypot(known[2], found[2]), at.tolerance)
         return np.concatenate([means, spreads if self.spreads else spreads[:0]])
@@ -333,10 +335,10 @@ class Sizes(_OfEvents):
 
     def excess(self, seen: pd.DataFrame, at: At) -> np.ndarray:
         if not self.told(seen, at):
-            return np.full(2, np.inf)
+            return np.full(3, np.inf)
         known = _numbers(self.whole)
-        off = (self._of_model(seen, at)[0] - known[0])[:2]
-        return off**2 - np.diag(known[1])[:2]
+        off = (self._of_model(seen, at)[0] - known[0])[:3]
+        return (off**2 - np.diag(known[1])) / _of_forces(known[0]) ** 2
 
     def _of_model(self, seen: pd.DataFrame, at: At) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the numbers of a run after its first large event, and their errors."""
@@ -350,6 +352,15 @@ class Sizes(_OfEvents):
 def large(table: pd.DataFrame) -> pd.DataFrame:
     """Return the large events of a table."""
     return table[table["drop"] >= LARGE * table["drop"].max()] if len(table) else table
+
+
+def _of_forces(numbers: np.ndarray) -> np.ndarray:
+    """Return by how much the three means are off if each force is off by F_N.
+
+    The recurrence is the time of loading by the drop, which has the errors of both forces.
+    """
+    peak, valley, recurrence = numbers[:3]
+    return np.array([1.0, 1.0, np.sqrt(2) * recurrence / (peak - valley)])
 
 
 def _numbers(table: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

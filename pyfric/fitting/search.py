@@ -16,6 +16,8 @@ FOLLOWED = 3
 """How many minima of a rough search are followed. A policy."""
 ALIKE = 0.01
 """Distance over the bounds within which minima of a smooth misfit are one. A policy."""
+TOLD = 5e-3
+"""Change of a smooth chi^2 that tells nothing, where it is that of noise. A policy."""
 COARSE = 1e-2
 """Step of differences of the overview, over the bounds: a policy."""
 STEP = 1e-3
@@ -120,7 +122,7 @@ def least(
     """Return the parameters of a local minimum; a smooth one is told more closely."""
     u = np.clip(u, 2 * step, 1 - 2 * step)
     how = {"bounds": (0.0, 1.0), "diff_step": step, "xtol": 1e-4, "max_nfev": 12}
-    how["ftol"] = 1e-5 if smooth else 1e-2
+    how["ftol"] = min(TOLD / len(residuals(u)), 1e-2) if smooth else 1e-2
     return scipy.optimize.least_squares(residuals, u, **how).x
 
 

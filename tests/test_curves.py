@@ -4,7 +4,9 @@ import curves
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import signal
 
+from pyfric.fitting import Sizes
 from pyfric.measured import events
 
 
@@ -15,14 +17,23 @@ def test_made_curves_are_stick_slip_of_a_strength_that_scatters():
     assert (table["peak"] + table["valley"]).mean() / 2 == pytest.approx(0.32, abs=0.01)
 
 
-def test_a_row_has_the_population_and_coefficients_that_hold_the_truth(monkeypatch):
-    monkeypatch.setattr(curves, "BOUNDS", {"mu_s": (0.3, 0.5)})
-    row = curves.row_of(curves.slider(168, 1100, mu_k=0.32), curves.made(168, 1100))
-    assert row["large"] == 20
-    assert row["stuck"] == pytest.approx(1.0, abs=0.1)
-    assert row["mu_s_low"] < 0.38 < row["mu_s_high"]
-    assert abs(row["peak_valley"]) > 0.9  # it swings as far beyond mu_k as it was before
-    assert row["seconds"] < 60
+def test_population_of_a_made_curve():
+    curve = curves.made(168, 1100, n=60)
+    row = curves.population(events(curve), Sizes(curve))
+    assert row["large"] == 60
+    assert row["peak"] == pytest.approx(0.38, abs=3 * row["peak_error"])
+    assert row["peak_std"] == pytest.approx(0.015, rel=0.3)
+    assert row["peak_valley"] < -0.9  # it swings as far beyond mu_k as it was before
+    assert abs(row["follow"]) < 0.3
+    assert 0.5 < row["half_drop_error"] / row["peak_error"] < 2
+
+
+def test_errors_of_means_of_numbers_that_follow_each_other():
+    """Against the scatter of means of many sequences."""
+    noise = 0.1 * np.random.default_rng(1).standard_normal((200, 450))
+    values = signal.lfilter([1.0], [1.0, -0.5], noise)[:, 50:]
+    told = np.mean([curves.error_of_mean(each) for each in values])
+    assert told == pytest.approx(values.mean(axis=1).std(), rel=0.15)
 
 
 def test_one_law_is_told_from_curves_with_a_level_of_their_own():

@@ -368,17 +368,18 @@ def test_how_long_runs_of_a_population_are_is_told_by_the_driver():
     first, apart = 0.38 / RATE, table["t_start"].diff().mean()
     for part in (sticks, slides):
         assert 1 < part.lasts(BLOCK) / (first + 20 * apart) < 1.2
-        assert part.lasts(BLOCK.replace(V=2 * SPEED)) < 0.7 * part.lasts(BLOCK)
+        twice = part.lasts(BLOCK.replace(V=2 * SPEED))
+        assert part.lasts(BLOCK) - twice == pytest.approx(1.1 * first / 2, rel=0.1)
     assert sticks.doubts(BLOCK) == ()
     assert "0.01 of what they would if the slider stuck" in slides.doubts(BLOCK)[0]
     rare = table.assign(t_start=50 * table["t_start"], t_stop=50 * table["t_stop"])
-    assert Sizes(rare).lasts(BLOCK) < first + 40 * apart  # not 50 times as long
+    assert Sizes(rare).lasts(BLOCK) < 1.1 * (first + 60 * apart)  # not 50 times as long
 
 
 def test_events_of_runs_of_a_population_are_found_as_those_of_the_curve():
     """Where the slider swings for longer than it sticks, forces of its catalogue are others."""
-    fast = BLOCK.replace(V=4 * SPEED, k=1e4)
-    record = pyfric.simulate(fast, 1.0, progress=False, **STICK_SLIP)
+    fast = BLOCK.replace(V=4 * SPEED, k=1e4, mu_k=0.37)
+    record = pyfric.simulate(fast, 2.0, progress=False, **STICK_SLIP)
     part, at = Sizes(sampled(record, "0.5 ms", noise=1e-3, seed=1)), At({})
     off = part.residuals(part.seen(record), at)
     assert np.abs(off).max() < 3

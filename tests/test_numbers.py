@@ -213,7 +213,7 @@ FORMULAS = {
     "fitting/misfits": (1.2533, 1.4826),  # sqrt(pi/2); 1 over the third quartile of a normal number
     "fitting/posteriors": (12.0,),  # 1 over the variance of a uniform number
     "fitting/results": (0.9,),  # default level of intervals
-    "fitting/search": (1e-5, 1e-4, 0.01),  # ends of a search
+    "fitting/search": (1e-4, 0.01),  # ends of a search
     "fitting/sensitivities": (0.01,),  # a hundredth, of per cent
     "measured/loggers": (5e8,),
     "measured/lvm": (60.0, 3600.0),  # seconds of a minute and of an hour

@@ -345,7 +345,9 @@ class Sizes(_OfEvents):
         model = moved(seen, at)
         first = np.flatnonzero(model["drop"] >= LARGE * model["drop"].max())[0]
         found, of_means, of_spreads = _numbers(model.iloc[first:])
-        found[3:] = np.hypot(found[3:], at.values.get("scatter", 0.0))
+        errors = large(self.whole)[["peak_error", "valley_error"]]
+        of_noise = np.sqrt((errors**2).mean().to_numpy())
+        found[3:] = np.hypot(np.hypot(found[3:], of_noise), at.values.get("scatter", 0.0))
         return found, of_means, of_spreads
 
 

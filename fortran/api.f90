@@ -13,7 +13,7 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, n_columns, cou
   use pyfric_contact, only: contact_t, save_contact
   use pyfric_log, only: log_t, new_log, watch_speeds, save_log, save_speeds
   use pyfric_table_stepper, only: new_table
-  use pyfric_status, only: NO_MEMORY
+  use pyfric_status, only: NO_MEMORY, UNKNOWN_LAW
   use pyfric_stepping, only: method_t, run_t, advance_steps
   implicit none
   !f2py threadsafe
@@ -84,6 +84,7 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, n_columns, cou
   block = 0
   t_block = t0
   model = new_model(counts, numbers)
+  status = merge(NO_MEMORY, UNKNOWN_LAW, model%law%known)
   if (.not. model%complete) return
   contact = contact_t(mode, corner, margin, loss, whole_memory(model%law, nx, memory))
   budget = new_budget(model, dissipated, radiated, heat, parts(:, 1), parts(:, 2), work)
@@ -115,7 +116,7 @@ subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n
   use pyfric_law, only: whole_memory
   use pyfric_rows, only: budget_t, new_budget
   use pyfric_evaluation, only: all_forces
-  use pyfric_status, only: NO_MEMORY
+  use pyfric_status, only: NO_MEMORY, UNKNOWN_LAW
   implicit none
   !f2py threadsafe
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
@@ -145,6 +146,7 @@ subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n
 
   status = NO_MEMORY
   model = new_model(counts, numbers)
+  status = merge(NO_MEMORY, UNKNOWN_LAW, model%law%known)
   if (.not. model%complete) return
   dissipated = 0
   heat = 0
@@ -166,7 +168,7 @@ subroutine curve_point(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t
   use pyfric_energy, only: found => curve_point
   use pyfric_rows, only: budget_t, new_budget
   use pyfric_workspace, only: reserve, aligned, widen
-  use pyfric_status, only: DONE, NO_MEMORY
+  use pyfric_status, only: DONE, NO_MEMORY, UNKNOWN_LAW
   implicit none
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
   integer(c_int), intent(in) :: nz                           !! rows
@@ -195,6 +197,7 @@ subroutine curve_point(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t
 
   status = NO_MEMORY
   model = new_model(counts, numbers)
+  status = merge(NO_MEMORY, UNKNOWN_LAW, model%law%known)
   complete = model%complete
   if (complete) budget = new_budget(model, dissipated, radiated, heat, parts(:, 1), parts(:, 2), work)
   complete = complete .and. budget%complete
@@ -212,8 +215,9 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, coun
                      sums, made, t_end, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_model, only: model_t, new_model
-  use pyfric_slow_slip, only: condensed_t, limits_t, phase_t, passages_t, work_t, new_condensed, new_work, advance_phase, &
-                              velocities
+  use pyfric_slow_slip, only: condensed_t, limits_t, phase_t, passages_t, work_t, new_condensed, new_work, begin_phase, &
+                              advance_phase, end_phase
+  use pyfric_status, only: NO_MEMORY, UNKNOWN_LAW
   implicit none
   !f2py threadsafe
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
@@ -239,7 +243,7 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, coun
   real(c_double), intent(in) :: threshold                    !! of passages, 0: none is looked for [m/s]
   real(c_double), intent(inout) :: h(1)                      !! next step [s]
   real(c_double), intent(inout) :: q(nx, 2)                  !! u [m], ln theta; then those at t_end
-  real(c_double), intent(out) :: v(nx)                       !! velocities at t_end [m/s]
+  real(c_double), intent(inout) :: v(nx)                     !! velocities at the beginning, see `begin_phase`; at t_end [m/s]
   real(c_double), intent(out) :: a(nx)                       !! accelerations at t_end [m/s2]
   real(c_double), intent(inout) :: points(nx, 3, n_points)   !! u [m], ln theta, velocities [m/s]
   integer(c_int), intent(in) :: fast(nx)                     !! see `passages_t` of pyfric_slow_slip
@@ -248,7 +252,7 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, coun
   real(c_double), intent(inout) :: sums(2, n_sums)           !! alike
   integer(c_int), intent(out) :: made(3)                     !! steps made, points filled, passages found
   real(c_double), intent(out) :: t_end                       !! last time on the grid [s]
-  integer(c_int), intent(out) :: status                      !! why it ended, see pyfric_slow_slip; -1 without memory
+  integer(c_int), intent(out) :: status                      !! see pyfric_slow_slip; below 0: - a code of pyfric_status
   type(model_t) :: model
   type(condensed_t) :: s
   type(phase_t) :: phase
@@ -256,16 +260,16 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, coun
   type(work_t) :: w
   integer :: i
 
-  status = -1
   made = 0
   t_end = 0
-  v = 0
   a = 0
   model = new_model(counts, numbers)
+  status = -merge(NO_MEMORY, UNKNOWN_LAW, model%law%known)
   if (.not. model%complete) return
   s = new_condensed(nx, model%law, closed == 1, load, load_u, load_v, load_a, p, p_u, p_v, p_a)
   w = new_work(nx)
   if (.not. (s%complete .and. w%complete)) return
+  call begin_phase(s, w, v, q)
   phase%h = h(1)
   phase%q = q
   phase%grid = q
@@ -284,9 +288,9 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, coun
   passed_i = passages%of
   passed_r = passages%at
   sums = passages%sums
-  call velocities(s, t_end, q, w, v, a)
+  call end_phase(s, t_end, w, q, v, a)
   do i = 1, phase%n_points
-    call velocities(s, times(i), points(:, :2, i), w, points(:, 3, i))
+    call end_phase(s, times(i), w, points(:, :2, i), points(:, 3, i))
   end do
 end subroutine slow_slip
 

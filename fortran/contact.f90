@@ -124,7 +124,7 @@ contains
       t_switch = t + dt*(margin/(contact%margin(i) - margin))
     end if
     contact%mode(i) = new
-    if (s%law%rests) call remember(s%law, old, new, t, u_x, contact%memory(:, i))
+    call remember(s%law, old, new, t, u_x, contact%memory(:, i))
     if (abs(old) /= 1) contact%corner(i) = merge(1_ip, 0_ip, p < s%p_corner)
     call log_switch(log, i, old, new, contact%corner(i), step, t_switch, u_x, p)
   end subroutine switch_block

@@ -23,7 +23,9 @@ module pyfric_junctions
   implicit none (type, external)
   private
   public :: junctions_t, new_junctions
-  public :: forces, powers, stored_energy, settle, next_break, next_release, drag_limits, drag_functions
+  public :: forces, powers, stored_energy, settle, break_functions, next_release, drag_marks, drag_functions, N_FIELDS
+
+  integer, parameter :: N_FIELDS = 5   !! of N_x numbers
 
   !> Distance at which a stretch counts as u_d, over u_d: rounding of displacements.
   real(dp), parameter :: AT_LIMIT = 1e-9_dp
@@ -43,23 +45,32 @@ module pyfric_junctions
     real(dp), allocatable :: t_r_std(:)    !! its standard deviation; 0: always the mean [s]
   end type junctions_t
 
+  !> Numbers passed by Python, in this order.
+  type :: numbers_t
+    real(dp) :: n           !! junctions of a block
+    real(dp) :: seed_low    !! the lower 32 bits
+    real(dp) :: seed_high   !! and the upper ones
+    real(dp) :: ruptured    !! share of pinned junctions below which a block is ruptured
+  end type numbers_t
+
 contains
 
-  pure function new_junctions(nx, n, seed, from_right, share, quantiles, strengths, fields) result(of)
+  pure function new_junctions(nx, numbers, from_right, quantiles, strengths, fields) result(of)
     integer, intent(in) :: nx              !! blocks
-    integer, intent(in) :: n               !! junctions of a block
-    integer(ip), intent(in) :: seed(2)     !! two words of 32 bits, the lowest first
+    real(dp), contiguous, intent(in) :: numbers(:)     !! see numbers_t
     logical, intent(in) :: from_right
-    real(dp), intent(in) :: share          !! of pinned junctions, below which a block is ruptured
     type(curve_t), intent(in) :: quantiles
     type(curve_t), intent(in) :: strengths !! `factors` over the number of the junction; no knots: all are 1
-    real(dp), intent(in) :: fields(nx, 5)  !! mu_s, mu_d, C, t_R, its standard deviation
+    real(dp), intent(in) :: fields(nx, N_FIELDS)  !! mu_s, mu_d, C, t_R, its standard deviation
     type(junctions_t) :: of
-    integer :: failed
+    type(numbers_t) :: given
+    integer :: failed, n
 
+    given = transfer(numbers, given)
+    n = nint(given%n)
     of%n = n
-    of%fewest = share*n
-    of%seed = ior(iand(int(seed(1), int64), int(z'FFFFFFFF', int64)), shiftl(int(seed(2), int64), 32))
+    of%fewest = given%ruptured*n
+    of%seed = ior(int(given%seed_low, int64), shiftl(int(given%seed_high, int64), 32))
     of%from_right = from_right
     of%quantiles = quantiles
     allocate (of%mu_s(nx), of%mu_d(nx), of%c(nx), of%t_r(nx), of%t_r_std(nx), of%factors(n), stat=failed)
@@ -389,6 +400,45 @@ contains
     t = minval(memory(n_saved(of%n) + EARLIEST, :), mask=in_contact)
   end function next_release
 
+  !> Distance of each block in contact to its next break, and its depth; of others the height, twice [m].
+  pure subroutine break_functions(of, nx, n, at, in_contact, memory, p, u_x, z, g)
+    type(junctions_t), intent(in) :: of
+    integer, intent(in) :: nx                    !! blocks
+    integer, intent(in) :: n                     !! padded length of a row
+    integer, intent(in) :: at(n)                 !! element of each block in a row
+    logical, intent(in) :: in_contact(nx)
+    real(dp), intent(in) :: memory(n_whole(of%n), nx)
+    real(dp), intent(in) :: p(nx)                !! foundation force [N]
+    real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
+    real(dp), intent(in) :: z(nx)                !! heights above the foundation [m]
+    real(dp), intent(out) :: g(2, nx)
+    integer :: i
+
+    do i = 1, nx
+      g(:, i) = z(i)
+      if (in_contact(i)) g(:, i) = [next_break(of, i, u_x(at(i)), p(i), memory(1, i)), -z(i)]
+    end do
+  end subroutine break_functions
+
+  !> `drag_limits` of each block.
+  pure subroutine drag_marks(of, nx, n, at, memory, u_x, v_x, p, p_rate, marks)
+    type(junctions_t), intent(in) :: of
+    integer, intent(in) :: nx                    !! blocks
+    integer, intent(in) :: n                     !! padded length of a row
+    integer, intent(in) :: at(n)                 !! element of each block in a row
+    real(dp), intent(in) :: memory(n_whole(of%n), nx)
+    real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
+    real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
+    real(dp), intent(in) :: p(nx)                !! foundation force [N]
+    real(dp), intent(in) :: p_rate(nx)           !! its rate [N/s]
+    real(dp), intent(out) :: marks(4, nx)
+    integer :: i
+
+    do i = 1, nx
+      marks(:, i) = drag_limits(of, i, u_x(at(i)), v_x(at(i)), p(i), p_rate(i), memory(1, i))
+    end do
+  end subroutine drag_marks
+
   !> Which slipping junctions of a block are dragged, up or down (1 or 0); least and greatest anchor of the others [m].
   pure function drag_limits(of, i, u, v, p, p_rate, memory) result(marks)
     type(junctions_t), intent(in) :: of
@@ -418,22 +468,28 @@ contains
 
   !> Event functions, positive while the same junctions are dragged: speeds of their anchors, up and down; distances of the
   !> other junctions from u_d.
-  pure function drag_functions(of, i, u, v, p, p_rate, marks) result(g)
+  pure subroutine drag_functions(of, nx, n, at, u_x, v_x, p, p_rate, marks, g)
     type(junctions_t), intent(in) :: of
-    integer, intent(in) :: i            !! block
-    real(dp), intent(in) :: u           !! its displacement [m]
-    real(dp), intent(in) :: v           !! its velocity [m/s]
-    real(dp), intent(in) :: p           !! its normal force [N]
-    real(dp), intent(in) :: p_rate      !! its rate [N/s]
-    real(dp), intent(in) :: marks(4)    !! see drag_limits
-    real(dp) :: g(3), u_d, u_d_rate
+    integer, intent(in) :: nx                    !! blocks
+    integer, intent(in) :: n                     !! padded length of a row
+    integer, intent(in) :: at(n)                 !! element of each block in a row
+    real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
+    real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
+    real(dp), intent(in) :: p(nx)                !! foundation force [N]
+    real(dp), intent(in) :: p_rate(nx)           !! its rate [N/s]
+    real(dp), intent(in) :: marks(4, nx)         !! see drag_limits
+    real(dp), intent(out) :: g(3, nx)
+    real(dp) :: u_d, u_d_rate
+    integer :: i
 
     g = 1.0_dp
-    if (p <= 0.0_dp) return
-    u_d = of%mu_d(i)*stiffness(of, i, p)/of%c(i)
-    u_d_rate = u_d*(p_rate/(2.0_dp*p))
-    if (marks(1) > 0.0_dp) g(1) = v - u_d_rate
-    if (marks(2) > 0.0_dp) g(2) = -v - u_d_rate
-    if (marks(4) >= marks(3)) g(3) = min(marks(3) + u_d - u, u - marks(4) + u_d)
-  end function drag_functions
+    do i = 1, nx
+      if (p(i) <= 0.0_dp) cycle
+      u_d = of%mu_d(i)*stiffness(of, i, p(i))/of%c(i)
+      u_d_rate = u_d*(p_rate(i)/(2.0_dp*p(i)))
+      if (marks(1, i) > 0.0_dp) g(1, i) = v_x(at(i)) - u_d_rate
+      if (marks(2, i) > 0.0_dp) g(2, i) = -v_x(at(i)) - u_d_rate
+      if (marks(4, i) >= marks(3, i)) g(3, i) = min(marks(3, i) + u_d - u_x(at(i)), u_x(at(i)) - marks(4, i) + u_d)
+    end do
+  end subroutine drag_functions
 end module pyfric_junctions

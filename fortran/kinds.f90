@@ -1,10 +1,13 @@
-!> Number kinds shared by the core: C doubles and C integers, as NumPy holds them.
+!> Number kinds shared by the core: C doubles and C integers, as NumPy holds them. And what is no number.
 module pyfric_kinds
   use, intrinsic :: iso_c_binding, only: c_double, c_int
+  use, intrinsic :: iso_fortran_env, only: int64
   implicit none (type, external)
   private
-  public :: dp, ip
+  public :: dp, ip, NOT_KNOWN
 
   integer, parameter :: dp = c_double
   integer, parameter :: ip = c_int
+  !> What a procedure gives for a friction law that it does not know: NaN.
+  real(dp), parameter :: NOT_KNOWN = transfer(int(z'7FF8000000000000', int64), 1.0_dp)
 end module pyfric_kinds

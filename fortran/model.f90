@@ -3,7 +3,7 @@ module pyfric_model
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: LB, LANES, UX, UZ, VX, VZ, padded, elements
   use pyfric_bonds, only: BONDS, N_BOND
-  use pyfric_law, only: law_t, new_law, N_FIELDS
+  use pyfric_law, only: law_t, new_law
   implicit none (type, external)
   private
   public :: model_t, new_model, S_SERIES, close_left, close_row, close_state, reflected
@@ -31,11 +31,9 @@ module pyfric_model
     integer(ip) :: right    !! the right side
     integer(ip) :: top      !! the top, which can also be HELD
     integer(ip) :: along    !! 1: dashpots act along the bonds only, 0: on the full relative velocity
-    integer(ip) :: n_memory !! numbers that are saved of what the friction law remembers of each block
-    integer(ip) :: n_junctions !! junctions of each block, 0 for none
-    integer(ip) :: seed_low !! of them: the lower 32 bits
-    integer(ip) :: seed_high !! and the upper ones
-    integer(ip) :: evolution !! of rate-and-state friction, see pyfric_rate_state; 0 for other laws
+    integer(ip) :: law      !! of friction, see pyfric_law
+    integer(ip) :: n_memory !! numbers that are saved of what it remembers of each block
+    integer(ip) :: n_own    !! numbers of its own
     integer(ip) :: n_hold   !! knots of the friction law's tables
     integer(ip) :: n_slide
     integer(ip) :: n_speed
@@ -67,15 +65,11 @@ module pyfric_model
     real(dp) :: a_drv       !! its acceleration [m/s2]
     real(dp) :: load_rate   !! rate of F_N over F_N at t_seg [1/s]
     real(dp) :: shear_rate  !! rate of the force on each block of a free top row, along +x [N/s]
-    real(dp) :: ruptured    !! share of pinned junctions below which a block is ruptured
-    real(dp) :: v_ref       !! reference speed V* of rate-and-state friction [m/s]
-    real(dp) :: cut         !! V*/V_c, 0 without a cut-off speed V_c [-]
-    real(dp) :: v_slip      !! speed from which a block counts as slipping [m/s]
     real(dp) :: g           !! gravity, downward [m/s2]
   end type constants_t
 
   type, extends(constants_t) :: model_t
-    logical :: complete = .false.   !! there was enough memory
+    logical :: complete = .false.   !! there was enough memory, and the friction law is known
     integer :: nx           !! blocks along the interface
     integer :: nz           !! rows
     integer :: n            !! nx rounded up to LANES
@@ -155,14 +149,13 @@ contains
     s%pushed = any(abs(s%push) > 0.0_dp) .or. any(abs(s%push_rate) > 0.0_dp)
   end function new_model
 
-  !> Rows of N_x numbers: x [m], load, shear and push [N], rate of push [N/s], k_f [N/m], gap [m], the fields of the law;
-  !> then the knots of its tables.
+  !> Rows of N_x numbers: x [m], load, shear and push [N], rate of push [N/s], k_f [N/m], gap [m]; then those of the law.
   pure subroutine take_rows(numbers, n, s)
     real(dp), contiguous, intent(in) :: numbers(:)
     type(counts_t), intent(in) :: n
     type(model_t), intent(inout) :: s
     integer, parameter :: ROWS = 7
-    integer :: nx, last, failed
+    integer :: nx, failed
 
     nx = s%nx
     allocate (s%x(nx), s%load(nx), s%shear(nx), s%push(nx), s%push_rate(nx), s%k_f(nx), s%gap(nx), stat=failed)
@@ -174,11 +167,8 @@ contains
     s%push_rate(:) = numbers(4*nx + 1:5*nx)
     s%k_f(:) = numbers(5*nx + 1:6*nx)
     s%gap(:) = numbers(6*nx + 1:7*nx)
-    last = (ROWS + N_FIELDS)*nx
-    s%law = new_law(nx, n%n_memory, n%n_junctions, [n%seed_low, n%seed_high], s%i_h > 1, s%ruptured, &
-                    n%evolution, [s%v_ref, s%cut, s%v_slip], s%t_seg, [n%n_hold, n%n_slide, n%n_speed, n%n_age], &
-                    numbers(last + 1:), numbers(ROWS*nx + 1:last))
-    s%law%keeps = n%keeps == 1
+    s%law = new_law(nx, n%law, n%n_memory, s%i_h > 1, n%keeps == 1, s%t_seg, n%n_own, &
+                    [n%n_hold, n%n_slide, n%n_speed, n%n_age], numbers(ROWS*nx + 1:))
     s%complete = s%law%complete
   end subroutine take_rows
 

@@ -1,4 +1,5 @@
-!> Slip without inertia under rate-and-state friction: 2 N_x equations, with u since the beginning and y = ln(theta),
+!> Slip without inertia under rate-and-state friction: 2 N_x equations, with u since the beginning and y = ln(theta), or
+!> ln(theta) with a share of stress where its rate is in the law (pyfric_evolution),
 !>
 !>     du/dt = v(load, p, y) ,   dy/dt = X(v, y) ,   load = load_0 + load_1 t + load_2 t^2/2 + load_u u + load_v v ,   p alike ,
 !>
@@ -12,11 +13,12 @@
 module pyfric_slow_slip
   use pyfric_kinds, only: dp, ip
   use pyfric_elementary, only: exponentials, logarithms
-  use pyfric_law, only: law_t, balanced_speeds, evolution_rates
+  use pyfric_law, only: law_t, balanced_speeds, log_rates, from_log_theta, add_stress, take_stress
   use pyfric_dense, only: decompose, solve, applied
   implicit none (type, external)
   private
-  public :: condensed_t, limits_t, phase_t, passages_t, work_t, new_condensed, new_work, advance_phase, velocities
+  public :: condensed_t, limits_t, phase_t, passages_t, work_t, new_condensed, new_work, begin_phase, advance_phase, velocities, &
+            end_phase
   public :: GOES_ON, FINISHED, FAST, ABRUPT, SHORT
 
   !> Why steps ended: their number, the end of the phase, a limit was reached, the error of a shortest step is too large, steps
@@ -123,7 +125,7 @@ module pyfric_slow_slip
     real(dp), allocatable :: by_load(:)  !! of v, see `balanced_speeds`
     real(dp), allocatable :: by_p(:)
     real(dp), allocatable :: by_y(:)
-    real(dp), allocatable :: x_v(:)      !! of X, see `evolution_rates`
+    real(dp), allocatable :: x_v(:)      !! of X, see `log_rates`
     real(dp), allocatable :: x_y(:)
     real(dp), allocatable :: by_t(:)     !! of v by time
     logical :: factored                  !! the next two are those of the equations of `turn`, at slopes nearby
@@ -203,7 +205,7 @@ contains
       p = p_0 + applied(s%nx, s%p_v, v)
     end do
     if (n > TURNS) f(:, U) = huge(v)
-    call evolution_rates(s%law%rate_state, s%nx, f(:, U), q(:, Y), f(:, Y), slopes%x_v, slopes%x_y)
+    call log_rates(s%law%rate_state, 1, s%nx, f(:, U), q(:, Y), f(:, Y), slopes%x_v, slopes%x_y)
     slopes%by_t = slopes%by_load*(s%load(:, 2) + t*s%load(:, 3)) + slopes%by_p*(s%p(:, 2) + t*s%p(:, 3))
     call damp(s, slopes, slopes%by_t)
   end subroutine rates_under
@@ -338,6 +340,7 @@ contains
     s%p(:, :) = p
     s%p_u(:, :) = p_u
     s%load_v(:, :) = load_v
+    where (.not. closed) s%law%rate_state%stress = 0.0_dp
     do i = 1, nx
       s%law%rate_state%alpha(i) = s%law%rate_state%alpha(i) - load_v(i, i)
       s%load_v(i, i) = 0.0_dp
@@ -348,6 +351,38 @@ contains
     s%inertial = any(abs(load_a) > 0.0_dp) .or. any(abs(p_a) > 0.0_dp)
     s%viscous = any(abs(load_v) > 0.0_dp) .or. any(abs(p_v) > 0.0_dp)
   end function new_condensed
+
+  !> y of a law with a rate of stress, from ln(theta) and velocities; where these are not numbers, those that balance the loads.
+  pure subroutine begin_phase(s, w, v, q)
+    type(condensed_t), intent(inout) :: s
+    type(work_t), intent(inout) :: w
+    real(dp), intent(inout) :: v(s%nx)        !! [m/s]
+    real(dp), intent(inout) :: q(s%nx, 2)     !! u [m], ln(theta), then y
+    real(dp) :: stress(s%nx), x(s%nx), slope(s%nx)
+
+    if (.not. s%law%rate_state%stressed) return
+    if (.not. all(abs(v) < huge(v))) then
+      stress = s%law%rate_state%stress
+      s%law%rate_state%stress = 0.0_dp
+      call velocities(s, 0.0_dp, q, w, v)
+      s%law%rate_state%stress = stress
+    end if
+    call from_log_theta(s%law%rate_state, 1, s%nx, q(:, Y), x, slope)
+    call add_stress(s%law%rate_state, s%nx, v, x, q(:, Y))
+  end subroutine begin_phase
+
+  !> Velocities [m/s] and accelerations [m/s2] at the end of a phase and at points; y becomes ln(theta).
+  pure subroutine end_phase(s, t, w, q, v, acceleration)
+    type(condensed_t), intent(in) :: s
+    real(dp), intent(in) :: t                 !! [s]
+    type(work_t), intent(inout) :: w
+    real(dp), intent(inout) :: q(s%nx, 2)     !! u [m], y, then ln(theta)
+    real(dp), intent(out) :: v(s%nx)
+    real(dp), intent(out), optional :: acceleration(s%nx)
+
+    call velocities(s, t, q, w, v, acceleration)
+    call take_stress(s%law%rate_state, s%nx, v, q(:, Y))
+  end subroutine end_phase
 
   !> Velocities [m/s], and accelerations without inertia [m/s2].
   pure subroutine velocities(s, t, q, w, v, acceleration)

@@ -3,7 +3,7 @@ module pyfric_status
   use pyfric_kinds, only: ip
   implicit none (type, external)
   private
-  public :: DONE, LOG_FULL, ENDLESS, TOO_SHORT, NO_MEMORY, STRAINED
+  public :: DONE, LOG_FULL, ENDLESS, TOO_SHORT, NO_MEMORY, STRAINED, UNKNOWN_LAW
   public :: PAUSED, UNSETTLED, IDLE, GROWS, AMBIGUOUS, UNSUPPORTED, UNHELD
 
   integer(ip), parameter :: DONE = 0       !! all steps were made
@@ -12,6 +12,7 @@ module pyfric_status
   integer(ip), parameter :: TOO_SHORT = 3  !! stopped inside a step: its error stays too large
   integer(ip), parameter :: NO_MEMORY = 4  !! nothing was done: its memory could not be allocated
   integer(ip), parameter :: STRAINED = 5   !! stopped early, after a step: a cell may be turned inside out
+  integer(ip), parameter :: UNKNOWN_LAW = 13 !! nothing was done: the friction law is not known
   !> Of sequences of static states, which have DONE, LOG_FULL and NO_MEMORY, too.
   integer(ip), parameter :: PAUSED = 6       !! stopped early: as many changes as asked for
   integer(ip), parameter :: UNSETTLED = 7    !! contact states do not settle

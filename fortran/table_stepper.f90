@@ -18,7 +18,7 @@ module pyfric_table_stepper
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
   use pyfric_model, only: model_t, close_state, row_share, column_shares
   use pyfric_boundaries, only: rod_acceleration, rod_to_row, foundation
-  use pyfric_law, only: implicit_speeds, variables_of, thetas_of, variable_rates
+  use pyfric_law, only: begin_step, implicit_speeds
   use pyfric_rows, only: row_t, row_forces, row_powers, budget_t
   use pyfric_workspace, only: MAX_STAGES, FX, FZ, CARRY, BONDS, COLUMNS
   implicit none (type, external)
@@ -102,8 +102,7 @@ contains
       remembered = memory
       v = y(s%at(:s%nx), VX, 1)
       shares = row_share(s, 1)*column_shares(s)
-      call variables_of(s%law%rate_state, s%nx, remembered(1, :), x)
-      call variable_rates(s%law%rate_state, s%nx, v, x, rate(:, 1))
+      call begin_step(s%law%rate_state, s%nx, v, remembered(1, :), x, rate(:, 1))
     end if
     do stage = 1, last
       if (stage == 1) then
@@ -180,7 +179,7 @@ contains
     real(dp), intent(inout) :: rate(s%nx, MAX_STAGES)  !! X of the stages before; this one is added
     real(dp), intent(inout) :: q(LB:s%n + LANES, 4)    !! the row by the explicit part alone
     real(dp), intent(inout) :: memory(s%law%n_memory, s%nx) !! theta is set [s]
-    real(dp) :: p(s%nx), m(s%nx), v_0(s%nx), x_0(s%nx), x_1(s%nx)
+    real(dp) :: p(s%nx), m(s%nx), v_0(s%nx), x_0(s%nx), theta(s%nx)
     integer :: i, k
 
     call foundation(s, q(LB, UZ), p)
@@ -194,11 +193,9 @@ contains
       end do
     end do
     v_0 = q(s%at(:s%nx), VX)
-    call implicit_speeds(s%law%rate_state, s%nx, sub*table%s(stage, stage), m, p, x_0, v, v_0, x_1)
+    call implicit_speeds(s%law%rate_state, s%nx, sub*table%s(stage, stage), m, p, x_0, v, v_0, theta, rate(:, stage))
     q(s%at(:s%nx), VX) = v_0
-    call variable_rates(s%law%rate_state, s%nx, v_0, x_1, rate(:, stage))
-    call thetas_of(s%law%rate_state, s%nx, x_1, x_0)
-    memory(1, :) = x_0
+    memory(1, :) = theta
     call close_state(s, q)
   end subroutine implicit_row
 

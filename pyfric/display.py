@@ -23,9 +23,9 @@ figures: Any = None
 """A function that imports and returns `pyfric.figures`; `pyfric` sets it."""
 
 
-def drawing(shown: Any) -> Any:
-    """Return the figure of an object, None for what has no drawing."""
-    return figures().drawing(shown)
+def drawing(shown: Any, *given: Any, **named: Any) -> Any:
+    """Return the figure of an object, None for what has no drawing; other arguments are refused."""
+    return figures().drawing(shown, *given, **named)
 
 
 def html(shown: Any) -> str:
@@ -43,9 +43,13 @@ def html(shown: Any) -> str:
 class Shown:
     """A result: in a notebook it is its text below its picture."""
 
-    def plot(self) -> Any:
-        """Return the picture, a figure that `pyfric.figures.save_figure` writes."""
-        return drawing(self)
+    def plot(self, *given: Any, **named: Any) -> Any:
+        """Return the picture, a figure that `pyfric.figures.save_figure` writes.
+
+        Raises:
+            SceneError: an argument is given; there are none.
+        """
+        return drawing(self, *given, **named)
 
     _repr_html_ = html
 

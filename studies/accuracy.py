@@ -65,7 +65,7 @@ WANTS = {
 """Want -> what its error is."""
 REFERENCE = size(1 / 16, 1 / 2)
 """Step of the reference over the stability limit."""
-SCENE = {"l": 5e-3, "V": 20e-3}
+SCENE = {"L": 0.07, "H": 0.04, "l": 5e-3, "F_N": 1750.0, "V": 20e-3}
 """Of the one scene at tiny sizes."""
 TRIES = size(2, 1)
 """Runs of a method; the quickest one counts. Full dynamics runs once."""

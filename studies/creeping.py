@@ -56,7 +56,7 @@ WEAKENING = size((3.0, 30.0, 300.0), (3.0,))
 """Times t_w over l/c."""
 COLOURS = (BLUE, VERMILION, GREEN)
 """Colours of slabs in pictures."""
-BLOCKS = size(120, 30)
+BLOCKS = size(120, 20)
 """Blocks along the slabs."""
 MU_S, MU_K, P, L = 0.7, 0.45, 60.0, 2.5e-3
 """Friction coefficients, normal force of a block (N) and lattice constant (m)."""

@@ -37,7 +37,7 @@ from sizes import size
 
 __all__ = ["CASES", "costs", "report"]
 
-T_END = 0.9
+T_END = size(0.9, 0.45)
 QUICK = {"sequence": 3, "events": 3, "ensemble": 50, "diagram": 2, "sensitivity": 1}
 CASES = size(
     {

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from accuracy import SCENE
 from beside import slider_points, wave_points
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from sizes import size
@@ -44,9 +45,9 @@ __all__ = ["QUESTIONS", "event_points", "figure", "orders", "table"]
 
 EVENT, BEFORE, AFTER = size(11, 1), 20e-6, 300e-6
 """The main precursor, counted from 0, and the times before and after its first slip, s."""
-SHARES = size((2.0, 0.9, 0.5, 0.25, 0.125, 0.0625, 0.03125), (2.0, 0.9, 0.5))
+SHARES = size((2.0, 0.9, 0.5, 0.25, 0.125, 0.0625, 0.03125), (2.0, 0.9))
 """Steps over the stability limit; the first one must be refused."""
-REFERENCE_SHARES = size((0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625), (0.5, 0.25))
+REFERENCE_SHARES = size((0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625), (0.9, 0.5))
 RTOLS = size((1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8), (1e-3,))
 REPEATS = size(3, 1)
 
@@ -141,7 +142,7 @@ def event_points(
         reference_shares: steps of the reference over the limit, the last one of which counts.
         repeats: runs of each point that are timed.
     """
-    scene = preset("fig1", **size({}, {"l": 5e-3, "V": 20e-3})) if scene is None else scene
+    scene = preset("fig1", **size({}, SCENE)) if scene is None else scene
     limit = stability_limit(scene)[0]
     starts: dict[str, _Start] = {}
     for geometry in ("finite", *({one.geometry for one in methods} - {"finite"})):

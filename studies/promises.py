@@ -70,13 +70,13 @@ def _paid(scene: Any, t_end: float, tolerance: float) -> list[tuple[str, Any, An
 
 def _free_slider() -> list[tuple[str, Any, Any]]:
     """Many events, and a trailing edge that lifts."""
-    return _paid(preset("setup2+"), size(0.5, 0.05), 0.05)
+    return _paid(preset("setup2+"), size(0.5, 0.02), 0.05)
 
 
 def _uneven_chain() -> list[tuple[str, Any, Any]]:
     """About 150 events, a few of which no step determines."""
     p = 60 * np.random.default_rng(43).uniform(0.5, 1.5, 43)
-    return _paid(chain(p=p.tolist(), L=42 * 2.5e-3, k_top=1e6), size(1.0, 0.1), 0.02)
+    return _paid(chain(p=p.tolist(), L=42 * 2.5e-3, k_top=1e6), size(1.0, 0.04), 0.02)
 
 
 def _rod() -> list[tuple[str, Any, Any]]:
@@ -120,8 +120,8 @@ def _viscosity() -> list[tuple[str, Any, Any]]:
 
 def _no_plan() -> list[tuple[str, Any, Any]]:
     """A run whose engine is given is not verified."""
-    scene = setup1(L=0.03, H=0.01, h=2.5e-3, F_N=700.0)
-    t_end = size(0.3, 0.1)
+    faster, t_end = size(({}, 0.3), ({"V": 4e-3}, 0.02))
+    scene = setup1(L=0.03, H=0.01, h=2.5e-3, F_N=700.0, **faster)
     made = simulate(scene, t_end, fidelity="hybrid", progress=False)
     fine = simulate(
         scene, t_end, fidelity="dynamic", dt=made.method.dt / 4, switching="located", progress=False

@@ -28,7 +28,7 @@ CASES = size(("V = 0.4 mm/s", "V = 4 mm/s", "V = 0.04 mm/s", "slip law"), ("V = 
 """Those of `rated`."""
 RATIOS, LENGTHS, FASTER = size(
     ((1 / 3, 1 / 2, 2 / 3, 4 / 5), (2e-7, 4e-7, 8e-7), (0.1, 1.0, 10.0)),
-    ((1 / 2, 4 / 5), (8e-7, 16e-7), (10.0,)),
+    ((1 / 2, 4 / 5), (8e-7, 16e-7), (20.0,)),
 )
 """a/b, D_c (m), and V over that of the preset, of the other runs; b is that of the preset."""
 PUSHED = size(0.7e-3, 0.2e-3)
@@ -102,7 +102,8 @@ def study(
 
 def coulomb() -> pd.DataFrame:
     """Return scaled prestress and front speed of the precursors of the Fig. 1 scene."""
-    record = pyfric.simulate("fig1", 0.9, **rated.OPTIONS | {"accuracy": None})
+    scene = pyfric.preset("fig1", **size({}, {"l": 5e-3}))
+    record = pyfric.simulate(scene, 0.9, **rated.OPTIONS | {"accuracy": None})
     mu_k, mu_s = record.scene.interface.mu_k, record.scene.interface.mu_s
     rows = [
         (event, (mean_ratio(record, event, "before") - mu_k) / (mu_s - mu_k), fronts(record, event))
@@ -155,7 +156,8 @@ LABELS = {
 def job(a_over_b: float, D_c: float, V: float) -> pyfric.Job:
     """Return the run at a point of the phase diagram."""
     b = pyfric.preset("rate_and_state").interface.law.b
-    scene = pyfric.preset("rate_and_state", {"a": a_over_b * b, "D_c": D_c, "V": V})
+    changes = size({}, {"l": 5e-3}) | {"a": a_over_b * b, "D_c": D_c, "V": V}
+    scene = pyfric.preset("rate_and_state", changes)
     how = {name: value for name, value in rated.OPTIONS.items() if name != "progress"}
     return pyfric.Job(scene=scene, t_end=PUSHED / V, options=how | {"stop_when": "system_size"})
 

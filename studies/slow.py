@@ -48,7 +48,7 @@ __all__ = ["CASES", "amontons_coulomb", "figure", "jobs", "longest_stretch",
 
 STORED = Path(__file__).parents[1] / "reference_data"
 """Stored runs of the paper."""
-T_END, FASTER = size((1.6, 1), (0.03, 20))
+T_END, FASTER = size((1.6, 1), (0.012, 50))
 """Time of the end of each run, s, and the driver's speed over that of the preset."""
 SAMPLE = 5e-5
 """Time between points of the motion, s."""

@@ -44,7 +44,7 @@ PROTOCOL = (
     *((10, SLOW), (10, FAST), (15, FAST), (15, SLOW), (35, SLOW)),  # two steps
     *((35, 0.0), (65, 0.0), (65, FAST), (70, FAST)),  # slide, hold, slide
 )
-T_END, NOISE, STEP = size(70.0, 16.0), 5e-4, "20 ms"
+T_END, NOISE, STEP = size(70.0, 12.0), 5e-4, "20 ms"
 HOW = {"fidelity": "hybrid", "geometry": "linear", "accuracy": 1e-4, "sample": "50 ms"}
 
 

@@ -38,6 +38,9 @@ LAPACK = (
     *("works", "zones"),
 )
 """Files of tests that solve or factorise with LAPACK, and so depend on the kernel of BLAS."""
+LONGEST = ("studies", "slow_slip", "fits", "hybrid", "record", "rate_state", "workers", "protocol")
+LONGEST += ("signals", "steppers", "simulation", "quasistatic", "slipping", "junctions", "cases")
+"""Files that take longest; they start first, so that no worker is left with one of them."""
 PORTABLE = ("complementarity", "condensation", "constants", "crossing", "relaxation")
 """Those of them that are quick; single tests of others are marked where they are."""
 
@@ -57,12 +60,22 @@ def coarse_curves(monkeypatch):
     monkeypatch.setattr(options, "POINTS", 150)
 
 
+def _price(monkeypatch, steps):
+    from pyfric.engines.skip import Prices
+
+    monkeypatch.setattr(Prices, "in_steps", lambda self, counts: steps)
+
+
+@pytest.fixture
+def cheap_attempts(monkeypatch):
+    """Attempts to jump at the price of 40 steps: more of them on small lattices."""
+    _price(monkeypatch, 40.0)
+
+
 @pytest.fixture
 def free_attempts(monkeypatch):
-    """Attempts to jump at the price of six steps: many more of them on small lattices."""
-    from pyfric.engines.hybrid import HybridRun
-
-    monkeypatch.setattr(HybridRun, "_as_steps", lambda self, counts: 6.0)
+    """Attempts to jump at the price of six steps: as many as there can be, which takes long."""
+    _price(monkeypatch, 6.0)
 
 
 def pytest_collection_finish():
@@ -71,7 +84,13 @@ def pytest_collection_finish():
     gc.enable()
 
 
+def pytest_configure(config):
+    config.option.loadscopereorder = False  # else files with many tests start first
+
+
 def pytest_collection_modifyitems(items):
+    place = {f"test_{name}": n for n, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.path.stem, len(place)))
     for item in items:
         name = item.path.stem.removeprefix("test_")
         if name in LAPACK:

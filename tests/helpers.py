@@ -4,6 +4,7 @@ import contextlib
 import dataclasses
 import importlib
 import os
+import re
 import runpy
 import subprocess
 import sys
@@ -36,6 +37,7 @@ start()
 """
 """The command line as in a terminal, where it shows progress."""
 
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 STUDIES = runpy.run_path(str(Path(__file__).parents[1] / "studies"))["main"]
 """The commands of `python studies`."""
 
@@ -137,13 +139,22 @@ def same_run(one, other, **apart):
     return dataclasses.replace(one, **drop) == dataclasses.replace(other, **drop)
 
 
-def refused(call, field, *texts):
-    """Check that a call refuses this field, and that its message holds the texts."""
+def refused(call, field, *texts, value=None, unit=None, within=()):
+    """Check that a call refuses this field, and that its message holds the texts.
+
+    Also that the error has this value and unit, and that these numbers stand in what it allows.
+    """
     with pytest.raises(SceneError) as caught:
         call()
-    assert caught.value.field == field
+    error = caught.value
+    assert error.field == field
     for text in texts:
-        assert text in str(caught.value)
+        assert text in str(error)
+    if value is not None:
+        assert error.value == (value if isinstance(value, str) else pytest.approx(value, rel=1e-9))
+    if unit is not None:
+        assert error.unit == unit
+    assert set(within) <= {float(number) for number in NUMBER.findall(error.allowed)}
 
 
 def run_python(code, **environment):

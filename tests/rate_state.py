@@ -6,14 +6,24 @@ from pyfric import core
 from pyfric.scene import Interface, chain, laws
 from pyfric.statics import loaded_state
 
-EVOLUTIONS = ("ageing", "slip")
+EVOLUTIONS = tuple(laws.EVOLUTIONS)
+OWN = {"nagata": {"c": 2.0}}
+"""Parameters that only one law has."""
+RATES = {
+    "ageing": lambda x: 1 - x,
+    "slip": lambda x: -x * np.log(x),
+    "prz": lambda x: 1 - (x / 2) ** 2,
+    "nagata": lambda x: 1 - x,
+}
+"""dtheta/dt over x = |v| theta/D_c, without a rate of stress."""
 LAW = {"a": 0.01, "b": 0.015, "D_c": 1e-5, "f_star": 0.6}
 
 
 def rated(**changes):
     """Return an interface with this law."""
     alpha = changes.pop("alpha", 0.0)
-    return Interface(law=laws.RateAndState(**(LAW | changes)), alpha=alpha)
+    law = LAW | OWN.get(changes.get("evolution"), {}) | changes
+    return Interface(law=laws.RateAndState(**law), alpha=alpha)
 
 
 def row(n=4, V=0.1, K=2e4, p=20.0, **changes):

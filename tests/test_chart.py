@@ -120,7 +120,7 @@ def test_a_table_of_limits(tmp_path):
 
 
 def test_the_end_of_a_chart_is_a_time():
-    refused(lambda: chart.chart("fig1", "1 kg"), "t_end", "wrong unit")
+    refused(lambda: chart.chart("fig1", "1 kg"), "t_end", value="1 kg", unit="s", within=(0,))
 
 
 @pytest.mark.parametrize("command", ["chart", "stability"])

@@ -137,8 +137,8 @@ def test_other_interfaces_and_events():
     largest = int(record.events["n_blocks"].idxmax())
     assert record.rupture_class() == record.rupture_class(largest)
     assert record.rupture_class().kind == "arrested"
-    refused(lambda: record.rupture_class(99), "event", "no such event")
-    refused(lambda: record.rupture_class(slow=2.0), "slow", "too large")
+    refused(lambda: record.rupture_class(99), "event", value=99, within=(1, 3))
+    refused(lambda: record.rupture_class(slow=2.0), "slow", value=2.0, within=(0, 1))
     slid = pyfric.simulate(small(), 3e-3, fidelity="dynamic", geometry="linear")
     found = slid.rupture_class()
     assert found.kind in ("alternating", "pulse", "crack")
@@ -297,12 +297,12 @@ def test_refused_diagrams():
     refused(lambda: phase_diagram("fig1", **axes, t_end=1.0), "driver.h", "given twice")
     refused(lambda: phase_diagram("fig1", x=("h", 5), y=("mu_s", [0.6, 0.7])), "x", "not a list")
     refused(lambda: phase_diagram(x=("beta", [0.1, 0.5])), "x, y", "numbers of the chain")
-    refused(lambda: phase_diagram(tolerance=-1.0), "tolerance", "too small")
+    refused(lambda: phase_diagram(tolerance=-1.0), "tolerance", value=-1.0, within=(0, 0.5))
     refused(lambda: phase_diagram(t_end=1.0), "t_end", "their own")
     refused(lambda: phase_diagram(options={"dt": 1e-6}), "options", "their own")
-    refused(lambda: chain_job(1.0, 0.5, blocks=20.5), "blocks", "not a whole number")
-    refused(lambda: chain_job(0.0, 0.5), "alpha", "too small")
-    refused(lambda: chain_job(1.0, 1.0), "tau_bar", "too large")
+    refused(lambda: chain_job(1.0, 0.5, blocks=20.5), "blocks", value=20.5, within=(20,))
+    refused(lambda: chain_job(0.0, 0.5), "alpha", value=0.0, unit="sqrt(k m)", within=(0,))
+    refused(lambda: chain_job(1.0, 1.0), "tau_bar", value=1.0, within=(0, 1))
 
 
 def test_the_command(tmp_path, monkeypatch):

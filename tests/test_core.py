@@ -13,7 +13,7 @@ from tolerances import ROUNDING
 
 from pyfric import core
 from pyfric.core import OPEN, STUCK, State, StateError, builds
-from pyfric.scene import setup1, setup2
+from pyfric.scene import LAWS, Interface, laws, setup1, setup2
 from pyfric.statics import loaded_state, stability_limit
 from pyfric.values import SceneError
 
@@ -468,6 +468,30 @@ def components(name):
 )
 def test_what_is_passed_has_the_same_names_in_the_same_order(name, here):
     assert components(name) == [one.lower() for one in here._fields]
+
+
+@pytest.mark.parametrize(
+    ("file", "law"), [("junctions", laws.Junctions), ("evolution", laws.RateAndState)]
+)
+def test_numbers_of_a_law_have_the_same_names_in_the_same_order(file, law):
+    source = (Path(__file__).parents[1] / "fortran" / f"{file}.f90").read_text()
+    names = re.findall(r":: (\w+)", re.search(r"type :: numbers_t\n(.*?)end type", source, re.S)[1])
+    given = law(**law.example)
+    scene = small("rod").replace({"interface": Interface(mu_s=0.45, mu_k=0.45, law=given)})
+    assert names == [name.lower() for name in scene.law.core_numbers]
+
+
+@pytest.mark.parametrize(
+    ("file", "first", "known"),
+    [
+        ("law", "RESTING", [law.code for law in LAWS]),
+        ("evolution", "AGEING", [law.code for law in laws.EVOLUTIONS.values()]),
+    ],
+)
+def test_codes_of_laws_are_those_of_the_core(file, first, known):
+    source = (Path(__file__).parents[1] / "fortran" / f"{file}.f90").read_text()
+    codes = re.search(rf"parameter :: ({first} = .*)", source)[1]
+    assert [int(code) for code in re.findall(r"= (\d+)", codes)] == known
 
 
 def test_status_codes_are_those_of_the_core():

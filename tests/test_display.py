@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pint
 import pytest
-from helpers import small
+from helpers import refused, small
 
 import pyfric
 from pyfric import theory
@@ -89,8 +89,7 @@ def test_values_with_units():
     assert load == PrescribedLoad(p=np.linspace(0.1, 0.2, 5) * 1e3, tau=0.0, k_top=1e6)
     assert preset("chain", L="0.14 m", l=pint.Quantity(2.5, "mm")) == preset("chain")
     assert preset("fig1").replace(mu_s=pint.Quantity(50, "percent")).interface.mu_s == 0.5
-    with pytest.raises(SceneError, match="missing unit"):
-        preset("fig1", h="0.005")
+    refused(lambda: preset("fig1", h="0.005"), "driver.h", value="0.005", unit="m", within=(0,))
 
 
 def test_laws_with_long_tables_are_a_line():

@@ -53,14 +53,16 @@ def test_a_name_that_does_not_exist_is_noticed():
 
 
 def test_only_the_law_says_mu():
-    """Junctions are a part of it, which no other module uses."""
+    """Laws are modules that no other module than `law.f90` uses, but for evolution of states."""
     paths = list((ROOT / "fortran").glob("*.f90"))
     assert {"law.f90", "junctions.f90", "sweep.f90"} <= {path.name for path in paths}
     for path in paths:
         text = path.read_text(encoding="utf-8")
         said = re.search(r"\bmu(_s|_k|_0)?\b|%drop\b", text)
-        assert bool(said) == (path.name in ("law.f90", "junctions.f90")), path.name
-        assert ("use pyfric_junctions" in text) == (path.name == "law.f90"), path.name
+        laws = ("law.f90", "resting.f90", "junctions.f90", "evolution.f90")
+        assert bool(said) == (path.name in laws), path.name
+        for law in ("resting", "junctions", "rate_state"):
+            assert (f"use pyfric_{law}," in text) == (path.name == "law.f90"), path.name
 
 
 def script(name):

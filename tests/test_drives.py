@@ -47,14 +47,14 @@ def burridge_knopoff(**changes):
 
 
 def test_jumps_make_the_events_of_full_dynamics():
-    """The first fifty, block by block."""
+    """The first thirty, block by block."""
     scene = burridge_knopoff(tau=0.499 * 3500 / 20)
     runs = [
-        pyfric.simulate(scene, 0.45, fidelity=fidelity, t_gap=1e-5, dt=4e-7)
+        pyfric.simulate(scene, 0.25, fidelity=fidelity, t_gap=1e-5, dt=4e-7, energies=False)
         for fidelity in ("dynamic", "hybrid")
     ]
-    a, b = (run.events.iloc[:50] for run in runs)
-    assert len(a) == len(b) == 50
+    a, b = (run.events.iloc[:30] for run in runs)
+    assert len(a) == len(b) == 30
     assert b["n_blocks"].max() > 3
     for name in ("first_block", "last_block", "nucleation_block", "n_blocks"):
         assert a[name].to_numpy() == pytest.approx(b[name].to_numpy(), nan_ok=True)
@@ -120,11 +120,11 @@ def test_coarse_lattices_keep_their_drive():
 
 def test_refusals():
     free = small_free()
-    refused(lambda: free.replace({"driver.side": "top"}), "driver.h", "0.006 m", "top is driven")
+    refused(lambda: free.replace({"driver.side": "top"}), "driver.h", value=0.002, within=(0.006,))
     top = free.replace({"driver.side": "top", "driver.h": 6e-3})
     refused(lambda: top.replace(h_top=6e-3), "driver.h_top", "None", "top is driven")
     refused(lambda: free.replace({"driver.side": "bottom"}), "driver.side", "'pull left'")
-    refused(lambda: chain(side="top", h=1e-3), "driver.h", "0 m")
+    refused(lambda: chain(side="top", h=1e-3), "driver.h", value=0.001, unit="m", within=(0,))
 
 
 def test_a_moving_top_is_the_plate_of_a_driven_top():
@@ -169,8 +169,8 @@ def test_two_drives_at_once(scene):
 
 
 def test_a_top_that_moves_needs_springs():
-    refused(lambda: small_free(V_top=1e-3), "top.V_top", "0.001 m/s", "top.k_top > 0")
-    refused(lambda: chain(V_top=1e-3), "top.V_top", "top.k_top > 0")
-    refused(lambda: small_free(k_top=-1.0), "top.k_top", "-1.0 N/m")
+    refused(lambda: small_free(V_top=1e-3), "top.V_top", value=0.001, unit="m/s", within=(0,))
+    refused(lambda: chain(V_top=1e-3), "top.V_top", value=0.001, unit="m/s", within=(0,))
+    refused(lambda: small_free(k_top=-1.0), "top.k_top", value=-1.0, unit="N/m", within=(0,))
     assert Scene.from_toml(small_free(k_top=1.0, V_top=-1.0).to_toml()).V_top == -1.0
     assert "k_top" not in small_free().to_toml()

@@ -134,8 +134,8 @@ def test_refusals():
     )
     refused(lambda: with_(mu_s=[0.7] * 8), "interface.mu_s", "8 numbers", "a list of 9 of them")
     refused(lambda: with_(d_c=[]), "interface.d_c", "0 numbers")
-    refused(lambda: with_(mu_s=[0.7] * 8 + [-0.7]), "interface.mu_s", "block 9")
-    refused(lambda: with_(mu_k=[0.45] * 8 + [0.71]), "interface.mu_k", "block 9", "mu_s = 0.7")
+    refused(lambda: with_(mu_s=[0.7] * 8 + [-0.7]), "interface.mu_s", "block 9", value=-0.7)
+    refused(lambda: with_(mu_k=[0.45] * 8 + [0.71]), "interface.mu_k", "block 9", within=(0, 0.7))
     wide = Spread(mean=0.1, std=0.2, seed=1)
     refused(lambda: with_(mu_k=wide), "interface.mu_k", "reaches", "block")
     refused(lambda: Spread(mean=1.0), "spread.std")
@@ -143,8 +143,8 @@ def test_refusals():
     refused(lambda: Spread(mean=1.0, std=0.1, seed=-1), "spread.seed")
     backward = {"mean": 0.7, "std": 0.1, "correlation_length": -1e-3}
     tiny = {"mean": 0.7, "std": 0.1, "correlation_length": 1e-9}
-    refused(lambda: with_(mu_s=tiny), "interface.mu_s", "Spread: far below l", "at least")
-    refused(lambda: with_(mu_s=backward), "interface.mu_s", "correlation_length: too small")
+    refused(lambda: with_(mu_s=tiny), "interface.mu_s", value=1e-09, unit="m", within=(0, 3.2e-07))
+    refused(lambda: with_(mu_s=backward), "interface.mu_s", value=-0.001, unit="m", within=(0,))
     refused(lambda: with_(mu_s={"mean": 0.7}), "interface.mu_s", "std: one is needed")
     refused(lambda: with_(law={"kind": "ageing"}), "interface.law", "in a scene file")
     length = {"correlation_length": 0.1}

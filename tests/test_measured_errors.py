@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from helpers import small_rod
+from helpers import refused, small_rod
 
 import pyfric
 from pyfric.record import Errors, Model, Record, differences, statistics, summary
@@ -57,8 +57,7 @@ def test_a_record_does_not_differ_from_itself(ladder):
 def test_runs_with_other_blocks_are_not_compared(ladder):
     other = pyfric.simulate(setup1(L=0.04, H=0.015, F_N=800.0), 0.1, fidelity="quasistatic")
     assert other.scene.N_x != ladder.scene.N_x
-    with pytest.raises(pyfric.SceneError, match=r"a run with .* blocks"):
-        differences(ladder, other)
+    refused(lambda: differences(ladder, other), "other", value=17, within=(13,))
 
 
 def test_known_differences_are_found(ladder):

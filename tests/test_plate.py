@@ -59,7 +59,7 @@ def test_what_is_not_on_the_driven_side_is_refused():
         ("-5 mm", "-0.005 m", "too small"),
     ):
         refused(lambda value=value: scene.replace(h_top=value), "driver.h_top", *texts)
-    refused(lambda: chain.replace(h_top=chain.slider.l), "driver.h_top", "only row")
+    refused(lambda: chain.replace(h_top=chain.slider.l), "driver.h_top", value=0.0025, within=(0,))
     held = slab(L=0.02, H=0.01, l=1e-3, p=1.0).replace({"walls.top": "held"})
     top = {"driver.h": held.slider.l, "driver.h_top": held.slider.H}
     refused(lambda: held.replace(top), "driver.h_top", "the top row is held", "at most")

@@ -70,7 +70,7 @@ def test_forces_are_numbers_lists_or_functions_of_x():
     other = small(side="right")
     np.testing.assert_array_equal(other.p_prescribed[::-1], scene.p_prescribed)
     np.testing.assert_array_equal(other.shear[::-1], -scene.shear)
-    refused(lambda: small(p=lambda x: x - 1), "top.p", "block 1", "too small")
+    refused(lambda: small(p=lambda x: x - 1), "top.p", "block 1", value=-1.0, within=(0,))
     refused(lambda: small(tau=lambda x: "a"), "top.tau", "block 1")
 
 
@@ -91,7 +91,7 @@ def test_refusals():
     refused(lambda: small(k_f=1e6), "interface.k_f", "no foundation")
     refused(lambda: small(p=(1.0,) * 6), "top.p", "7 of them", "6 numbers")
     refused(lambda: small(h=7.5e-3, walls={"top": "held"}), "driver.h", "0.005 m", "held")
-    refused(lambda: small(h=0.0), "driver.h", "not on a row")
+    refused(lambda: small(h=0.0), "driver.h", value=0.0, unit="m", within=(0.0025, 0.0075))
     mirror = Walls(left="mirrored")
     refused(lambda: dataclasses.replace(setup2(), walls=mirror), "walls.left", "'free'")
     no_driver = dataclasses.replace(setup1().driver, K=0.0)

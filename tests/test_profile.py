@@ -45,12 +45,10 @@ def test_files_of_text_and_of_numpy(tmp_path):
 
 
 def test_refusals(tmp_path):
-    refused(
-        lambda: setup1(L=0.205, mu_s=MU), "interface.mu_s", "0.2 m", "at least 0.205 m", "outside"
-    )
+    refused(lambda: setup1(L=0.205, mu_s=MU), "interface.mu_s", value=0.2, within=(0, 0.205))
     late = Profile(x=(0.01, 0.2), value=(0.7, 0.7))
-    refused(lambda: setup1(mu_s=late), "interface.mu_s", "0.01 m", "Profile: ")
-    refused(lambda: Profile(x=(0.0, 0.0), value=(1.0, 1.0)), "profile.x", "point 2 is out of order")
+    refused(lambda: setup1(mu_s=late), "interface.mu_s", value=0.01, unit="m", within=(0, 0.14))
+    refused(lambda: Profile(x=(0.0, 0.0), value=(1.0, 1.0)), "profile.x", value=0.0, within=(0.0,))
     refused(lambda: Profile(x=(0.0, 1.0), value=(1.0,)), "profile.value", "same length")
     refused(lambda: Profile(x=(0.0,), value=(1.0,)), "profile.value", "at least 2")
     low = Profile(x=(0.0, 1.0), value=(0.7, -9.0))

@@ -12,7 +12,8 @@ from scipy.integrate import solve_ivp
 
 import pyfric
 from pyfric import core
-from pyfric.engines.dynamic import Run, just_after
+from pyfric.engines.grid import just_after
+from pyfric.engines.guarded import GuardedSteps
 from pyfric.scene import Scene, chain, setup1, setup2
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic", switching="located")
@@ -43,6 +44,7 @@ def test_a_measured_speed_is_thinned_within_an_error(error):
     assert 4 <= len(kept) < 300
     fewer = len(pyfric.thinned(kept, 2 * error))
     assert fewer < len(kept)
+    assert pyfric.thinned(kept, f"{error * 1e6:g} um/s") == pyfric.thinned(kept, error)
 
 
 def test_jumps_are_kept_as_they_are():
@@ -59,7 +61,9 @@ def test_too_many_breakpoints_are_refused_with_what_thins_them():
     refused(lambda: small().replace({"driver.protocol": pairs}), "driver.protocol", said)
     run = small().replace({"driver.protocol": pyfric.thinned(pairs, 1e-4)})
     assert run.drive(1.0) == pytest.approx(0.1 * (1 - np.cos(1.0)), abs=1e-4)
+    assert pyfric.thinned(pairs, "2 mN") == pyfric.thinned(pairs, 2e-3)
     refused(lambda: pyfric.thinned(pairs, 0.0), "error")
+    refused(lambda: pyfric.thinned(pairs, "1 um"), "error", "for a speed, or N for a load")
     refused(lambda: pyfric.thinned(pairs[::-1], 1.0), "corners", "in order of time")
     refused(lambda: pyfric.thinned([(0, "a")], 1.0), "corners", "list")
     refused(lambda: pyfric.thinned([], 1.0), "corners")
@@ -371,16 +375,16 @@ def test_split_runs_and_the_whole_give_the_same_bits():
 
 def test_checks_of_the_energy_follow_the_protocol_over_jumps(monkeypatch):
     """The first state of a check has the energy that the driver's present motion gives it."""
-    off, look = [], Run._look
+    off, check = [], GuardedSteps._check
 
-    def looked(run, due):
-        state, geometry = run.good.state, run.method.geometry
-        now = core.model(run.scene, geometry, state.u_drv0, just_after(state))
-        found = (core.energies(one, state, state.t) for one in (run.good.model, now))
-        off.append(abs(np.subtract(*(sum(one.values()) for one in found))) / run.guard.rounding)
-        look(run, due)
+    def checked(steps, due):
+        state, geometry = steps.good.state, steps.method.geometry
+        now = core.model(steps.scene, geometry, state.u_drv0, just_after(state))
+        found = (core.energies(one, state, state.t) for one in (steps.good.model, now))
+        off.append(abs(np.subtract(*(sum(one.values()) for one in found))) / steps.guard.rounding)
+        check(steps, due)
 
-    monkeypatch.setattr(Run, "_look", looked)
+    monkeypatch.setattr(GuardedSteps, "_check", checked)
     scene = setup1(L=0.02, H=0.0125, F_N=400.0, V=2e-3)
     stop, start = 0.047, 0.09
     scene = driven(scene, ((stop, 2e-3), (stop, 0.0), (start, 0.0), (start, 8e-3)))
@@ -518,10 +522,10 @@ def varied(kind):
     return loaded(driven(scene, corners), **load), t_end
 
 
-@pytest.mark.usefixtures("free_attempts")
-@pytest.mark.parametrize("kind", ["rod", "free"])
-def test_jumps_follow_speed_and_loads_as_full_dynamics_does(kind):
+@pytest.mark.parametrize(("kind", "price"), [("rod", "cheap"), ("free", "free")])
+def test_jumps_follow_speed_and_loads_as_full_dynamics_does(kind, price, request):
     """Measured 2e-7 F_N. "free" makes 0.53 of all steps, for errors of rates."""
+    request.getfixturevalue(f"{price}_attempts")
     scene, t_end = varied(kind)
     how = {"geometry": "linear", "energies": False, "dt": pyfric.step_size(scene)}
     a = pyfric.simulate(scene, t_end, fidelity="hybrid", accuracy=1e-6, **how)
@@ -535,7 +539,7 @@ def test_jumps_follow_speed_and_loads_as_full_dynamics_does(kind):
     assert a.counts["steps"] < 0.55 * b.counts["steps"]
 
 
-@pytest.mark.usefixtures("free_attempts")
+@pytest.mark.usefixtures("cheap_attempts")
 def test_jumps_follow_speed_and_loads_in_finite_geometry():
     """As accurate as is asked for."""
     T, V = 8e-3, 10e-3
@@ -615,7 +619,7 @@ def test_arrays_are_lists_of_rows(made):
     assert scene.top.protocol == ((0.1, 410.0), (0.2, 420.0))
     assert [(one.block, one.force) for one in scene.top.push] == [(2, 0.25), (3, 0.5)]
     assert setup1(mu_s=pd.Series([0.7] * 57)).interface.mu_s == (0.7,) * 57
-    refused(lambda: setup1(push=made([[2.5, 0.25]])), "top.push", "not a whole number")
+    refused(lambda: setup1(push=made([[2.5, 0.25]])), "top.push", value=2.5, within=(0, 1000000000))
 
 
 def test_a_state_of_another_lattice_is_refused():

@@ -1,5 +1,6 @@
 """Rate-and-state friction: the law, exact blocks, an own integration, bits, what is refused."""
 
+import functools
 import math
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import pytest
 import rated as study
 import rated_ruptures
 from helpers import advance, bits, mirrored_scene, mirrored_state, refused, small
-from rate_state import EVOLUTIONS, LAW, coefficient, rated, row, sliding, slow
+from rate_state import EVOLUTIONS, LAW, RATES, coefficient, rated, row, sliding, slow
 from scipy.integrate import solve_ivp
 
 import pyfric
@@ -61,7 +62,11 @@ def test_speed_balances_the_load(alpha, V_c):
 
 @pytest.mark.parametrize("evolution", EVOLUTIONS)
 def test_state_after_a_step_in_speed(evolution):
-    """On a stiff spring: ageing, theta relaxes as exp(-x/D_c); slip law, ln(v theta/D_c) does."""
+    """On a stiff spring, in closed form.
+
+    Ageing: theta relaxes as exp(-x/D_c), Nagata's law as exp(-x/((1 + c) D_c)). Slip law:
+    ln(v theta/D_c) does. PRZ: v theta/(2 D_c) is a tanh.
+    """
     scene = row(3, evolution=evolution)
     law, v, spring = scene.law, 1e-4, 1e12
     x, before = np.linspace(1e-5, 5e-5, 5), 0.02
@@ -71,11 +76,32 @@ def test_state_after_a_step_in_speed(evolution):
     assert found.goes_on
     np.testing.assert_allclose(found.points[:, 0, 0], x, rtol=1e-7)
     steady, theta = law.D_c / v, np.exp(found.points[:, 1, 0])
-    left = np.exp(-x / law.D_c)
-    if evolution == "ageing":
-        np.testing.assert_allclose(theta, steady + (before - steady) * left, rtol=1e-7)
-    else:
-        np.testing.assert_allclose(theta, steady * (before / steady) ** left, rtol=1e-7)
+    left = np.exp(-x / (law.D_c * (1 + law.c)))
+    expected = {
+        "ageing": lambda: steady + (before - steady) * left,
+        "slip": lambda: steady * (before / steady) ** left,
+        "prz": lambda: 2 * steady * np.tanh(x / (2 * law.D_c) + np.arctanh(before / (2 * steady))),
+        "nagata": lambda: steady + (before - steady) * left,
+    }
+    np.testing.assert_allclose(theta, expected[evolution](), rtol=1e-7)
+
+
+@pytest.mark.parametrize("c", [0.5, 2.0])
+def test_a_sudden_step_in_speed_meets_a_part_of_the_direct_effect(c):
+    """Nagata's law: a/(1 + c) ln of the ratio, before the state follows; other laws have a."""
+    scene = row(3, evolution="nagata", c=c)
+    law, p, V, times = scene.law, 20.0, 1e-6, 50.0
+    theta, mu = law.D_c / V, law.mu_k + (law.a - law.b) * np.log(V / law.kind.V_star)
+    carried = np.log(theta) + c / law.b * mu
+    # On a spring so stiff that the slip meanwhile is 1e-3 D_c.
+    spring = 1e3 * p * law.a / law.D_c
+    how = {"load_1": spring * times * V, "spring": spring, "dt": 1e-12}
+    found = slow(scene, np.log(theta), p * mu, end=1e-2 * law.D_c / (times * V), **how)
+    v, theta = found.v[0], np.exp(found.log_theta[0])
+    assert v == pytest.approx(times * V, rel=0.02)
+    after = float(coefficient(law.kind, v, theta))
+    assert after - mu == pytest.approx(law.a / (1 + c) * np.log(v / V), rel=0.02)
+    assert np.log(theta) + c / law.b * after == pytest.approx(carried, abs=0.02)
 
 
 def test_strength_after_a_hold_grows_by_b_ln_of_time():
@@ -101,21 +127,25 @@ def test_strength_after_a_hold_grows_by_b_ln_of_time():
 
 
 def twin(scene, push):
-    """Return the right-hand side of a chain, written anew; y holds u, v, theta."""
+    """Return the right-hand side of a chain, written anew; y holds u, v, ln(theta)."""
     N, law, p = scene.N_x, scene.interface.law, scene.p_prescribed
     cut = 0.0 if law.V_c is None else law.V_star / law.V_c
 
     def rates(t, y):
-        u, v, theta = y[:N], y[N : 2 * N], y[2 * N :]
+        u, v, theta = y[:N], y[N : 2 * N], np.exp(y[2 * N :])
         pair = scene.slider.k * np.diff(u) + scene.eta * np.diff(v)
         F = np.append(pair, 0.0) - np.append(0.0, pair)
         F[0] += push + scene.driver.K * (scene.driver.V * t - u[0])
         psi = np.log(law.V_star * theta / law.D_c + cut)
-        inside = v / (2 * law.V_star) * np.exp((law.f_star + law.b * psi) / law.a)
+        steep = np.exp((law.f_star + law.b * psi) / law.a) / (2 * law.V_star)
+        inside = v * steep
         F -= p * law.a * np.arcsinh(inside) + scene.interface.alpha * v
-        x = np.abs(v) * theta / law.D_c
-        evolves = 1 - x if law.evolution == "ageing" else -x * np.log(x)
-        return np.concatenate([v, F / scene.m, evolves])
+        rate = RATES[law.evolution](np.abs(v) * theta / law.D_c) / theta
+        if law.evolution == "nagata":  # - (c/b) dmu/dt, mu = a asinh(|inside|)
+            soft = law.c / np.sqrt(1 + inside**2)
+            rate -= soft * law.a / law.b * steep * np.sign(v) * F / scene.m
+            rate /= 1 + soft * np.abs(inside) * (1 - cut / np.exp(psi))
+        return np.concatenate([v, F / scene.m, rate])
 
     return rates
 
@@ -126,11 +156,11 @@ def test_runs_are_those_of_an_own_integration_to_third_order(evolution, more):
     """Against SciPy's DOP853 with tolerances at rounding; speeds grow from 0.08 to 0.7 m/s."""
     scene, t_end = row(evolution=evolution, **more), 1e-3
     first = sliding(scene, 1e-7, [0.12, 0.1, 0.1, 0.1])
-    start = np.concatenate([np.zeros(4), first.y[0, 2], first.theta])
+    start = np.concatenate([np.zeros(4), first.y[0, 2], np.log(first.theta)])
     push = scene.driver.K * first.u_drv0
-    exact = solve_ivp(
-        twin(scene, push), (0, t_end), start, method="DOP853", rtol=1e-12, atol=1e-16
-    ).y[:, -1]
+    how = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-16, "max_step": 1e-6}
+    exact = solve_ivp(twin(scene, push), (0, t_end), start, **how).y[:, -1]
+    exact[8:] = np.exp(exact[8:])
     errors, energy = [], []
     for n in (3000, 6000):
         begin = sliding(scene, t_end / n, [0.12, 0.1, 0.1, 0.1])
@@ -260,6 +290,26 @@ def test_a_state_is_positive_where_steps_do_not_resolve_it(evolution):
     assert least > 0.1 * 1e-9 / fastest
 
 
+@pytest.mark.parametrize("kind", ["friction", "evolution"])
+def test_a_law_that_the_core_does_not_know_is_an_error(kind, monkeypatch):
+    """No other law stands in for it."""
+    scene = row()
+    state = loaded_state(scene).state(scene, 1e-7)
+    if kind == "evolution":
+        monkeypatch.setitem(laws.EVOLUTIONS, "ageing", laws.EVOLUTIONS["ageing"]._replace(code=99))
+    model = core.model(scene, "linear", state.u_drv0)
+    if kind == "friction":
+        model.counts[core.Counts._fields.index("law")] = 99
+    elastic = np.zeros((4, 3)), np.zeros((4, 4))
+    limits = core.SlowLimits(end=1.0, dt=1e-7, relative=1e-6, u=1e-12, log_theta=1e-6)
+    calls = [lambda: core.evaluate(model, state, 0.0), lambda: core.energies(model, state, 0.0)]
+    if kind == "evolution":
+        calls.append(lambda: core.slow_slip(model, elastic, elastic, np.zeros(4), limits))
+    for call in calls:
+        with pytest.raises(ValueError, match="does not know this law"):
+            call()
+
+
 def test_explicit_steps_are_refused_by_the_core():
     scene = row()
     state = loaded_state(scene).state(scene, 1e-7)
@@ -278,10 +328,17 @@ def test_explicit_steps_are_refused_by_the_core():
         ({"D_c": 10.0}, "D_c"),
         ({"theta_0": 1.0, "v_0": 1e-6}, "v_0"),
         ({"evolution": "Dieterich"}, "evolution"),
+        ({"evolution": "nagata"}, "c"),
+        ({"evolution": "nagata", "c": -1.0}, "c"),
+        ({"evolution": "slip", "c": 2.0}, "c"),
     ],
 )
 def test_values_that_cannot_be_meant_are_refused(changes, field):
     refused(lambda: laws.RateAndState(**(LAW | changes)), f"interface.law.{field}")
+
+
+def test_a_rate_of_stress_needs_an_evolution_effect():
+    refused(lambda: row(evolution="nagata", b=0.0).law, "interface.law.b", "> 0")
 
 
 def test_pmma_has_the_friction_of_its_source():
@@ -309,7 +366,7 @@ def test_a_state_is_needed_if_nothing_moves_at_first():
 
 def test_a_is_refused_where_speeds_at_rest_vanish():
     """At rest v is about V* exp(-(f* + b ln(V* theta/D_c))/a)."""
-    refused(lambda: row(a=1e-3).law, "interface.law.a", ">= 0.00166")
+    refused(lambda: row(a=1e-3).law, "interface.law.a", value=0.001, within=(0.00166, 550))
     refused(lambda: row(a=[0.01, 0.01, 1e-3, 0.01]).law, "interface.law.a", "0.001")
     assert row(a=1.67e-3).law.a == 1.67e-3
     assert row(a=1e-3, b=1e-3, f_star=0.4).law.a == 1e-3
@@ -378,11 +435,18 @@ def test_precursors_of_the_preset_are_those_of_full_dynamics():
 
 
 @pytest.mark.portable
-def test_the_stored_study_is_that_of_its_command():
+@functools.cache
+def two_precursors():
+    return study.run({}, {}, 0.49e-3)
+
+
+def test_the_stored_study_is_that_of_its_command(monkeypatch):
     """Its first precursors again, to the accuracy on any processor."""
     stored = pd.read_csv(STORED / "rated_precursors.csv")
     assert list(dict.fromkeys(stored["case"])) == list(study.CASES)
-    again = study.study(("V = 0.4 mm/s",), 0.48e-3)
+    record = two_precursors()
+    monkeypatch.setattr(study, "run", lambda *_: record)
+    again = study.study(("V = 0.4 mm/s",), 0.49e-3)
     known = stored[stored["case"] == "V = 0.4 mm/s"].iloc[: len(again)].reset_index(drop=True)
     np.testing.assert_allclose(again["F_T_over_F_N"], known["F_T_over_F_N"], rtol=0, atol=1e-5)
     assert (again["n_blocks"] == known["n_blocks"]).all()
@@ -394,7 +458,7 @@ def test_the_stored_study_is_that_of_its_command():
 @pytest.mark.portable
 def test_tau_over_p_after_a_precursor_is_the_friction_at_its_speed(monkeypatch):
     """In the preset, within 0.01; its fronts are slow."""
-    record = study.run({}, {}, 0.49e-3)
+    record = two_precursors()
     table = rated_ruptures.ruptures(record, study.OPTIONS)
     assert len(table) == rated_ruptures.count(record) == 2
     assert (np.abs(table["tau_over_p_after"] - table["steady_friction"]) < 0.01).all()

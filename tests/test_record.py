@@ -769,7 +769,7 @@ def test_a_final_state_fits_its_scene(resealed):
     assert "final_state" in resealed(lambda file: file.__delitem__("final_y"))
 
 
-@settings(max_examples=MANY // 4 or 25, derandomize=not MANY, deadline=None, database=None,
+@settings(max_examples=MANY // 4 or 12, derandomize=not MANY, deadline=None, database=None,
           suppress_health_check=list(HealthCheck))  # fmt: skip
 @given(st.data())
 def test_whatever_is_changed_is_answered_or_read(saved, tmp_path, data):

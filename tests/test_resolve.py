@@ -74,8 +74,8 @@ def test_viscosity_is_named_where_it_matters():
 
 
 def test_refusals():
-    refused(lambda: pyfric.resolve(SLAB, levels=1), "levels", "from 2 to 5")
-    refused(lambda: pyfric.resolve(SLAB, levels=2.0), "levels", "not a whole number")
+    refused(lambda: pyfric.resolve(SLAB, levels=1), "levels", value=1, within=(2, 5))
+    refused(lambda: pyfric.resolve(SLAB, levels=2.0), "levels", value=2.0, within=(2, 5))
     refused(lambda: pyfric.resolve(SLAB, options=5), "options", "a mapping")
     refused(lambda: pyfric.resolve("chain"), "top.kind", "'rod' or 'distributed'")
     slow = SLAB.replace(law=pyfric.laws.Ageing(**pyfric.laws.Ageing.example))

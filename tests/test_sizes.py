@@ -142,11 +142,11 @@ def test_other_sizes_and_what_is_refused(run):
     )
     refused(lambda: analysis.sizes(run, "region"), "size")
     refused(lambda: analysis.sizes(run, "is_main"), "size")
-    refused(lambda: analysis.sizes(run, "friction_heat"), "record", "raise t_end")
+    refused(lambda: analysis.sizes(run, "friction_heat"), "record", value=0, within=(2, 0))
     refused(lambda: analysis.sizes(run, complete=0.0), "complete", "m2")
     refused(lambda: analysis.sizes(run, complete=1.0), "complete", "m2")
     refused(lambda: analysis.b_value([1.0, np.nan]), "magnitudes")
-    refused(lambda: analysis.b_value([1.0, 2.0], 1.5), "m_c", "1 events")
+    refused(lambda: analysis.b_value([1.0, 2.0], 1.5), "m_c", value=1.5, within=(2,))
     refused(lambda: analysis.b_value([1.0, 1.0]), "magnitudes", "equal")
     refused(lambda: analysis.b_value([1.0, 2.0], bin=-1), "bin")
 

@@ -5,12 +5,12 @@ import pytest
 
 import pyfric
 from pyfric.core import OPEN
-from pyfric.engines import hybrid
+from pyfric.engines import stable_slip
 from pyfric.engines.cost import work, work_of_step
-from pyfric.engines.hybrid import SPENT
 from pyfric.engines.jump import Jump, Wait
 from pyfric.engines.path import Outside, path_from, rest
 from pyfric.engines.rests import RestStates
+from pyfric.engines.schedule import SPENT
 from pyfric.engines.slipping import slides
 from pyfric.scene import setup1, setup2
 from pyfric.scene.laws import Ageing, ExponentialWeakening, SpeedDependent
@@ -44,7 +44,7 @@ SLIPS = {
 }
 
 
-@pytest.mark.usefixtures("free_attempts")
+@pytest.mark.usefixtures("cheap_attempts")
 @pytest.mark.parametrize("name", SLIPS)
 def test_stable_slip_is_full_dynamics(name):
     """Stable slip for 4 ms, an event, stable slip once more, of two parts of the interface."""
@@ -196,7 +196,7 @@ def test_where_slip_is_left_to_dynamics():
     assert not slides(pyfric.preset("rate_and_state").law)
 
 
-@pytest.mark.usefixtures("free_attempts")
+@pytest.mark.usefixtures("cheap_attempts")
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
 def test_blocks_that_are_drawn_along_are_jumped_over(geometry, monkeypatch):
     """With mu_k from the first slip on: the driver draws three blocks, and all others hold."""
@@ -210,11 +210,11 @@ def test_blocks_that_are_drawn_along_are_jumped_over(geometry, monkeypatch):
     for name in ("block", "old", "new"):
         np.testing.assert_array_equal(made.switches[name], known.switches[name])
     np.testing.assert_allclose(made.final_state.y[:, :2], known.final_state.y[:, :2], atol=1e-11)
-    monkeypatch.setattr(hybrid, "FAST", 0.0)
+    monkeypatch.setattr(stable_slip, "FAST", 0.0)
     assert run(scene, 0.04, "hybrid", geometry=geometry).counts["slides"] == 0
 
 
-@pytest.mark.usefixtures("free_attempts")
+@pytest.mark.usefixtures("cheap_attempts")
 def test_a_plate_that_moves_on_the_top_draws_slip():
     """The driver rests: the plate sets what is slow."""
     size = {"L": 0.02, "H": 0.012, "l": 1e-3, "h": 3e-3, "F_N": 400.0, "d_c": 5e-6}

@@ -72,7 +72,7 @@ def test_a_run_that_goes_on_keeps_its_budget():
     np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=2e-6 * ends[0]["work_driver"])
 
 
-@pytest.mark.usefixtures("free_attempts")
+@pytest.mark.usefixtures("cheap_attempts")
 def test_no_jump_over_slip_with_energies():
     """The heat of stable slip follows from steps."""
     scene = setup1(L=0.02, H=0.0125, F_N=400.0, V=2e-3, d_c=5e-6)

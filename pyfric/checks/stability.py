@@ -82,7 +82,10 @@ def growth(scene: Scene, stepper: str, dt: float) -> float:
 
 
 def _shaken(scene: Scene, stepper: str, dt: float, looks: int) -> Iterator[list[float]]:
-    """Yield largest speeds (m/s) over time, stuck and lifted off, until they are far too large."""
+    """Yield lists of the largest speed (m/s) over time: of the slider stuck, then lifted off.
+
+    A list ends early if the speed has grown far too large.
+    """
     rest = loaded_state(scene)
     chain, lifting = scene.N_z == 1, not scene.prescribed
     for lifted in (False, True) if lifting and not chain else (lifting,):

@@ -129,7 +129,7 @@ def advance(
         log.burst_i,
         log.burst_r,
     )
-    _check_memory(status, state.y.shape)
+    _check_status(status, state.y.shape)
     state.step, log.tried, log.block = int(step[0]), tried, block - 1
     state.drive = model.drive(state.t)
     if STEPPERS[stepper].adaptive:
@@ -138,10 +138,15 @@ def advance(
     return Status(status)
 
 
-def _check_memory(status: int, shape: tuple[int, ...]) -> None:
-    """Raise MemoryError if the core could not allocate its work space; shape: (N_z, 4, N_x)."""
+def _check_status(status: int, shape: tuple[int, ...]) -> None:
+    """Raise MemoryError without memory for work space, ValueError for a law not known to the core.
+
+    shape: (N_z, 4, N_x).
+    """
     if status == Status.NO_MEMORY:
         raise MemoryError(f"the core has no memory for {shape[2]} x {shape[0]} blocks")
+    if status == Status.UNKNOWN_LAW:
+        raise ValueError("the core does not know this law of friction")
 
 
 class Forces(NamedTuple):
@@ -189,7 +194,7 @@ def evaluate(
     a, *rest, status = load_variant(variant).evaluate(
         *model, t, n_times, state.y.T, state.rod, state.mode, state.numbers.T
     )
-    _check_memory(status, state.y.shape)
+    _check_status(status, state.y.shape)
     return Forces(a.T, *rest)
 
 
@@ -268,6 +273,7 @@ def slow_slip(
     *,
     viscous: tuple[np.ndarray, np.ndarray] | None = None,
     inertial: tuple[np.ndarray, np.ndarray] | None = None,
+    v: np.ndarray | None = None,
     closed: np.ndarray | None = None,
     times: np.ndarray | None = None,
     h: float = 0.0,
@@ -286,6 +292,8 @@ def slow_slip(
         limits: what ends it.
         viscous: matrices of load and normal force over velocities, shapes (N_x, N_x), in N s/m;
             None means 0.
+        v: velocities at the beginning, shape (N_x,), in m/s, which count where the state evolves
+            with stress; None means those that balance the loads.
         closed: blocks in contact, shape (N_x,), bool; None means all.
         times: times of points, ascending, in s.
         h: length of the first step, in s; 0 means dt.
@@ -319,7 +327,8 @@ def slow_slip(
     passed_i = np.zeros((4 * N_x, 2), dtype=np.int32)
     passed_r = np.zeros((4 * N_x, N_x + 2))
     sums = np.zeros((limits.steps if threshold else 1, 2))
-    v, a, made, t, status = load_variant(variant).slow_slip(
+    v = np.full(N_x, np.nan) if v is None else np.array(v, dtype=float)
+    a, made, t, status = load_variant(variant).slow_slip(
         *model,
         contact.astype(np.int32),
         *(np.asfortranarray(array) for array in elastic),
@@ -329,14 +338,14 @@ def slow_slip(
         threshold,
         step,
         q.T,
+        v,
         points.T,
         np.zeros(N_x, dtype=np.int32) if fast is None else fast,
         passed_i.T,
         passed_r.T,
         sums.T,
     )
-    if status < 0:
-        raise MemoryError(f"the core has no memory for {N_x} blocks")
+    _check_status(-status, (1, 4, N_x))
     steps, n, m = made.tolist()
     order = np.lexsort((passed_i[:m, 0], passed_r[:m, 0]))
     found = passed_i[order], passed_r[order], sums[: steps if threshold else 0]
@@ -359,7 +368,7 @@ def bond_forces(scene: Scene, geometry: Geometry) -> Callable[[np.ndarray], np.n
     def forces(u: np.ndarray) -> np.ndarray:
         y[:, :2] = u.reshape(scene.N_z, 2, scene.N_x)
         a, *_, status = load_variant(VARIANT).evaluate(*bare, 0.0, 1, y.T, rod, mode, memory)
-        _check_memory(status, y.shape)
+        _check_status(status, y.shape)
         return a.T.reshape(u.shape)
 
     return forces
@@ -379,7 +388,7 @@ def curve_point(model: Model, state: State, t: float, budget: bool = True) -> np
     spent = state.dissipated, state.radiated, state.heat, state.loss, state.parts.T, state.work
     motion = state.y.T, state.rod, state.numbers.T
     values, status = _core.curve_point(*model, t, *motion, *spent, int(budget))
-    _check_memory(status, state.y.shape)
+    _check_status(status, state.y.shape)
     return values
 
 

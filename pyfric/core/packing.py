@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pyfric.scene import Geometry, check_geometry
+from pyfric.scene import Geometry, JunctionLaw, Law, RateStateLaw, check_geometry
 
 if TYPE_CHECKING:
     from pyfric.scene import OnDriven, Scene
@@ -33,11 +34,9 @@ class Counts(NamedTuple):
     right: int
     top: int
     along: int
+    law: int
     n_memory: int
-    n_junctions: int = 0
-    seed_low: int = 0
-    seed_high: int = 0
-    evolution: int = 0
+    n_own: int = 0
     n_hold: int = 0
     n_slide: int = 0
     n_speed: int = 0
@@ -73,10 +72,6 @@ class Constants(NamedTuple):
     a_drv: float
     load_rate: float
     shear_rate: float
-    ruptured: float = 0.0
-    v_ref: float = 0.0
-    cut: float = 0.0
-    v_slip: float = 0.0
     g: float = 0.0
 
 
@@ -84,8 +79,8 @@ OF_BLOCKS = (
     *("x", "load", "shear", "push", "push_rate", "k_f", "gap"),
     *("mu_s", "mu_k", "d_c", "alpha", "bare", "limit", "limit_rate"),
 )
-"""What a `Model` has for each block of the interface, in its order; the law of friction may take
-its five fields for others."""
+"""What a `Model` has for each block of the interface, in its order, with the fields of `Law`; other
+laws have their own."""
 
 
 class Model(NamedTuple):
@@ -96,8 +91,8 @@ class Model(NamedTuple):
         numbers: the following numbers, one after the other. `Constants`; u_drv0 of each driven
             block minus their mean (m). With N_x numbers each, `OF_BLOCKS`: x (m), load (p if it is
             prescribed) and shear (N), pushes on the bottom row at t_seg (N) and their rates (N/s),
-            k_f (N/m), gap (m), the five fields of the friction law, limits of mu at t_seg and their
-            rates (1/s). x and y of each knot of its tables.
+            k_f (N/m), gap (m), the fields of the friction law, of which limits of mu at t_seg and
+            their rates (1/s). Numbers of its own. x and y of each knot of its tables.
     """
 
     counts: np.ndarray
@@ -121,12 +116,12 @@ class Model(NamedTuple):
     @property
     def flows(self) -> bool:
         """Whether friction is that of a speed."""
-        return bool(self.counts[Counts._fields.index("evolution")])
+        return bool(self.counts[Counts._fields.index("law")] == RateStateLaw.code)
 
     @property
     def on_junctions(self) -> bool:
         """Whether the interface consists of junctions."""
-        return bool(self.counts[Counts._fields.index("n_junctions")])
+        return bool(self.counts[Counts._fields.index("law")] == JunctionLaw.code)
 
 
 def check_driven(scene: Scene, u_drv0: OnDriven) -> None:
@@ -139,7 +134,7 @@ def check_driven(scene: Scene, u_drv0: OnDriven) -> None:
         )
 
 
-def _packed(counts: Counts, constants: Constants, *rows: np.ndarray) -> Model:
+def _packed(counts: Counts, constants: Constants, *rows: Sequence[float] | np.ndarray) -> Model:
     return Model(np.array(counts, dtype=np.int32), np.concatenate([constants, *rows]))
 
 
@@ -156,6 +151,7 @@ def _counts(scene: Scene, geometry: Geometry) -> Counts:
         int(scene.prescribed),
         *(BEYOND[getattr(scene.walls, side)] for side in ("left", "right", "top")),
         int(scene.slider.dashpots == "along"),
+        scene.law.code,
         scene.law.memory.itemsize // 8,
         keeps=int(scene.interface.slip_since == "start"),
         halved=int(scene.slider.edges == "half"),
@@ -213,11 +209,10 @@ def model(scene: Scene, geometry: Geometry, u_drv0: OnDriven, t: float = 0.0) ->
     shear = scene.shear + scene.d * (T.at(begin) - getattr(scene.top, "T", 0.0)) / scene.N_x
     push = scene.push_at(t, begin)
     rows, n_knots, knots = _interface(scene, t, begin)
-    counts = _counts(scene, geometry)._replace(**n_knots)
-    own_counts, own_constants = scene.law.core_numbers
-    counts, constants = counts._replace(**own_counts), constants._replace(**own_constants)
+    own = [*scene.law.core_numbers.values()]
+    counts = _counts(scene, geometry)._replace(n_own=len(own), **n_knots)
     aside = home - constants.u_mean
-    packed = _packed(counts, constants, aside, scene.x, load, shear, *push, *rows, *knots)
+    packed = _packed(counts, constants, aside, scene.x, load, shear, *push, *rows, own, *knots)
     if not np.isfinite(packed.numbers).all():
         raise ValueError(f"constants of the scene are not finite: {constants}")
     return packed
@@ -228,7 +223,8 @@ def _interface(
 ) -> tuple[list[np.ndarray], dict[str, int], list[np.ndarray]]:
     """Return the fields of the interface, the numbers of knots of its law, and the knots."""
     law, N_x = scene.law, scene.N_x
-    fields = (scene.k_f, scene.gap, *law.core_fields, *scene.limit_at(t, begin))
+    limits = scene.limit_at(t, begin) if law.rests else ()
+    fields = (scene.k_f, scene.gap, *law.core_fields, *limits)
     rows = [np.broadcast_to(np.asarray(field, dtype=float), (N_x,)) for field in fields]
     tables = {name: table for name, table in law.core_tables._asdict().items() if table is not None}
     n_knots = {f"n_{name}": len(table.x) for name, table in tables.items()}
@@ -253,6 +249,9 @@ def springs(
         eta=scene.eta if viscous else 0.0,
         m=scene.m if m is None else m,
     )
-    counts = _counts(scene, geometry)._replace(rigid=0, prescribed=0, left=0, right=0, top=0)
+    free = {"rigid": 0, "prescribed": 0, "left": 0, "right": 0, "top": 0}
+    counts = _counts(scene, geometry)._replace(
+        law=Law.code, n_memory=Law.memory.itemsize // 8, **free
+    )
     none = np.zeros(scene.n_driven)
     return _packed(counts, constants, none, scene.x, np.zeros((len(OF_BLOCKS) - 1) * scene.N_x))

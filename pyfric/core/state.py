@@ -57,7 +57,8 @@ class State:
             that direction, 2 open.
         corner: 1 if the present or last slip is a corner episode, shape (N_x,), int32.
         margin: mu_s p - |force other than friction| at the last step, shape (N_x,), in N. On
-            junctions: number of junctions that may break before the block is ruptured.
+            junctions: number of junctions that may break before the block is ruptured. With rate
+            and state: speed that is missing before it slips, in m/s.
         memory: state variables of the friction law for each bottom block, shape (N_x,), a
             structured array with the names of the law; `state.s_0` is `memory["s_0"]`.
         loss: kinetic energy removed when a switch stopped a block, shape (N_x,), in J. On
@@ -84,13 +85,9 @@ class State:
         phase: u_x (m), theta (s) and v_x (m/s) where this phase began, shape (3, N_x). None means
             0.
 
-    Laws given by tables have two state variables. t_0 (s) is the time at which the block stuck, or
-    began to slip after a stick. s_0 (m) is its slip since it last stuck, minus mode u_x while it
-    slips (see `slip`). An open block keeps its s_0, because motion without contact is not slip.
-
-    A law of junctions has four state variables for each junction, shape (N_x, n_s): anchor (m),
-    pinned (1 or 0), release (s), the time at which it pins or pinned, and breaks, the number of its
-    breaks.
+    `scene.law.state` names the state variables, with units and meanings; those of junctions have
+    the shape (N_x, n_s). An open block keeps its s_0 (see `slip`), because motion without contact
+    is not slip.
     """
 
     y: np.ndarray

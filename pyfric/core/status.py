@@ -14,6 +14,7 @@ class Status(enum.IntEnum):
     TOO_SHORT = 3  # stopped inside a step: its error stays too large
     NO_MEMORY = 4  # nothing was done: its memory could not be allocated
     STRAINED = 5  # stopped early, after a step: a cell may be turned inside out
+    UNKNOWN_LAW = 13  # nothing was done: the friction law is not known
     # of sequences of static states
     PAUSED = 6  # stopped early: as many changes as asked for
     UNSETTLED = 7  # contact states do not settle

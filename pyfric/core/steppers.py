@@ -5,8 +5,8 @@ the forces at stages j < i. Stage i is at
 
     u_i = u + c_i h v + h^2 sum_j abar_ij F_j/M ,   v_i = v + h sum_j a_ij F_j/M .
 
-The step ends at u + h v + h^2 sum_i bbar_i F_i/M and v + h sum_i b_i F_i/M. An embedded method
-gives an error estimate; its b differs by e, and its bbar by ebar.
+The step ends at u + h v + h^2 sum_i bbar_i F_i/M and v + h sum_i b_i F_i/M. An error estimate comes
+from an embedded method. Its weights are b - e and bbar - ebar.
 
 An implicit-explicit stepper has a second lower triangle s, with a diagonal, for the friction of
 blocks that never rest. It ends at its last stage.

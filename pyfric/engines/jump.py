@@ -10,9 +10,10 @@ prediction. The residual of the equation of motion at the end of the jump,
 
     D = forces(q) - C q' - M q'' ,
 
-corresponds to a displacement K^-1 D. A quadratic term that adds this displacement corrects the
-path, and the tangent at the end refines it once. The jump ends just before a gap function reaches
-zero. Until the truncated part has faded, gap functions are lowered by what it is expected to do.
+corresponds to a displacement K^-1 D. It is added to the path as a quadratic term. This correction
+is refined once, with the tangent at the end of the jump. The jump ends just before a gap function
+reaches zero. Until the truncated part has faded, gap functions are lowered by what it is expected
+to do.
 
 The estimated error of a jump is a change of gap functions with three causes: what the correction
 leaves, the truncated part at the end of the jump, and what the modes leave during the jump: in
@@ -200,9 +201,10 @@ class Jump:
         return self.dt * (n if isinstance(later, Wait) else max(n, later))
 
     def _counted(self, s: float, due: float) -> np.ndarray:
-        """Return what errors of amplitudes at s (s) count: what is left of them when due, (n,).
+        """Return the weights of errors of amplitudes at s (s), shape (n,).
 
-        They count so much at least that the state at s has the accuracy of the end of a run.
+        A weight is the part of the error that is left at the time `due`. It is not below `share`,
+        so that the state at s is as accurate as that at the end of a run.
         """
         return np.maximum(np.exp(self.ringing.growth.real * (due - s)), self.share)
 
@@ -284,7 +286,7 @@ class Jump:
         return float((np.abs(self.modes.gaps) @ a).max(initial=0.0))
 
     def _inexact(self, s: float, alive: np.ndarray) -> bool:
-        """Return whether errors of the rates of modes that are alive count at s (s)."""
+        """Return whether errors of decay rates matter at s (s), for modes that still oscillate."""
         wrong = self.ringing.late(s, alive).max(axis=0, initial=0.0)
         return bool((wrong * math.sqrt(len(alive)) > CORRECTED * self.accuracy).any())
 

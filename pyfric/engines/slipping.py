@@ -90,7 +90,7 @@ class SlipSpace(Space):
             self.C = self.C + self._entries(self.alpha)
 
     def at(self, weakening: Weakening, q: np.ndarray) -> Self:
-        """Return the slider linearised at coordinates q (m), shape (n_q,), of blocks that slip."""
+        """Return the slider linearised at coordinates q (m), shape (n_q,). The same blocks slip."""
         now, slips = copy.copy(self), self.slips
         now.weakening, now.way = weakening, weakening.way[slips]
         now.weakens, now.rubs = now._friction(q)

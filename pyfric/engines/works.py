@@ -49,7 +49,7 @@ def add_jump(
 ) -> None:
     """Add the works of a jump, and what dashpots take, to the budget of a state.
 
-    Each row of dashpots has the same share, because jumps do not know them.
+    What dashpots take is divided evenly among their rows: jumps do not compute it row by row.
 
     Args:
         solver: static states of the scene in its geometry.

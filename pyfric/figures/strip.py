@@ -1,7 +1,7 @@
 """One event as pictures: the velocity field of the slider with the interface below it.
 
-The event is run again with full dynamics from a state shortly before it, which the hybrid engine
-gives, or on junctions and on a prescribed interface full dynamics.
+The event is run again with full dynamics, from a state shortly before it. This state comes from a
+run of the hybrid engine. On junctions and on a prescribed interface it is one of full dynamics.
 """
 
 from __future__ import annotations

@@ -36,6 +36,7 @@ from pyfric.measured import Curve
 from pyfric.record import GROUPS, Record, Sizes, held_in, main_blocks, summary
 from pyfric.scene import Scene, as_scene
 from pyfric.sweeps import PhaseDiagram, Resolution, Results, Sweep
+from pyfric.values import usage
 
 if TYPE_CHECKING:
     import jinja2
@@ -48,6 +49,7 @@ MOST_EVENTS = 3000
 """Most events of a page: the main ones and the micro-slips of most blocks."""
 
 
+@usage('plot(); pyfric.figures.save_figure(record.plot(), "name") writes it')
 def drawing(shown: Any) -> DataFigure | None:
     """Return the picture of an object; None for what has none.
 

@@ -95,7 +95,8 @@ def moved(table: pd.DataFrame, at: At) -> pd.DataFrame:
     if not (offset or drift):
         return table
     ends = (("peak", "t_start"), ("valley", "t_stop"))
-    return table.assign(**{name: table[name] + offset + drift * table[t] for name, t in ends})
+    ends = {name: (table[name].to_numpy(), table[t].to_numpy()) for name, t in ends}
+    return table.assign(**{name: F + offset + drift * t for name, (F, t) in ends.items()})
 
 
 class _OfEvents(Measurement):

@@ -69,7 +69,7 @@ class Curve(Shown):
             F_N: normal force, N, > 0; a number, a quantity such as "400 N", or one for each sample.
             area: of the interface, m^2, > 0, or a quantity.
             source, notes: see `Curve`.
-            copy: whether the table is one of its own, which later changes of the arrays leave.
+            copy: whether to copy the arrays, so that later changes of them do not change the curve.
             columns: t and others, equal lengths, at least 3 samples.
 
         Raises:

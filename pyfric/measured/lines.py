@@ -70,7 +70,7 @@ def robust_lines(x: np.ndarray, y: np.ndarray, starts: np.ndarray, stops: np.nda
 
 
 def _lines(x: np.ndarray, y: np.ndarray, inside: np.ndarray) -> np.ndarray:
-    """Return the lines of parts of about one length, of which `inside` counts."""
+    """Return a line for each row of x and y, fitted to the points where `inside` is true."""
     count = inside.sum(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         centre = x.sum(axis=1) / count

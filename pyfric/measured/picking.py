@@ -114,11 +114,12 @@ def events(
             noise. Falls within the time of so many usual steps are one event.
         threshold: smallest drop of an event, over F_N, or its smallest slip, m; None: what is clear
             of the noise.
-        t_gap: without noise, and in runs: falls within this pause are one event, s, at the time of
-            the largest, whose drop is the sum of theirs; None: that of `pyfric.build_catalogue`,
-            from the start of the first fall to the end of the last, in runs and in what `sampled`
-            makes of them; 0 in other curves, whose events are then all falls from a turning point
-            to the next. Without noise, all slip is a step, creep too.
+        t_gap: pause in s, of runs and of curves without noise. Falls within it are one event. Its
+            time is that of the largest fall, its drop the sum of all. None: for runs, and for what
+            `sampled` makes of them, the pause of `pyfric.build_catalogue`, from the start of the
+            first fall to the end of the last; for other curves 0, so that each fall from a turning
+            point to the next is an event. Slip without noise is split into steps wherever it
+            grows, even if it creeps.
 
     Returns:
         A data frame with a row for each event, counted from 1, and columns as in `COLUMNS`, or
@@ -219,11 +220,13 @@ def _finished(
     resolution: float,
     notes: Sequence[str] = (),
 ) -> pd.DataFrame:
-    table = table.reset_index(drop=True)
-    table.index = pd.RangeIndex(1, len(table) + 1, name="event")
-    parts = table["part"] if "part" in table else np.zeros(len(table))
-    table["recurrence"] = table["t_start"].groupby(np.asarray(parts)).diff()
-    table = table[list(OF_SLIP if "slip" in table else COLUMNS)]
+    start = table["t_start"].to_numpy()
+    recurrence = np.diff(start, prepend=np.nan)
+    if "part" in table:
+        recurrence[np.diff(table["part"].to_numpy(), prepend=-1) != 0] = np.nan
+    columns = {name: table[name].to_numpy() for name in table} | {"recurrence": recurrence}
+    columns = {name: columns[name] for name in (OF_SLIP if "slip" in table else COLUMNS)}
+    table = pd.DataFrame(columns, index=pd.RangeIndex(1, len(table) + 1, name="event"))
     table.attrs = {"noise": noise, "smooth": smooth, "threshold": threshold}
     table.attrs |= {"resolution": resolution, "notes": tuple(notes)}
     return table
@@ -471,18 +474,18 @@ def _of_record(record: Record, threshold: float, t_gap: float | None) -> pd.Data
     grows between them. If a pause is given, those of a quasi-static run, each at one time of its
     curve, are parted first.
     """
-    scene, found = record.scene, record.events
-    t, F_T = (record.curve[name].to_numpy() for name in ("t", "F_T"))
+    scene, curve, found = record.scene, record.columns("curve"), record.columns("events")
+    t, F_T = curve["t"], curve["F_T"]
     sudden = np.flatnonzero((np.diff(t) == 0) & (np.diff(F_T) < 0))
 
     def over(t: float, F_T: float) -> float:
         load = scene.load_at(t)
         return F_T / (scene.F_N if load is None else load[0])
 
-    first = float(record.curve["t"].iloc[0]), float(record.curve["F_T"].iloc[0])
-    names = ["t_start", "t_stop", "F_T_start", "F_T_arrest"]
+    first = float(t[0]), float(F_T[0])
+    ends = (found[name].tolist() for name in ("t_start", "t_stop", "F_T_start", "F_T_arrest"))
     together: list[list[tuple[float, ...]]] = []
-    for start, stop, F_start, F_stop in found[names].itertuples(index=False):
+    for start, stop, F_start, F_stop in zip(*ends, strict=True):
         if not np.isfinite(F_start - F_stop):
             continue
         inside = [] if t_gap is None else sudden[(t[sudden] >= start) & (t[sudden] <= stop)]

@@ -62,7 +62,7 @@ def read(
         path: the file.
         columns: meaning -> name of its column, or its number, from 1. Meanings are {MEANINGS}; step
             is the time since the sample before, and is summed to t. None: all columns whose name
-            says what they are. In containers, a name may be without its group. An array with
+            says what they are. In files with groups, a name may omit its group. An array with
             several columns is called "name:1", "name:2" and so on, one with its channels in rows
             "name(1,:)", "name(2,:)".
         units: meaning -> unit, where the file does not state it.
@@ -322,7 +322,7 @@ def _scales(
     units: Mapping[str, str],
     calibration: Mapping[str, Any],
 ) -> dict[str, tuple[float, float]]:
-    """Return SI units in 1 of each column that was chosen, and the number that stands for zero."""
+    """Return the factor to SI of each chosen column, and the number in it that means zero."""
     missing: list[SceneError] = []
     found_scales = {}
     for meaning, name in chosen.items():
@@ -343,7 +343,7 @@ def _scale(
     calibration: Mapping[str, Any],
     missing: list[SceneError],
 ) -> tuple[float, float]:
-    """Return SI units in 1 of a column, and the number that stands for zero.
+    """Return the factor to SI of a column, and the number in it that means zero.
 
     A unit that nothing states is added to those that are missing.
     """

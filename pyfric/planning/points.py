@@ -24,8 +24,8 @@ class Told(NamedTuple):
     Attributes:
         made: the model of the record.
         level: number of its level; full dynamics may be in the place of the hybrid engine.
-        needs: the cheapest level that keeps the tolerance, as far as was measured. It is beyond
-            both levels that were compared where they do not agree.
+        needs: the cheapest level that keeps the tolerance, as far as was measured. If the two
+            levels that were compared differ by more than that, it is the next one above both.
         errors: errors of the levels that were compared, of all events or of those before the first
             one that differs.
         holds: whether the record keeps the tolerance; None where not all was measured.

@@ -274,9 +274,9 @@ class _Pairs:
     def _rupture(self, e: int, k: int, *, forces: bool, ended: bool) -> float:
         """Return the root mean square of differences of rupture times, over the front's time.
 
-        The front may be earlier or later as a whole, which start forces tell; without forces it may
-        not. Where the event has ended in both runs, a block that one front alone has passed counts
-        as 1.
+        If forces are compared, a shift of the whole front in time is left out, because start forces
+        show it. Where the event has ended in both runs, a block that one front alone has passed
+        counts as 1.
         """
         t, other = self._of_both("rupture_times", e, k)
         known, others = np.isfinite(t), np.isfinite(other)

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple, ParamSpec, TypeVar
 import numpy as np
 import pandas as pd
 
+from pyfric.scene import LAWS, laws
 from pyfric.values import SceneError, usage
 
 P = ParamSpec("P")
@@ -211,7 +212,18 @@ def _enter(held: Held) -> None:
     _held[held.group][held.name] = held
 
 
-TABLE = """
+def _rows(group: str, dims: str, variables: Iterable[laws.Variable], drawn: bool = False) -> str:
+    """Return rows of `TABLE` of what laws of friction name."""
+    begin, end = ("drawn_", ", as drawn") if drawn else ("", "")
+    return "\n".join(
+        f"{group} {dims} {begin}{name}? {dtype} {unit.replace('^', '')} {meaning}{end}"
+        for name, unit, meaning, dtype in variables
+    )
+
+
+DRAWN = _rows("interface", "x", (v for law in laws.KINDS.values() for v in law.variables()), True)
+MOTION = _rows("motion", "t,x", (v for law in LAWS for v in law.motion))
+TABLE = f"""
 curve     t       t                   f8 s   time
 curve     t       F_T                 f8 N   tangential force of the driver
 curve     t       kinetic_blocks?     f8 J   kinetic energy of the blocks
@@ -255,20 +267,10 @@ interface x       drawn_d_c?          f8 m   slip over which friction weakens, a
 interface x       drawn_alpha?        f8 N_s/m viscosity of slip as drawn
 interface x       drawn_k_f?          f8 N/m stiffness of the foundation as drawn
 interface x       drawn_gap?          f8 m   height over the foundation as drawn
-interface x       drawn_u_s?          f8 m   stretch at which junctions break, as drawn
-interface x       drawn_C?            f8 N/m2 constant of the stiffness of junctions, as drawn
-interface x       drawn_t_R?          f8 s   mean time that junctions slip, as drawn
-interface x       drawn_t_R_std?      f8 s   its standard deviation, as drawn
-interface x       drawn_a?            f8 1   direct effect, as drawn
-interface x       drawn_b?            f8 1   evolution effect, as drawn
-interface x       drawn_D_c?          f8 m   slip over which the state evolves, as drawn
-interface x       drawn_f_star?       f8 1   friction coefficient at the reference speed, as drawn
-interface x       drawn_theta_0?      f8 s   state at t = 0, as drawn
-interface x       drawn_v_0?          f8 m/s speed of the state at t = 0, as drawn
+{DRAWN}
 interface x       tau_initial         f8 N   friction force at t = 0
 interface x       p_initial           f8 N   contact force at t = 0
-motion    t,x     pinned?             f4 1   share of the junctions of a block that is pinned
-motion    t,x     theta?              f8 s   state variable of rate-and-state friction
+{MOTION}
 motion    t,x     u_x?                f8 m   tangential displacement of the bottom row
 motion    t,x     v_x?                f4 m/s tangential velocity of the bottom row
 motion    t,x     f?                  f4 N   friction force on the bottom row, positive to the right

@@ -16,8 +16,8 @@ Variables of the curve and of the interface carry their plain names, those of th
 with ``event_``, ``episode_``, ``quiet_``, ``switch_``, ``motion_`` and ``final_``. Types are
 those that other programs read (`pyfric.record.netcdf`); floats are stored as they are in memory, so
 that a loaded record equals the saved one bit for bit. The attribute ``pyfric_seal`` is the SHA-256
-of all variables and of the attributes that are read. It covers what the file says and not its
-bytes: another program may open it for writing.
+of all variables and of the attributes that are read. It is computed from values and not from the
+bytes of the file, so that it stays right if another program opens the file for writing.
 """
 
 from __future__ import annotations

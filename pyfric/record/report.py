@@ -65,7 +65,7 @@ def _errors(errors: Errors | None) -> dict[str, Any]:
 
 
 def numbered(n: int, name: str) -> str:
-    """Return a number of things that are called by name."""
+    """Return a number with a noun, such as "1 event" or "3 events"."""
     return f"{n} {name}{'s' if n != 1 else ''}"
 
 

@@ -37,7 +37,7 @@ from pyfric.scene.presets import (
 )
 from pyfric.scene.profile import Profile
 from pyfric.scene.protocol import Leg, Push, legs, thinned
-from pyfric.scene.restless import RateStateLaw
+from pyfric.scene.restless import LAWS, JunctionLaw, RateStateLaw
 from pyfric.scene.scene import Scene
 from pyfric.scene.spread import Spread
 from pyfric.scene.text import law_notes

@@ -25,11 +25,18 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pyfric.scene.laws import Tables
+from pyfric.scene.laws import Tables, Variable
 
-CLOCKS = np.dtype([("s_0", float), ("t_0", float)])
-"""State variables of a block: s_0 (m), and t_0 (s), the time at which it stuck or began to slip."""
 
+def memory_of(state: tuple[Variable, ...], shape: tuple[int, ...] = ()) -> np.dtype:
+    """Return the type of the memory of a block with these state variables, each of this shape."""
+    return np.dtype([(variable.name, float, shape) for variable in state])
+
+
+CLOCKS = (
+    Variable("s_0", "m", "slip since the last stick, minus mode u_x while the block slips"),
+    Variable("t_0", "s", "time at which the block stuck or began to slip"),
+)
 NO_TABLES = Tables()
 GRADUAL = 0.01
 """Largest (mu_s - mu_k)/mu_s for which quasi-static slip is treated as continuous, at mu_s."""
@@ -56,8 +63,14 @@ class Law:
     alpha: Any = 0.0
     tables: Tables = NO_TABLES
 
-    memory: ClassVar[np.dtype] = CLOCKS
-    """Names and shapes of the state variables of a block; all are numbers."""
+    state: ClassVar[tuple[Variable, ...]] = CLOCKS
+    """State variables of a block; all are numbers."""
+    motion: ClassVar[tuple[Variable, ...]] = ()
+    """What a run records of them at points of the curve."""
+    memory: ClassVar[np.dtype] = memory_of(CLOCKS)
+    """Names and shapes of the state variables."""
+    code: ClassVar[int] = 1
+    """Number of the law in the core (pyfric_law)."""
     restless: ClassVar[str] = ""
     """Why no block rests, "" if blocks can."""
     flows: ClassVar[bool] = False
@@ -92,8 +105,8 @@ class Law:
         return replace(self, **fields)
 
     def in_motion(self, memory: np.ndarray) -> dict[str, np.ndarray]:
-        """Return quantities from `memory` that a run records at points of the curve, (N_x,)."""
-        return {}
+        """Return the values of `motion`, each of shape (N_x,)."""
+        return {variable.name: memory[variable.name].copy() for variable in self.motion}
 
     def begin(
         self, t: float, u_x: np.ndarray, p: np.ndarray, f: np.ndarray, d: int
@@ -130,9 +143,9 @@ class Law:
         return self.tables
 
     @property
-    def core_numbers(self) -> tuple[dict[str, int], dict[str, float]]:
-        """Integers and numbers for the core by name (`pyfric.core.packing`), other than 0."""
-        return {}, {}
+    def core_numbers(self) -> dict[str, float]:
+        """Numbers of the law itself for the core by name, in the order of its `numbers_t` there."""
+        return {}
 
     def budget(self, heat: Any = 0.0, loss: Any = 0.0, parts: Any = (0.0, 0.0)) -> dict[str, Any]:
         """Return the terms of the interface in the energy budget by name, from those of `State`.

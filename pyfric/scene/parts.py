@@ -338,8 +338,8 @@ class Walls:
     it. In a corner of two absorbing walls only rho c_P acts. At an absorbing side the end block has
     half of p and tau. "held": the top row does not move.
 
-    Energies, work and heat are those of the blocks of the scene, without images. Energy that
-    absorbing walls take counts as dissipated in bonds, and is a column of its own, radiated.
+    Energies, work and heat are those of the blocks of the scene, without images. What absorbing
+    walls absorb is part of the energy dissipated in bonds. A column `radiated` has it alone.
 
     Args:
         left, right: "free", "mirrored" or "absorbing".

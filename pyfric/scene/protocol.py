@@ -153,7 +153,7 @@ def _rows(
     return numbered(what[0], check, value)
 
 
-def thinned(corners: ArrayLike, error: float) -> Corners:
+def thinned(corners: ArrayLike, error: float | str) -> Corners:
     """Return breakpoints of a protocol that many others follow within an error.
 
     A measured speed may have many samples, and steps of time end at each breakpoint. Jumps, where
@@ -163,7 +163,7 @@ def thinned(corners: ArrayLike, error: float) -> Corners:
     Args:
         corners: pairs of a time (s) and a value, in SI units, shape (n, 2), in order of time.
         error: largest difference of a value from the line between those that are kept, > 0, in the
-            unit of the values.
+            SI unit of the values, or as text such as "1 um/s" or "2 N".
 
     Raises:
         SceneError: an argument is refused.
@@ -180,7 +180,10 @@ def thinned(corners: ArrayLike, error: float) -> Corners:
     if not fits or (np.diff(pairs[:, 0]) < 0).any():
         shown = f"shape {pairs.shape}" if pairs.size else type(corners).__name__
         raise SceneError("corners", shown, "", "pairs of finite numbers in order of time")
-    error = check_number("error", error, "", gt=0.0)
+    try:
+        error = check_number("error", error, "N", gt=0.0)
+    except SceneError:
+        error = check_number("error", error, "m/s", gt=0.0, note=" for a speed, or N for a load")
     t, y = pairs.T
     kept = np.append(np.diff(t) == 0, True) | np.append(True, np.diff(t) == 0)
     todo = list(itertools.pairwise(np.flatnonzero(kept).tolist()))

@@ -17,14 +17,22 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pyfric.scene.friction import Law
-from pyfric.scene.laws import FrictionLaw, Junctions, RateAndState, Table, Tables
+from pyfric.scene.friction import Law, memory_of
+from pyfric.scene.laws import (
+    EVOLUTIONS,
+    FrictionLaw,
+    Junctions,
+    RateAndState,
+    Table,
+    Tables,
+    Variable,
+)
 from pyfric.values import SceneError
 
 LONGEST_REST, LARGEST_RATIO = 1e10, 550.0
 """Time (s) after which friction at rest over p is at most this many times a.
 
-Speeds are V* exp(-600) at least (fortran/rate_state.f90).
+Speeds are V* exp(-600) at least (fortran/evolution.f90).
 """
 
 
@@ -44,6 +52,16 @@ class JunctionLaw(Law):
     t_R: Any
     t_R_std: Any
 
+    state: ClassVar[tuple[Variable, ...]] = (
+        Variable("anchor", "m", "position of the anchor of each junction"),
+        Variable("pinned", "1", "1 for a pinned junction, 0 for one that slips"),
+        Variable("release", "s", "time at which each junction pins or pinned"),
+        Variable("breaks", "1", "number of breaks of each junction"),
+    )
+    motion: ClassVar[tuple[Variable, ...]] = (
+        Variable("pinned", "1", "share of the junctions of a block that is pinned", "f4"),
+    )
+    code: ClassVar[int] = 2
     restless: ClassVar[str] = (
         "junctions break and pin all the time under load: no jump over a rest gains anything"
     )
@@ -103,8 +121,7 @@ class JunctionLaw(Law):
 
     @property
     def memory(self) -> np.dtype:
-        each = (self.kind.n_s,)
-        return np.dtype([(name, float, each) for name in ("anchor", "pinned", "release", "breaks")])
+        return memory_of(self.state, (self.kind.n_s,))
 
     def begin(
         self, t: float, u_x: np.ndarray, p: np.ndarray, f: np.ndarray, d: int
@@ -141,12 +158,10 @@ class JunctionLaw(Law):
         return self.mu_s, self.mu_k, self.C, self.t_R, self.t_R_std
 
     @property
-    def core_numbers(self) -> tuple[dict[str, int], dict[str, float]]:
-        low, high = np.array([self.kind.seed % 2**32, self.kind.seed >> 32], np.uint32).view(
-            np.int32
-        )
-        counts = {"n_junctions": self.kind.n_s, "seed_low": low, "seed_high": high}
-        return counts, {"ruptured": self.kind.ruptured}
+    def core_numbers(self) -> dict[str, float]:
+        high, low = divmod(self.kind.seed, 2**32)
+        seed = {"seed_low": low, "seed_high": high}
+        return {"n": self.kind.n_s, **seed, "ruptured": self.kind.ruptured}
 
     @property
     def core_tables(self) -> Tables:
@@ -180,9 +195,14 @@ class RateStateLaw(Law):
     D_c: Any
     theta: Any
 
+    state: ClassVar[tuple[Variable, ...]] = (
+        Variable("theta", "s", "state variable of rate-and-state friction"),
+    )
+    motion: ClassVar[tuple[Variable, ...]] = state
+    code: ClassVar[int] = 3
     restless: ClassVar[str] = "with rate-and-state friction no block ever rests"
     flows: ClassVar[bool] = True
-    memory: ClassVar[np.dtype] = np.dtype([("theta", float)])
+    memory: ClassVar[np.dtype] = memory_of(state)
 
     @classmethod
     def of(
@@ -208,8 +228,12 @@ class RateStateLaw(Law):
             reason = "the driver does not move at t = 0"
             raise SceneError("interface.law.theta_0", None, "s", "theta_0, or v_0", reason)
         else:
-            theta = D_c / (V if kind.v_0 is None else given("v_0"))
+            speed = V if kind.v_0 is None else given("v_0")
+            theta = EVOLUTIONS[kind.evolution].steady * D_c / speed
         a, b = given("a"), given("b")
+        if kind.c and not np.all(b):
+            reason = "the law weighs the rate of stress with c/b"
+            raise SceneError("interface.law.b", 0.0, "", "> 0", reason)
         rested = np.maximum(theta, LONGEST_REST)
         cut = kind.V_star / kind.V_c if kind.V_c else 0.0
         strength = f + b * np.log(kind.V_star * rested / D_c + cut)
@@ -232,36 +256,43 @@ class RateStateLaw(Law):
         memory["theta"] = self.theta
         return np.full(len(p), self.kind.v_slip), memory
 
-    def in_motion(self, memory: np.ndarray) -> dict[str, np.ndarray]:
-        """Return theta (s)."""
-        return {"theta": memory["theta"].copy()}
-
     @property
     def core_fields(self) -> tuple[Any, ...]:
         return self.a, self.b, self.D_c, self.alpha, self.mu_k
 
     @property
-    def core_numbers(self) -> tuple[dict[str, int], dict[str, float]]:
+    def core_numbers(self) -> dict[str, float]:
         kind = self.kind
         cut = 0.0 if kind.V_c is None else kind.V_star / kind.V_c
-        evolution = 1 + ("ageing", "slip").index(kind.evolution)
-        return {"evolution": evolution}, {"v_ref": kind.V_star, "cut": cut, "v_slip": kind.v_slip}
+        law, speeds = EVOLUTIONS[kind.evolution].code, {"v_ref": kind.V_star, "cut": cut}
+        return {"law": law, **speeds, "v_slip": kind.v_slip, "c": self.c}
+
+    @property
+    def c(self) -> float:
+        """Share of stress in the evolution of the state."""
+        return self.kind.c or 0.0
 
     def budget(self, heat: Any = 0.0, loss: Any = 0.0, parts: Any = (0.0, 0.0)) -> dict[str, Any]:
         """Return the heat of friction, of which that of alpha is a part; switches lose nothing."""
         terms = {"friction_heat": heat, "switching_loss": loss}
         return terms | {"viscous_heat": parts[1]} if np.any(self.alpha) else terms
 
+    def weakening(self, v: np.ndarray, theta: np.ndarray) -> Any:
+        """Return -d(ln theta)/d|u| by a wave, at speeds v (m/s) and states theta (s), in 1/m."""
+        x = np.abs(v) * theta / self.D_c
+        return EVOLUTIONS[self.kind.evolution].weakening(x, self) / self.D_c
+
     def blocks_in_L_b(self, p: float, k: float) -> float:
-        """Return L_b/l, L_b = E* D_c l B/(b p), with E* B = 4 k/3 of the lattice; see `Law`."""
-        return float(np.min(4 * k * self.D_c / (3 * np.maximum(self.b, np.finfo(float).tiny) * p)))
+        """Return L_b/l, L_b = E* D_c l B (1 + c)/(b p), with E* B = 4 k/3 of the lattice."""
+        falls = 3 * np.maximum(self.b, np.finfo(float).tiny) * p
+        return float(np.min(4 * k * self.D_c * (1 + self.c) / falls))
 
     def resolving_step(self, p: float, m: float) -> float:
         """Return the longest step (s) that resolves weakening; see `Law.resolving_step`.
 
-        Slip of a free block grows at most with the rate sqrt(p (b - a)/(m D_c)).
+        Slip of a free block grows at most with the rate sqrt(p (b - a)/(m D_c (1 + c))).
         """
-        steepest = float(np.max((self.b - self.a) / self.D_c)) * p
+        steepest = float(np.max((self.b - self.a) / self.D_c)) * p / (1 + self.c)
         return math.sqrt(m / steepest) if steepest > 0 else math.inf
 
 
@@ -270,3 +301,5 @@ WITHOUT_REST: dict[type[FrictionLaw], type[JunctionLaw | RateStateLaw]] = {
     RateAndState: RateStateLaw,
 }
 """Kinds of laws under which no block rests, and the classes of their laws."""
+LAWS: tuple[type[Law], ...] = (Law, *WITHOUT_REST.values())
+"""The three types of law."""

@@ -203,7 +203,8 @@ class _Line:
     def root(self, low: float, high: float) -> float | None:
         """Return where the measure changes its sign between two places, None where it does not.
 
-        The place is taken as a parabola of the measure through both and the next known one.
+        The place over the measure is interpolated by a parabola, through these two and a third one,
+        whose measure is nearest to zero.
         """
         known = {share: number for share, number in self.numbers.items() if math.isfinite(number)}
         a, b = (known.get(share, math.nan) for share in (low, high))

@@ -214,7 +214,7 @@ def _joined(parts: Iterable[dict[str, Point]]) -> dict[str, Point]:
 
 
 class Shared:
-    """What runs have told of the levels that other runs need; see the module.
+    """Levels that verified runs need, for those that are not verified; see the module.
 
     `run_all` makes one for each call. If jobs come one by one, give it the same object each time:
 

@@ -73,7 +73,7 @@ def lines_of(text: str) -> Lines:
         text: content of the file.
 
     Raises:
-        ValueError: it is not clear whether commas are decimal; with what to do.
+        ValueError: commas may be decimal or separate columns. The message says what to do.
         csv.Error: quotes that are not closed.
     """
     written = text.splitlines()

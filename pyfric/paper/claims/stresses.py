@@ -63,7 +63,7 @@ def _loading(runs: Runs) -> Iterator[Claim]:
 
 
 def _decay_length(record: Record) -> float:
-    """Distance over which loading's tau falls to 1/e behind its peak, over h."""
+    """Distance from the peak of the rise of tau to 1/e of it, in units of h."""
     scene = record.scene
     rise = analysis.stress_profile(record, 1)["tau"] - analysis.stress_profile(record)["tau"]
     rise = rise.to_numpy() / rise.max()

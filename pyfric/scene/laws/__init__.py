@@ -16,16 +16,18 @@ from pyfric.scene.laws.kinds import (
     SpeedDependent,
     Table,
     Tables,
+    Variable,
     check_tables,
     law,
     sampled,
 )
 from pyfric.scene.laws.named import named
-from pyfric.scene.laws.rate_state import RateAndState
+from pyfric.scene.laws.rate_state import EVOLUTIONS, RateAndState
 from pyfric.scene.laws.tabulated import TabulatedLaw
 from pyfric.values import no_attribute
 
 __all__ = [
+    "EVOLUTIONS",
     "KINDS",
     "Ageing",
     "ExponentialHealing",
@@ -40,6 +42,7 @@ __all__ = [
     "Table",
     "Tables",
     "TabulatedLaw",
+    "Variable",
     "check_tables",
     "from_csv",
     "law",

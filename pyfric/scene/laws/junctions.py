@@ -75,7 +75,12 @@ class Junctions(FrictionLaw):
     seed: Annotated[int, Whole(2**64 - 1)] = 0
 
     kind: ClassVar[str] = "junctions"
-    fields: ClassVar[tuple[str, ...]] = ("u_s", "C", "t_R", "t_R_std")
+    fields: ClassVar[dict[str, str]] = {
+        "u_s": "stretch at which junctions break",
+        "C": "constant of the stiffness of junctions",
+        "t_R": "mean time that junctions slip",
+        "t_R_std": "its standard deviation",
+    }
     example: ClassVar[dict[str, Any]] = {"n_s": 20, "u_s": 1e-6, "t_R": 5e-5, "t_R_std": 1e-5}
 
     def __post_init__(self) -> None:

@@ -19,7 +19,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, dataclass_tran
 
 import numpy as np
 
-from pyfric.values import NotNegative, Positive, SceneError, check_number, naming, part
+from pyfric.values import NotNegative, Positive, SceneError, annotations, check_number, naming, part
 
 Kind = TypeVar("Kind", bound="type[FrictionLaw]")
 
@@ -153,21 +153,42 @@ class Tables(NamedTuple):
     age: Table | None = None
 
 
+class Variable(NamedTuple):
+    """What a law has for each block: a field, a state variable, or what a run records of these.
+
+    Attributes:
+        name, unit: its name, and its SI unit, "1" without one.
+        meaning: for whoever reads it in a file.
+        dtype: type in records.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    dtype: str = "f8"
+
+
 class FrictionLaw:
     """Base class of friction laws. By default, friction weakens linearly over d_c.
 
     Attributes:
         kind: name of the law in scene files.
-        fields: names of parameters that are fields: a number, a list or a `Spread`.
+        fields: parameters that are fields, a number, a list or a `Spread`, and their meanings.
         coefficient: name of the field that both mu_s and mu_k are, "" if there is none.
         example: values of the parameters for tests, with mu_k = 0.45.
     """
 
     kind: ClassVar[str]
-    fields: ClassVar[tuple[str, ...]] = ()
+    fields: ClassVar[dict[str, str]] = {}
     coefficient: ClassVar[str] = ""
     example: ClassVar[dict[str, Any]] = {}
     _section: ClassVar[str] = "interface.law"
+
+    @classmethod
+    def variables(cls) -> tuple[Variable, ...]:
+        """Return the fields with their units and meanings."""
+        units = annotations(cls)
+        return tuple(Variable(n, units[n].unit or "1", said) for n, said in cls.fields.items())
 
     def tables(self, of: Means) -> Tables:
         """Return the tables of the law for an interface with these means."""

@@ -291,6 +291,59 @@ def resolved_checks(data):
     )
 
 
+def precursors(found, points):
+    """Return how many precursors each series has, and where they end."""
+    rows = []
+    number = points.set_index(["series", "share"])
+    for name, part in found.groupby("series", sort=False):
+        ends = part.set_index("by")
+        known = points[points["series"] == name]
+        rated, last = known["law"].iloc[0] == "rate_and_state", known["share"].max()
+        cells = [name, known["runs"].iloc[0]]
+        for share in (0.2, 0.4, 0.8) if rated else (0.05, 0.1, 0.2):
+            is_run = (name, share) in number.index
+            cells.append(counted(number.loc[(name, share)]) if is_run else "")
+        cells += [
+            ended(ends.loc[by], last) for by in ("half of the first count", "contact", "rate")
+        ]
+        half = ends.loc["half of the first count"]
+        L_c = half["end"] * 1e3 * known["L"].iloc[0]
+        rows.append([*cells, f"{L_c:.0f}", f"{half['zone']:.1f}"])
+    head = ["series", "seeds", "0.05 (0.2)", "0.1 (0.4)", "0.2 (0.8)"]
+    head += ["half", "end", "end by rate", "$L_c$ at half (mm)", "blocks in the zone there"]
+    return table(head, rows)
+
+
+def counted(one):
+    """Return a mean count with its standard error."""
+    return f"{one['mean']:.1f} ± {one['error']:.1f}"
+
+
+def ended(one, last):
+    """Return an end with its interval."""
+    if one["end"] == 0:
+        return "none"
+    if not np.isfinite(one["end"]):
+        return f"> {last:g}"
+    if not np.isfinite(one["high"]):
+        return f"{one['end']:.2f} ({one['low']:.2f} to > {last:g})"
+    return f"{one['end']:.2f} ({one['low']:.2f} to {one['high']:.2f})"
+
+
+def precursor_scales(data):
+    """Return the share of the variance of counts that each scale predicts."""
+    rows = []
+    data = data[data["by"] == "contact"]
+    for scale, part in data.groupby("scale", sort=False):
+        cells = [f"${scale}$"]
+        for law in ("slip weakening", "rate and state"):
+            one = part[part["law"] == law]
+            told = "{share:.2f} ({low:.2f} to {high:.2f})"
+            cells.append(told.format(**one.iloc[0]) if len(one) else "")
+        rows.append(cells)
+    return table(["scale", "slip weakening", "rate and state"], rows)
+
+
 def regimes():
     """Return what happens at the edges of the model."""
     data = stored("regimes/regimes.csv")
@@ -348,6 +401,10 @@ myst_substitutions = {
     "method_costs": method_costs(stored("chart/price_points.csv")),
     "modules": modules(),
     "prestress": prestress(stored("fronts/collapse.csv"), stored("fronts/resolved_summary.csv")),
+    "precursors": precursors(
+        stored("precursors/precursors_ends.csv"), stored("precursors/precursors_points.csv")
+    ),
+    "precursor_scales": precursor_scales(stored("precursors/precursors_collapse.csv")),
     "resolved_checks": resolved_checks(stored("fronts/resolved_checks.csv")),
     "plan_accuracy": plan_accuracy(tried),
     "plan_costs": plan_costs(tried),

@@ -627,6 +627,29 @@ def scatter(out: Path, tell: Tell) -> None:
 @main.command(section="Physics")
 @figure_out_option
 @folder_option("--runs", metavar="DIR", help="Folder of its runs. [default: runs in --out]")
+@click.option("--seeds", type=click.IntRange(2), help="Of each point.  [default: 3]")
+@telling
+def precursors(out: Path, runs: Path | None, seeds: int | None, tell: Tell) -> None:
+    """Number and length of precursors over the nucleation length, and where they end (an hour).
+
+    Runs are kept in --runs; the next call goes on where this one was stopped.
+    """
+    folder = out / "runs" if runs is None else runs
+    check_folder(out)
+    import precursors
+    import precursors_found
+
+    found = precursors.study(folder, seeds=seeds or precursors.SEEDS, say=tell.step)
+    found = precursors_found.tables(found, precursors.checks(folder, say=tell.step))
+    words = ["--seeds", seeds] if seeds else []
+    command = made_by("precursors", *words)
+    save_figure(precursors_found.figure(found), out / "precursors", command, tell)
+    tell.result({"report": precursors_found.report(found)}, lambda: precursors_found.report(found))
+
+
+@main.command(section="Physics")
+@figure_out_option
+@folder_option("--runs", metavar="DIR", help="Folder of its runs. [default: runs in --out]")
 @click.option("--case", "cases", multiple=True, help="Only this case; may be repeated.")
 @telling
 def slow(out: Path, runs: Path | None, cases: tuple[str, ...], tell: Tell) -> None:
@@ -695,17 +718,34 @@ def one_block(out: Path, tell: Tell) -> None:
 
 @main.command(section="Physics")
 @figure_out_option
+@click.option(
+    "--only",
+    metavar="PROGRAM",
+    multiple=True,
+    help="Only this program, such as DART; other rows of the folder stay. May be repeated.",
+)
 @telling
-def sticks(out: Path, tell: Tell) -> None:
+def sticks(out: Path, only: tuple[str, ...], tell: Tell) -> None:
     """One block and ten on a spring, in pyfric and in programs with friction: creep, forces, cost.
 
     The other programs are installed first, in an environment of their own (five minutes).
     """
     check_folder(out)
+    import pandas as pd
     import sticks as study
 
-    figure = study.figure(study.study(say=tell.step), study.chains(say=tell.step))
-    save_figure(figure, out / "sticks", made_by("sticks"), tell)
+    known = [peer.name for peer in study.PEERS]
+    if unknown := sorted({*only} - {*known}):
+        raise click.BadParameter(f"{unknown[0]!r}; known are {', '.join(known)}")
+    rows = study.study(say=tell.step, only=only)
+    if only:
+        rows = study.renewed(pd.read_csv(out / "sticks_programs.csv"), rows)
+        chains = pd.read_csv(out / "sticks_chain.csv")
+    else:
+        chains = study.chains(say=tell.step)
+    figure = study.figure(rows, chains)
+    how = [word for program in only for word in ("--only", program)]
+    save_figure(figure, out / "sticks", made_by("sticks", *how), tell)
 
 
 if __name__ == "__main__":

@@ -156,7 +156,8 @@ LABELS = {
 def job(a_over_b: float, D_c: float, V: float) -> pyfric.Job:
     """Return the run at a point of the phase diagram."""
     b = pyfric.preset("rate_and_state").interface.law.b
-    scene = pyfric.preset("rate_and_state", {"a": a_over_b * b, "D_c": D_c, "V": V})
+    changes = size({}, {"l": 5e-3}) | {"a": a_over_b * b, "D_c": D_c, "V": V}
+    scene = pyfric.preset("rate_and_state", changes)
     how = {name: value for name, value in rated.OPTIONS.items() if name != "progress"}
     return pyfric.Job(scene=scene, t_end=PUSHED / V, options=how | {"stop_when": "system_size"})
 

@@ -11,7 +11,8 @@ pulled    it slips from mu_s p on; the force is mu_k p + (mu_s - mu_k) p cos wt 
 A chain of ten such blocks is pulled at its first one until all slide; there, the loop around
 `solve_ivp` with its finest tolerance stands for a closed form.
 
-The other programs run in an environment of their own (`sticks_peers.py`).
+The other programs run in an environment of their own (`sticks_peers.py`), two of them in Node.js
+(`sticks_peers.cjs`).
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from __future__ import annotations
 import functools
 import json
 import math
+import os
+import re
 import subprocess
 import sys
 import time
@@ -26,6 +29,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import matplotlib
 import numpy as np
 import pandas as pd
 from scipy.integrate import solve_ivp
@@ -37,6 +41,7 @@ from sticks_peers import (
     MU_S,
     RAMP,
     SAMPLE,
+    SETTLED,
     START,
     T_CHAIN,
     V_CHAIN,
@@ -61,6 +66,11 @@ __all__ = ["CHAINS", "COLUMNS", "PEERS", "chained", "exact", "figure", "held", "
 ROOT = Path(__file__).parents[1]
 ENVIRONMENT = ROOT / ".venv" / "sticks"
 DEBIAN = "/usr/bin/python3"
+MODULES = ENVIRONMENT / "node"
+WANTED = Path(__file__).with_name("sticks_requirements.txt")
+SCENE = {"M": M, "P": P, "K": K, "V": V, "MU_S": MU_S}
+SCENE |= {"START": START, "RAMP": RAMP, "SAMPLE": SAMPLE, "SETTLED": SETTLED}
+"""What programs in Node.js need to know, SI."""
 HELD = (0.5, 0.999)
 """Shares of the threshold at which the spring is held."""
 HOLD, PULL = size((10.0, 4.0), (0.1, 3.5))
@@ -230,11 +240,23 @@ def chain_of_solve_ivp(rtol: float, t_end: float, share: None, mu_k: float = MU_
 def outside(peer: str, python: str | Path | None = None, **how: Any) -> Callable[..., Any]:
     """Return a function that runs a peer of `sticks_peers` with its interpreter."""
     script = Path(__file__).with_name("sticks_peers.py")
+    return answered(peer, [python or ENVIRONMENT / "bin" / "python", "-P", script], how)
+
+
+def in_node(peer: str, **how: Any) -> Callable[..., Any]:
+    """Return a function that runs a peer of `sticks_peers.cjs`."""
+    script = Path(__file__).with_name("sticks_peers.cjs")
+    return answered(peer, ["node", script], how, of=SCENE)
+
+
+def answered(peer: str, words: list[Any], how: dict[str, Any], **more: Any) -> Callable[..., Any]:
+    """Return a function that asks a command, and returns what a peer returns."""
 
     def run(step: float, t_end: float, share: float | None) -> Any:
-        asked = {"peer": peer, "dt": step, "t_end": t_end, "share": share, "how": how}
-        words = [str(python or ENVIRONMENT / "bin" / "python"), "-P", str(script)]
-        done = subprocess.run([*words, json.dumps(asked)], capture_output=True, text=True)
+        asked = {"peer": peer, "dt": step, "t_end": t_end, "share": share, "how": how} | more
+        env = os.environ | {"NODE_PATH": str(MODULES / "node_modules")}
+        command = [*map(str, words), json.dumps(asked)]
+        done = subprocess.run(command, capture_output=True, text=True, env=env)
         if done.returncode:
             raise RuntimeError(f"{peer}: {done.stderr.strip().splitlines()[-1]}")
         found = json.loads(done.stdout.splitlines()[-1])
@@ -263,6 +285,18 @@ PEERS = (
         *("Drake, continuous", "defaults, accuracy 1e-3"),
         *(outside("drake", accuracy=1e-3), True, (1e-3,)),
     ),
+    Peer("exudyn", "joint friction, bristle 1e6 N/m, decay 1 mm/s", outside("exudyn"), True),
+    Peer(
+        *("exudyn, stiff", "joint friction, bristle 1e8 N/m, decay 10 um/s"),
+        *(outside("exudyn", k=1e8, decay=1e-5), True),
+    ),
+    Peer("DART", "defaults", outside("dart")),
+    Peer("pymunk", "defaults", outside("pymunk")),
+    Peer("Rapier", "defaults, does not turn", in_node("rapier")),
+    Peer("Rapier, turning", "defaults", in_node("rapier", turns=True), steps=(2e-4, 1e-4, 5e-5)),
+    Peer("matter-js", "defaults, no air, 100 px/m", in_node("matter")),
+    Peer("Newton", "XPBD, defaults", outside("newton"), steps=(5e-3, 2e-3)),
+    Peer("Newton, 20", "XPBD, 20 iterations", outside("newton", iterations=20), steps=(5e-3,)),
 )
 
 COARSE = STEPS[:3]
@@ -287,9 +321,11 @@ def install(say: Callable[[str], None]) -> None:
     if not (ENVIRONMENT / "done").exists():
         say("installing the other programs")
         subprocess.run([sys.executable, "-m", "venv", "--clear", ENVIRONMENT], check=True)
-        wanted = Path(__file__).with_name("sticks_requirements.txt")
-        words = ["-m", "pip", "install", "--quiet", "-r", wanted]
+        words = ["-m", "pip", "install", "--quiet", "-r", WANTED]
         subprocess.run([ENVIRONMENT / "bin" / "python", *words], check=True)
+        modules = re.findall(r"^# npm: (.+)$", WANTED.read_text(encoding="utf-8"), re.MULTILINE)
+        words = ["npm", "install", "--silent", "--no-save", "--prefix", MODULES, *modules]
+        subprocess.run(words, check=True)
         (ENVIRONMENT / "done").touch()
     if subprocess.run([DEBIAN, "-c", "import siconos"], capture_output=True).returncode:
         subprocess.run(["apt-get", "install", "-y", "-qq", "python3-siconos"], check=True)
@@ -363,11 +399,19 @@ def chains(say: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
     return pd.DataFrame(rows)[IN_CHAIN]
 
 
-def study(say: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
-    """Return one row for each program and step, with `COLUMNS`."""
+def renewed(table: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
+    """Return a table with new rows for those of the same programs, in the order of `PEERS`."""
+    kept = table[~table["program"].isin(rows["program"])]
+    place = {peer.name: n for n, peer in enumerate(PEERS)}
+    found = pd.concat([kept, rows], ignore_index=True)
+    return found.sort_values("program", key=lambda names: names.map(place), kind="stable")
+
+
+def study(say: Callable[[str], None] = lambda _: None, only: tuple[str, ...] = ()) -> pd.DataFrame:
+    """Return one row for each program, or each of some, and each step, with `COLUMNS`."""
     install(say)
     rows = []
-    for peer in PEERS:
+    for peer in (peer for peer in PEERS if peer.name in only or not only):
         say(f"{peer.name}: held")
         half, near = (held(peer, share) for share in HELD)
         for step in peer.steps:
@@ -390,7 +434,8 @@ def figure(table: pd.DataFrame, chain_table: pd.DataFrame) -> DataFigure:
     left, below = fig.add_subplot(grid[0, 0]), fig.add_subplot(grid[1, 0])
     right = fig.add_subplot(grid[:, 1])
     names = list(dict.fromkeys(table["program"]))
-    colours = {name: f"C{n}" if n < 10 else "black" for n, name in enumerate(names)}
+    shades = matplotlib.colormaps["tab20"]
+    colours = {name: shades(2 * (n % 10) + n // 10) for n, name in enumerate(names)}
     for axes, rows_of in ((left, table), (below, chain_table)):
         for name, rows in rows_of.groupby("program", sort=False):
             mark = "o-" if rows["coefficients"].iloc[0] != "one" else "s--"

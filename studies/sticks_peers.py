@@ -55,6 +55,22 @@ def stepped(
     return ts, us, time.process_time() - begin
 
 
+def _forced(
+    go: Callable[[float], float], dt: float, t_end: float, end: End
+) -> tuple[list[float], list[float], float]:
+    """Return what `stepped` does where `go` makes a step under a force and returns a position."""
+    start = u = 0.0
+    for _ in range(round(SETTLED / dt)):
+        start = go(0.0)
+
+    def step(t: float) -> float:
+        nonlocal u
+        u = go(K * (end(t) - u)) - start
+        return u
+
+    return stepped(step, dt, t_end)
+
+
 def mujoco(dt: float, t_end: float, end: End, options: str = "") -> Any:
     import mujoco
 
@@ -175,6 +191,133 @@ def _on(plant: Any, block: Any) -> Any:
 
     pose = RigidTransform(RollPitchYaw(1.5707963267948966, 0, 0), [0, 0, 0])
     return plant.AddFrame(FixedOffsetFrame("on_block", block.body_frame(), pose))
+
+
+def pymunk(dt: float, t_end: float, end: End) -> Any:
+    """A body that does not turn; coefficients of both shapes are multiplied."""
+    import pymunk as pm
+
+    space = pm.Space()
+    space.gravity = (0.0, -P / M)
+    plane = pm.Segment(space.static_body, (-9.0, 0.0), (9.0, 0.0), 0.0)
+    block = pm.Body(M, float("inf"))
+    block.position = (0.0, 0.05)
+    box = pm.Poly.create_box(block, (0.1, 0.1))
+    plane.friction, box.friction = 1.0, MU_S
+    space.add(plane, block, box)
+
+    def go(force: float) -> float:
+        block.apply_force_at_local_point((force, 0.0))
+        space.step(dt)
+        return float(block.position.x)
+
+    return *_forced(go, dt, t_end, end), version("pymunk")
+
+
+def dart(dt: float, t_end: float, end: End) -> Any:
+    """A box on a box, which does not turn; the contact has the smaller coefficient."""
+    import dartpy as dp
+    import numpy as np
+
+    world = dp.simulation.World()
+    world.setGravity([0.0, 0.0, -P / M])
+    world.setTimeStep(dt)
+
+    def body(made: Any, size: list[float], mass: float, z: float) -> Any:
+        joint, node = made
+        where = dp.math.Isometry3()
+        where.set_translation([0.0, 0.0, z])
+        joint.setTransformFromParentBodyNode(where)
+        shape = node.createShapeNode(dp.dynamics.BoxShape(size))
+        shape.createCollisionAspect()
+        shape.createDynamicsAspect().setFrictionCoeff(MU_S)
+        node.setMass(mass)
+        return node
+
+    ground, slider = dp.dynamics.Skeleton("ground"), dp.dynamics.Skeleton("slider")
+    body(ground.createWeldJointAndBodyNodePair(), [9.0, 9.0, 1.0], 1.0, -0.5)
+    block = body(slider.createTranslationalJointAndBodyNodePair(), [0.1, 0.1, 0.1], M, 0.05)
+    world.addSkeleton(ground)
+    world.addSkeleton(slider)
+
+    def go(force: float) -> float:
+        block.clearExternalForces()
+        block.addExtForce(np.array([force, 0.0, 0.0]))
+        world.step()
+        return float(slider.getPosition(0))
+
+    return *_forced(go, dt, t_end, end), version("dartpy")
+
+
+def exudyn(dt: float, t_end: float, end: End, k: float = 1e6, decay: float = 1e-3) -> Any:
+    """A mass with the bristle of a joint, whose friction has both coefficients (SI)."""
+    import exudyn as exu
+    from exudyn import itemInterface as item
+
+    mbs = exu.SystemContainer().AddSystem()
+    node = mbs.AddNode(item.Node1D(referenceCoordinates=[0.0]))
+    mbs.AddObject(item.Mass1D(physicsMass=M, nodeNumber=node))
+    block = mbs.AddMarker(item.MarkerNodeCoordinate(nodeNumber=node, coordinate=0))
+    fixed = mbs.AddNode(item.NodePointGround())
+    ground = mbs.AddMarker(item.MarkerNodeCoordinate(nodeNumber=fixed, coordinate=0))
+    state = mbs.AddNode(
+        item.NodeGenericData(initialCoordinates=[0.0] * 3, numberOfDataCoordinates=3)
+    )
+    friction = {"dynamicFrictionForce": MU_K * P, "staticFrictionOffsetForce": (MU_S - MU_K) * P}
+    friction |= {"stickingStiffness": k, "stickingDamping": 0.2 * (k * M) ** 0.5}
+    spring = item.CoordinateSpringDamperExt(
+        markerNumbers=[ground, block],
+        nodeNumber=state,
+        stiffness=K,
+        exponentialDecayStatic=decay,
+        **friction,
+    )
+    mbs.AddObject(spring)
+    pull = {"loadUserFunction": lambda _, t, __: K * end(t)}
+    mbs.AddLoad(item.LoadCoordinate(markerNumber=block, load=0.0, **pull))
+    of_block = {"outputVariableType": exu.OutputVariableType.Coordinates, "storeInternal": True}
+    sensor = mbs.AddSensor(item.SensorNode(nodeNumber=node, writeToFile=False, **of_block))
+    mbs.Assemble()
+    how = exu.SimulationSettings()
+    how.timeIntegration.numberOfSteps = round(t_end / dt)
+    how.timeIntegration.endTime = t_end
+    how.timeIntegration.verboseMode = 0
+    how.solutionSettings.writeSolutionToFile = False
+    how.solutionSettings.sensorsWritePeriod = max(SAMPLE, dt)
+    how.timeIntegration.generalizedAlpha.spectralRadius = 1.0
+    begin = time.process_time()
+    mbs.SolveDynamic(how)
+    seconds = time.process_time() - begin
+    ts, us = mbs.GetSensorStoredData(sensor).T
+    return ts.tolist(), us.tolist(), seconds, version("exudyn")
+
+
+def newton(dt: float, t_end: float, end: End, **options: Any) -> Any:
+    """A box whose inertia keeps it from turning; XPBD, in single precision on this processor."""
+    import newton as nt
+    import numpy as np
+    import warp as wp
+
+    wp.config.quiet = True
+    builder = nt.ModelBuilder(gravity=(0.0, 0.0, -P / M))
+    how, a = nt.ModelBuilder.ShapeConfig(mu=MU_S, density=0.0), 0.05
+    inertia = wp.mat33(1e3, 0.0, 0.0, 0.0, 1e3, 0.0, 0.0, 0.0, 1e3)
+    at = wp.transform((0.0, 0.0, a), wp.quat_identity())
+    block = builder.add_body(xform=at, mass=M, inertia=inertia, lock_inertia=True)
+    builder.add_shape_box(block, hx=a, hy=a, hz=a, cfg=how)
+    builder.add_ground_plane(cfg=how)
+    model = builder.finalize(device="cpu")
+    solver = nt.solvers.SolverXPBD(model, **options)
+    states, control, contacts = [model.state(), model.state()], model.control(), model.contacts()
+
+    def go(force: float) -> float:
+        states[0].body_f.numpy()[0] = np.array([force, 0, 0, 0, 0, 0], dtype=np.float32)
+        model.collide(states[0], contacts)
+        solver.step(*states, control, contacts, dt)
+        states.reverse()
+        return float(states[0].body_q.numpy()[0, 0])
+
+    return *_forced(go, dt, t_end, end), version("newton")
 
 
 def opensees(dt: float, t_end: float, end: End, stiffness: float = 1e6) -> Any:

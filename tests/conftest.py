@@ -61,9 +61,9 @@ def coarse_curves(monkeypatch):
 
 
 def _price(monkeypatch, steps):
-    from pyfric.engines.hybrid import HybridRun
+    from pyfric.engines.skip import Prices
 
-    monkeypatch.setattr(HybridRun, "_as_steps", lambda self, counts: steps)
+    monkeypatch.setattr(Prices, "in_steps", lambda self, counts: steps)
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ import pytest
 import pyfric
 from pyfric import core
 from pyfric.core import packing
-from pyfric.engines import cost, hybrid, pauses, quasistatic, slow_slip
+from pyfric.engines import cost, pauses, quasistatic, slow_slip, stable_slip
 from pyfric.planning import levels
 from pyfric.record import differences
 from pyfric.scene import friction, preset, setup1
@@ -24,7 +24,7 @@ from pyfric.statics import sequences
 ACCURACY = 1e-6
 """Of start and arrest forces of every event, over F_N."""
 SETS = {
-    "protocol_linear": ("space.N_MODES", "hybrid.AMPLIFIED"),
+    "protocol_linear": ("space.N_MODES", "ring_down.AMPLIFIED"),
     "viscosity_10_light_finite": ("jump.SAMPLED",),
 }
 """Stored runs off the paper's box -> numbers that matter there."""
@@ -46,7 +46,7 @@ def scaled(number, factor):
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 @pytest.mark.parametrize(
-    ("name", "constant"), [*FITTED, ("protocol_linear", "hybrid.SPENT"), *SLOW]
+    ("name", "constant"), [*FITTED, ("protocol_linear", "schedule.SPENT"), *SLOW]
 )
 def test_events_do_not_depend_on_it(constant, factor, name, monkeypatch):
     module, _, attribute = constant.partition(".")
@@ -156,13 +156,13 @@ def test_plans_keep_their_promise_whatever_work_costs(priced):
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
-@pytest.mark.parametrize("limit", ["hybrid.FAST", "cost.SLIDE"])
+@pytest.mark.parametrize("limit", ["stable_slip.FAST", "cost.SLIDE"])
 def test_stable_slip_does_not_depend_on_them(limit, factor, monkeypatch, priced):
     module, _, name = limit.partition(".")
     if module == "cost":
         priced(name, factor)
     else:
-        monkeypatch.setattr(hybrid, name, factor * hybrid.FAST)
+        monkeypatch.setattr(stable_slip, name, factor * stable_slip.FAST)
     how = {"fidelity": "hybrid", "geometry": "linear", "progress": False}
     a, b = full(0.048, d_c=5e-6), pyfric.simulate(rod(d_c=5e-6), 0.048, **how)
     assert len(a.events) == len(b.events) > 1
@@ -198,7 +198,7 @@ def test_slow_slip_does_not_depend_on_them(constant, factor, monkeypatch, priced
 
 
 ADVISE = {
-    "engines.integration.STRAIN_SHARE": {"F_N": 16e3, "V": 0.08},
+    "engines.strains.STRAIN_SHARE": {"F_N": 16e3, "V": 0.08},
     "record.zones.RESOLVED": {"d_c": 1.5e-6},
     "record.zones.RESOLVED_ERROR": {"d_c": 1.5e-6},
     "record.zones.VISCOUS": {"d_c": 1.5e-6},

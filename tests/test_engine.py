@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import pyfric
-from pyfric.engines import ENGINES, Engine, Run, integrate, owned
+from pyfric.engines import ENGINES, Engine, integrate, owned
 from pyfric.engines.quasistatic import QuasistaticRun, static_sequence
 from pyfric.scene import chain, preset, setup1
 from pyfric.statics import check_statics
@@ -30,10 +30,6 @@ class StaticToy(QuasistaticRun):
     name = "toy"
 
 
-class StepsToy(Run):
-    name = "toy"
-
-
 def toy(monkeypatch, *owners, steps=False):
     """Register an engine with the options of these owners."""
     static = {"geometries": ("linear",), "check": check_statics}
@@ -41,9 +37,7 @@ def toy(monkeypatch, *owners, steps=False):
         name="toy",
         models="what another engine models",
         options=owned("run", *owners),
-        follow=functools.partial(
-            *((integrate, StepsToy) if steps else (static_sequence, StaticToy))
-        ),
+        follow=functools.partial(*((integrate, "toy") if steps else (static_sequence, StaticToy))),
         **({"steppers": ("rk4", "rk46")} if steps else static),
     )
     monkeypatch.setitem(ENGINES, "toy", engine)

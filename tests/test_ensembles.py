@@ -238,8 +238,10 @@ def test_unknown_numbers_and_runs_are_refused():
     refused(lambda: known().record(9), "seed", value=9, within=(0, 8))
 
 
-def test_other_runs_go_through_records():
+def test_other_runs_go_through_records(monkeypatch):
     """Conditions for the end, and other engines."""
+    in_this_process = functools.partial(pyfric.run_all, workers=1)
+    monkeypatch.setattr(measures, "run_all", in_this_process)
     options = {"fidelity": "quasistatic", "stop_when": "main_events = 1"}
     found = made(2, options=options, columns=["n_main_events", "F_first"])
     assert list(found.table["n_main_events"]) == [1, 1]

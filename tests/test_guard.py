@@ -8,7 +8,7 @@ import pytest
 import pyfric
 from pyfric import core
 from pyfric.engines import RunError, default_stepper, folded
-from pyfric.engines.integration import MARGIN, Guard
+from pyfric.engines.guard import MARGIN, Guard
 from pyfric.scene import chain, setup1, setup2
 from pyfric.statics import StaticSolver, stability_limit
 from pyfric.values import SceneError
@@ -45,7 +45,7 @@ SCENES = {
 def test_the_bound_of_energy_holds_without_its_margin(name, share, monkeypatch):
     """The exact motion cannot cross it; steps up to the limit use little of the margin."""
     scene, t_end = SCENES[name]
-    monkeypatch.setattr("pyfric.engines.integration.MARGIN", 0.02)
+    monkeypatch.setattr("pyfric.engines.guard.MARGIN", 0.02)
     dt = share * stability_limit(scene)[0]
     calls = (1000,) if share == 0.5 else (1000, 20)  # short calls and, near the limit, long ones
     for every in (t_end / n for n in calls):

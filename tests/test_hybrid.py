@@ -16,7 +16,8 @@ from tolerances import CURVE, FORCE, FORCE_FINITE, FORCE_STRAINED, REPRODUCED, S
 import pyfric
 from pyfric import core
 from pyfric.core import OPEN
-from pyfric.engines import ACCURACY, hybrid
+from pyfric.engines import ACCURACY
+from pyfric.engines.ring_down import RingDown
 from pyfric.record import Record
 from pyfric.scene import chain, preset, setup1, setup2
 from pyfric.statics import (
@@ -330,16 +331,16 @@ def test_ctrl_c_leaves_a_record_that_goes_on(monkeypatch):
     scene = rod()
     options = {"geometry": "linear", "sample": 1e-4}
     whole = jump(scene, 0.04, **options)
-    jumps, original = [], hybrid.HybridRun.jump
+    jumps, original = [], RingDown.span
 
-    def press(self, last):
-        jumps.append(self.state.step)
+    def press(self, state, last):
+        jumps.append(state.step)
         if len(jumps) == 3:
             os.kill(os.getpid(), signal.SIGINT)
-        return original(self, last)
+        return original(self, state, last)
 
     with monkeypatch.context() as patch:
-        patch.setattr(hybrid.HybridRun, "jump", press)
+        patch.setattr(RingDown, "span", press)
         cut = jump(scene, 0.04, **options)
     assert cut.status == "interrupted"
     assert 0 < cut.final_state.t < 0.04

@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 
 from pyfric.core import Status
-from pyfric.engines.hybrid import HybridRun
 from pyfric.engines.jump import Ringing
+from pyfric.engines.ring_down import RingDown
 
 FORCE = 1e-6
 """Start and arrest forces of every event, over F_N, and the accuracy that is asked for."""
@@ -141,20 +141,21 @@ def beyond_estimates(known):
     Compared is how far each block that sticks is from slipping or opening, after the jump and after
     its steps on a copy.
     """
-    excess, land = [], HybridRun._land
+    excess, land = [], RingDown._land
 
-    def compared(run, landing, system):
-        state, n = run.state.copy(), len(system.held)
+    def compared(skip, present, landing, system):
+        state, n = present.copy(), len(system.held)
         end = state.step + landing.n
         while state.step < end:
-            assert run.make_steps(state, end - state.step) in (Status.DONE, Status.LOG_FULL)
-        land(run, landing, system)
+            made = skip.steps.make_steps(state, end - state.step)
+            assert made in (Status.DONE, Status.LOG_FULL)
+        land(skip, present, landing, system)
         gaps = np.minimum(landing.gaps[:n], landing.gaps[n : 2 * n])
         error = np.abs(state.margin[system.held] - gaps).max()
-        excess.append((error - TIMES * landing.error) / run.scene.F_N)
+        excess.append((error - TIMES * landing.error) / skip.scene.F_N)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(HybridRun, "_land", compared)
+        patch.setattr(RingDown, "_land", compared)
         record = known.hybrid(FORCE)
     return record, np.array(excess)
 

@@ -12,7 +12,8 @@ from scipy.integrate import solve_ivp
 
 import pyfric
 from pyfric import core
-from pyfric.engines.dynamic import Run, just_after
+from pyfric.engines.grid import just_after
+from pyfric.engines.guarded import GuardedSteps
 from pyfric.scene import Scene, chain, setup1, setup2
 
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic", switching="located")
@@ -374,16 +375,16 @@ def test_split_runs_and_the_whole_give_the_same_bits():
 
 def test_checks_of_the_energy_follow_the_protocol_over_jumps(monkeypatch):
     """The first state of a check has the energy that the driver's present motion gives it."""
-    off, look = [], Run._look
+    off, check = [], GuardedSteps._check
 
-    def looked(run, due):
-        state, geometry = run.good.state, run.method.geometry
-        now = core.model(run.scene, geometry, state.u_drv0, just_after(state))
-        found = (core.energies(one, state, state.t) for one in (run.good.model, now))
-        off.append(abs(np.subtract(*(sum(one.values()) for one in found))) / run.guard.rounding)
-        look(run, due)
+    def checked(steps, due):
+        state, geometry = steps.good.state, steps.method.geometry
+        now = core.model(steps.scene, geometry, state.u_drv0, just_after(state))
+        found = (core.energies(one, state, state.t) for one in (steps.good.model, now))
+        off.append(abs(np.subtract(*(sum(one.values()) for one in found))) / steps.guard.rounding)
+        check(steps, due)
 
-    monkeypatch.setattr(Run, "_look", looked)
+    monkeypatch.setattr(GuardedSteps, "_check", checked)
     scene = setup1(L=0.02, H=0.0125, F_N=400.0, V=2e-3)
     stop, start = 0.047, 0.09
     scene = driven(scene, ((stop, 2e-3), (stop, 0.0), (start, 0.0), (start, 8e-3)))
@@ -521,10 +522,10 @@ def varied(kind):
     return loaded(driven(scene, corners), **load), t_end
 
 
-@pytest.mark.usefixtures("free_attempts")
-@pytest.mark.parametrize("kind", ["rod", "free"])
-def test_jumps_follow_speed_and_loads_as_full_dynamics_does(kind):
+@pytest.mark.parametrize(("kind", "price"), [("rod", "cheap"), ("free", "free")])
+def test_jumps_follow_speed_and_loads_as_full_dynamics_does(kind, price, request):
     """Measured 2e-7 F_N. "free" makes 0.53 of all steps, for errors of rates."""
+    request.getfixturevalue(f"{price}_attempts")
     scene, t_end = varied(kind)
     how = {"geometry": "linear", "energies": False, "dt": pyfric.step_size(scene)}
     a = pyfric.simulate(scene, t_end, fidelity="hybrid", accuracy=1e-6, **how)
@@ -538,7 +539,7 @@ def test_jumps_follow_speed_and_loads_as_full_dynamics_does(kind):
     assert a.counts["steps"] < 0.55 * b.counts["steps"]
 
 
-@pytest.mark.usefixtures("free_attempts")
+@pytest.mark.usefixtures("cheap_attempts")
 def test_jumps_follow_speed_and_loads_in_finite_geometry():
     """As accurate as is asked for."""
     T, V = 8e-3, 10e-3

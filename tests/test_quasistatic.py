@@ -811,14 +811,7 @@ def test_a_prediction_names_the_friction_that_it_takes():
     refused(lambda: prediction_curve(setup2(T=200.0)), "top.T", value=200.0, within=(180.0, 0))
 
 
-# --- what is guessed wrong: numbers of docs/faq.md, docs/laws.md and docs/explanation/model.md --
-
-
-def sliding(**changes):
-    """Events of the Fig. 1 scene up to the first one over the whole interface."""
-    record = ladder(preset("fig1", **changes), 2.0, stop_when="system_size")
-    assert record.status.startswith("ended")
-    return record.events
+# --- what is guessed wrong; its numbers: test_shown.py -------------------------------------------
 
 
 @pytest.mark.parametrize("condition", ["system_size", "L_p = 1"])
@@ -836,29 +829,3 @@ def test_a_plate_on_the_top_slides_the_whole_slider(condition):
     assert record.region[-1][:4].tolist() == [2, 2, 2, 2]
     assert event["F_T_start"] / scene.F_N == pytest.approx(0.5112, abs=1e-4)
     assert record.events["is_main"].sum() == 1
-
-
-def test_pushed_higher_there_are_fewer_precursors():
-    """As many as with inertia; before one of the nine the trailing edge lifts off."""
-    events = sliding(h="10 mm")
-    assert (events["is_main"] & events["is_precursor"]).sum() == 9
-
-
-def test_half_blocks_do_not_shift_forces_one_way():
-    change = {}
-    for l in ("5 mm", "2.5 mm", "1.25 mm"):
-        both = [sliding(l=l, edges=edges)["F_T_start"].iloc[0] for edges in ("half", "whole")]
-        change[l] = both[0] / both[1] - 1
-    assert list(change.values()) == pytest.approx([0.031, -0.038, 0.130], abs=1e-3)
-
-
-def test_a_groove_is_two_things():
-    groove = np.isin(np.arange(57), range(26, 31))
-    apart = slides_at_with(contact=(~groove).tolist())
-    smooth = slides_at_with(mu_s=(0.7 * ~groove).tolist(), mu_k=(0.45 * ~groove).tolist())
-    assert [apart, smooth] == pytest.approx([0.0067, -0.0762], abs=1e-4)
-
-
-def slides_at_with(**changes):
-    """Relative change of the force at which the slider slides."""
-    return float(sliding(**changes)["F_T_start"].iloc[-1] / sliding()["F_T_start"].iloc[-1] - 1)

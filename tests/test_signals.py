@@ -20,6 +20,7 @@ from helpers import WATCHED, same_run, small
 import pyfric
 from pyfric.checks import regimes
 from pyfric.cli.commands import main
+from pyfric.engines.recorder import Recorder
 from pyfric.signals import (
     SIGNALS,
     at_once,
@@ -103,14 +104,14 @@ def test_another_cell_starts_afresh():
 
 
 def test_the_record_is_closed_whatever_is_pressed(monkeypatch, capfd):
-    catalogue = pyfric.engines.dynamic.Run.catalogue
+    catalogue = Recorder.catalogue
 
-    def pressing(self):
+    def pressing(self, state):
         press()
         press()
-        return catalogue(self)
+        return catalogue(self, state)
 
-    monkeypatch.setattr(pyfric.engines.dynamic.Run, "catalogue", pressing)
+    monkeypatch.setattr(Recorder, "catalogue", pressing)
     assert interrupted().status == "interrupted"
     assert "saving, please wait" in capfd.readouterr().err
     with pytest.raises(KeyboardInterrupt):

@@ -14,7 +14,7 @@ from tolerances import SPLIT
 
 import pyfric
 from pyfric.core import State, StateError
-from pyfric.engines import ENGINES, HybridRun, RunError, integration, quasistatic, step_size
+from pyfric.engines import ENGINES, Run, RunError, quasistatic, step_size
 from pyfric.planning import plan, simulation
 from pyfric.record import Record, budget_error
 from pyfric.scene import chain, setup1, setup2
@@ -554,14 +554,13 @@ def test_steps_and_jumps_use_one_thread_of_blas(monkeypatch):
     """Two took five times as long to factorise the band of a large lattice."""
     scene, found = setup1(L=0.01, H=0.005, h=2.5e-3), []
 
-    class Looking(HybridRun):
-        def advance(self, *args):
-            pools = threadpoolctl.threadpool_info()
-            found.extend(one["num_threads"] for one in pools if one["user_api"] == "blas")
+    def looking(*_):
+        pools = threadpoolctl.threadpool_info()
+        found.extend(one["num_threads"] for one in pools if one["user_api"] == "blas")
 
+    monkeypatch.setattr(Run, "advance", looking)
     with threadpoolctl.threadpool_limits(2, user_api="blas"):
-        options = pyfric.Options(fidelity="hybrid", geometry="linear")
-        integration.integrate(Looking, scene, 0.0, options, progress=False)
+        simulate(scene, 0.0, fidelity="hybrid", geometry="linear")
     assert found
     assert set(found) == {1}
 

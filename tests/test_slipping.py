@@ -5,12 +5,12 @@ import pytest
 
 import pyfric
 from pyfric.core import OPEN
-from pyfric.engines import hybrid
+from pyfric.engines import stable_slip
 from pyfric.engines.cost import work, work_of_step
-from pyfric.engines.hybrid import SPENT
 from pyfric.engines.jump import Jump, Wait
 from pyfric.engines.path import Outside, path_from, rest
 from pyfric.engines.rests import RestStates
+from pyfric.engines.schedule import SPENT
 from pyfric.engines.slipping import slides
 from pyfric.scene import setup1, setup2
 from pyfric.scene.laws import Ageing, ExponentialWeakening, SpeedDependent
@@ -210,7 +210,7 @@ def test_blocks_that_are_drawn_along_are_jumped_over(geometry, monkeypatch):
     for name in ("block", "old", "new"):
         np.testing.assert_array_equal(made.switches[name], known.switches[name])
     np.testing.assert_allclose(made.final_state.y[:, :2], known.final_state.y[:, :2], atol=1e-11)
-    monkeypatch.setattr(hybrid, "FAST", 0.0)
+    monkeypatch.setattr(stable_slip, "FAST", 0.0)
     assert run(scene, 0.04, "hybrid", geometry=geometry).counts["slides"] == 0
 
 

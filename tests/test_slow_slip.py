@@ -18,7 +18,7 @@ from pyfric import core
 from pyfric.engines.cost import work_so_far
 from pyfric.engines.linearised import Linearised
 from pyfric.engines.path import Outside
-from pyfric.engines.slow_slip import RateHybridRun, values_of
+from pyfric.engines.slow_slip import SlowSlip, values_of
 from pyfric.scene import chain, laws, setup1, setup2
 from pyfric.statics import StaticSolver, loaded_state
 
@@ -524,8 +524,8 @@ def test_phases_are_shorter_where_slip_bends_loads(monkeypatch):
     exact = plate("finite", t_end=0.06, fidelity="dynamic", energies=False)
     how = {"t_end": 0.06, "fidelity": "hybrid", "accuracy": 1e-4}
     assert off(plate("finite", **how), exact) < 1e-4
-    monkeypatch.setattr(RateHybridRun, "bent", lambda *_: False)
-    monkeypatch.setattr(RateHybridRun, "straight", lambda *_: 10**9)
+    monkeypatch.setattr(SlowSlip, "bent", lambda *_: False)
+    monkeypatch.setattr(SlowSlip, "straight", lambda *_: 10**9)
     wrong = plate("finite", **how).events["F_T_start"] - exact.events["F_T_start"]
     assert np.abs(wrong).max() > 1e-4 * exact.scene.F_N
 

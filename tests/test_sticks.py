@@ -1,6 +1,7 @@
 """One block on a spring: what `studies sticks` measures programs with."""
 
 import numpy as np
+import pandas as pd
 import pytest
 import sticks
 
@@ -53,3 +54,11 @@ def test_a_block_that_creeps_is_noticed(monkeypatch):
     peer = sticks.Peer("creeping", "", creeping)
     assert sticks.held(peer, 0.5) == pytest.approx(1e-6 * sticks.HOLD, rel=1e-3)
     assert sticks.pulled(peer, 1e-3)["error"] > 1e-5
+
+
+def test_new_rows_replace_those_of_the_same_program():
+    table = pd.DataFrame({"program": ["pyfric", "pyfric", "solve_ivp"], "error": [1.0, 2.0, 3.0]})
+    rows = pd.DataFrame({"program": ["pyfric"], "error": [4.0]})
+    found = sticks.renewed(table, rows)
+    assert found["program"].tolist() == ["pyfric", "solve_ivp"]
+    assert found["error"].tolist() == [4.0, 3.0]

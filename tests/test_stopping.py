@@ -165,8 +165,8 @@ def test_at_rest_knows_what_the_driver_still_does():
 def test_the_same_step_however_calls_are_cut(monkeypatch):
     """The clock has no say: calls of the core of another length end a run at the same step."""
     first = pyfric.simulate(small(), 6e-3, stop_when="arrested", **HOW["dynamic"])
-    monkeypatch.setattr("pyfric.engines.dynamic.MAX_CALL", 17)
-    monkeypatch.setattr("pyfric.engines.dynamic.CALL_SECONDS", 1e-6)
+    monkeypatch.setattr("pyfric.engines.guarded.CALL_SECONDS", 1e-6)
+    monkeypatch.setattr("pyfric.engines.guarded.STEPS", 17)
     again = pyfric.simulate(small(), 6e-3, stop_when="arrested", **HOW["dynamic"])
     assert again.final_state == first.final_state
 

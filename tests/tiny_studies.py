@@ -15,6 +15,8 @@ from pathlib import Path
 import click
 from click.testing import CliRunner
 
+from pyfric import core
+
 GIVEN = {"fronts": ["--collapse", "5 mm"], "collapse": ["{out}/fronts/fronts_fronts.csv"]}
 """What commands need or should try beside folders; the file is what `fronts` made before."""
 
@@ -32,6 +34,7 @@ def words(folder, name, command):
 
 
 def main(folder, *chosen):
+    core.processors = lambda: 1  # workers would load all modules again
     studies = runpy.run_path(str(Path(__file__).parents[1] / "studies"))["main"]
     rows = []
     for name, command in sorted(studies.commands.items(), key=lambda one: one[0] == "collapse"):

@@ -17,10 +17,11 @@ from pyfric.engines.cost import (
     work_so_far,
 )
 from pyfric.engines.declared import Ends, Option, YesNo, multiple
-from pyfric.engines.dynamic import DYNAMIC, Run, RunError
-from pyfric.engines.engine import ENGINES, Engine
-from pyfric.engines.hybrid import HYBRID, HybridRun
-from pyfric.engines.integration import folded, integrate, largest_strain, shared_statics
+from pyfric.engines.dynamic import DYNAMIC
+from pyfric.engines.engine import ENGINES, Counted, Engine
+from pyfric.engines.hybrid import HYBRID
+from pyfric.engines.integration import Run, RunError, integrate
+from pyfric.engines.loaded import shared_statics
 from pyfric.engines.options import (
     FINEST,
     RTOL,
@@ -48,6 +49,7 @@ from pyfric.engines.step_sizes import (
     step_size,
 )
 from pyfric.engines.stopping import ended_by_condition, stopping_of
+from pyfric.engines.strains import folded, largest_strain
 from pyfric.engines.together import Asked, has_outline, outlines
 
 ENGINES.update({engine.name: engine for engine in (EQUILIBRIUM, QUASISTATIC, HYBRID, DYNAMIC)})

@@ -16,7 +16,7 @@ import numpy as np
 
 from pyfric import core
 from pyfric.core import STEPPERS, available
-from pyfric.engines.integration import largest_strain
+from pyfric.engines.strains import largest_strain
 from pyfric.scene import setup1
 from pyfric.statics import loaded_state
 from pyfric.values import SceneError
@@ -24,7 +24,6 @@ from pyfric.values import SceneError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pyfric.engines.dynamic import Run
     from pyfric.record import Record
     from pyfric.scene import Geometry, Scene
 
@@ -110,9 +109,9 @@ def work_of_step(scene: Scene, geometry: Geometry, stepper: str) -> float:
     return work(scene, geometry, full_counts(scene, 1.0, 1.0, stepper))
 
 
-def work_so_far(run: Run | Record) -> float:
-    """Return the work so far of a run with time steps, or of its record, in s."""
-    return work(run.scene, run.method.geometry, run.counts)
+def work_so_far(record: Record) -> float:
+    """Return the work of a run with time steps, in s."""
+    return work(record.scene, record.method.geometry, record.counts)
 
 
 def full_counts(

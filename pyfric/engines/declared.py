@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from pyfric.engines.engine import ENGINES
 from pyfric.engines.step_sizes import is_auto
 from pyfric.scene import Conditions
 from pyfric.values import Annotation, Quantity, SceneError, Words, check_number, check_whole
@@ -34,6 +33,8 @@ LACKS: dict[Owner, str] = {
     "energies": "does not follow all energies",
 }
 """What an engine does that does not have the options of an owner; engines decide on no others."""
+REGISTERED: dict[str, Any] = {}
+"""All engines by name; see `ENGINES`."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -125,7 +126,7 @@ class EngineName(Annotation):
 
     @property
     def words(self) -> tuple[str, ...]:
-        return ("auto", *ENGINES)
+        return ("auto", *REGISTERED)
 
     @property
     def allowed(self) -> str:

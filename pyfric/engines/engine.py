@@ -11,20 +11,38 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING, Any, Protocol
 
+from pyfric import core
 from pyfric.core import State
-from pyfric.engines.cost import check_memory
-from pyfric.engines.pauses import pause_notes
-from pyfric.scene import default_geometry
+from pyfric.engines.cost import POINTS, check_memory
+from pyfric.engines.declared import REGISTERED
+from pyfric.engines.options import RTOL
+from pyfric.engines.pauses import longest_pause, pause_notes
+from pyfric.engines.step_sizes import (
+    ACCURACY,
+    ERRORS,
+    check_located,
+    check_steps,
+    is_auto,
+    keeps,
+)
+from pyfric.record import Method
+from pyfric.scene import check_geometry, default_geometry
 from pyfric.values import SceneError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pyfric.display import Progress
-    from pyfric.engines.dynamic import Run
     from pyfric.engines.options import Options
     from pyfric.record import Record
     from pyfric.scene import Geometry, Scene
+
+
+class Counted(Protocol):
+    """A run in progress, with counts of its operations."""
+
+    @property
+    def counts(self) -> dict[str, int]: ...
 
 
 class Follow(Protocol):
@@ -38,7 +56,7 @@ class Follow(Protocol):
         *,
         initial: State | Record | None,
         progress: bool | Callable[[Progress], None] | None,
-        enough: Callable[[Run], bool] | None,
+        enough: Callable[[Counted], bool] | None,
     ) -> Record: ...
 
 
@@ -118,6 +136,49 @@ class Engine:
         if (error := self.lacks(options)) is not None:
             raise error
 
+    def settled(self, scene: Scene, options: Options, t_begin: float, t_end: float) -> Method:
+        """Return the method of a run with time steps between two times, in s.
+
+        Raises:
+            SceneError: the scene or the engine does not allow an option.
+        """
+        if options.geometry is not None:
+            check_geometry(options.geometry, scene)
+        self.check(scene)
+        self.check_options(options)
+        if self.jumps and options.energies and scene.law.flows:
+            reason = "steps without inertia between events leave energies out"
+            raise SceneError("energies", True, "", "False, or fidelity = 'dynamic'", reason)
+        dt, switching = options.steps_on(scene)
+        stepper = options.stepper_on(scene)
+        chosen = is_auto(options.dt) and options.method is None and keeps(stepper, switching)
+        if options.accuracy is not None and not (self.jumps or chosen):
+            steppers = " or ".join(map(repr, ERRORS))
+            allowed = f"None, or dt = 'auto' with the stepper {steppers} and located switching"
+            raise SceneError("accuracy", options.accuracy, "F_N", allowed, "has no effect")
+        if switching == "located":
+            check_located(scene, stepper, dt)
+        check_steps(t_begin, t_end, dt)
+        every = (t_end - t_begin) / dt / POINTS if options.sample is None else options.sample / dt
+        budget = options.energies
+        if budget is None:
+            budget = self.energies and not self.jumps
+        return Method(
+            engine=self.name,
+            geometry=options.geometry or default_geometry(scene),
+            stepper=stepper,
+            switching=switching,
+            rtol=(options.rtol or RTOL) if options.stepper == "adaptive" else None,
+            dt=dt,
+            sample=max(1, round(every)),
+            t_gap=longest_pause(scene) if options.t_gap is None else options.t_gap,
+            threads=core.useful_threads(scene.N_x * scene.N_z, options.threads),
+            variant=core.VARIANT,
+            budget=budget,
+            accuracy=(options.accuracy or ACCURACY) if self.jumps else None,
+            threshold=options.threshold,
+        )
+
     def run(
         self,
         scene: Scene,
@@ -126,7 +187,7 @@ class Engine:
         *,
         initial: State | Record | None = None,
         progress: bool | Callable[[Progress], None] | None = None,
-        enough: Callable[[Run], bool] | None = None,
+        enough: Callable[[Counted], bool] | None = None,
     ) -> Record:
         """Run a scene to t_end (s); see `pyfric.simulate`.
 
@@ -148,5 +209,5 @@ class Engine:
         return record.replace(notes=(*record.notes, *new)) if new else record
 
 
-ENGINES: dict[str, Engine] = {}
+ENGINES: dict[str, Engine] = REGISTERED
 """All engines by name, the cheapest first; `pyfric.engines` fills it."""

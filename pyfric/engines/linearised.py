@@ -37,6 +37,11 @@ LARGE = 500.0
 """Argument above which ln(I_0(x)) counts as x, so that no I_0 overflows."""
 
 
+def after(part: tuple[np.ndarray, np.ndarray], s: float, moved: np.ndarray) -> np.ndarray:
+    """Return a part of an `Interface` at s (s) after displacements (m)."""
+    return part[0] @ np.array([1.0, s, s * s / 2]) + part[1] @ moved
+
+
 class Interface(NamedTuple):
     """The condensed slider with the time s since a state, in s, whose blocks in contact are held.
 
@@ -55,8 +60,7 @@ class Interface(NamedTuple):
 
     def at(self, s: float, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         """Return loads, normal forces and F_T (N) at s (s) after displacements (m)."""
-        powers = np.array([1.0, s, s * s / 2])
-        load, p, F_T = (part[0] @ powers + part[1] @ moved for part in self[:3])
+        load, p, F_T = (after(part, s, moved) for part in self[:3])
         return load, p, float(F_T)
 
     def moving(self, s: float, moved: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -15,12 +15,15 @@ import numpy as np
 
 from pyfric import core
 from pyfric.core import STUCK
+from pyfric.engines.space import loaded_space
 from pyfric.statics import CONTACT_TOL, ends
 
 if TYPE_CHECKING:
-    from pyfric.core import Log, Model, State, Status, Switching
+    from pyfric.core import Log, Model, State, Status
     from pyfric.engines.space import Space
+    from pyfric.record import Method
     from pyfric.scene import Scene
+    from pyfric.statics import StaticSolver
 
 ASIDE = 16
 """Resting blocks on each side of those that may slip, at first. More take longer; fewer are doubled
@@ -63,33 +66,39 @@ def may_slip(scene: Scene, space: Space, state: State, n_steps: int) -> np.ndarr
     return moves
 
 
-def steps_of_parts(
-    space: Space,
-    model: Model,
-    state: State,
-    log: Log,
-    n_steps: int,
-    stepper: str,
-    switching: Switching,
-) -> Status:
-    """Make up to n_steps of a scene that `has_parts`; see `pyfric.core.advance`."""
-    scene = space.solver.scene
-    found = np.flatnonzero(may_slip(scene, space, state, n_steps))
-    aside, N_x = ASIDE, scene.N_x
-    how = {"stepper": stepper, "switching": switching, "budget": False}
-    while len(found):
-        first, end = max(found[0] - aside, 0), min(found[-1] + 1 + aside, N_x)
-        if end - first + 2 * aside >= N_x:
-            break
-        part = core.Part(model, first, end)
-        own = part.state(state)
-        switches = core.Log(end - first, quiet=log.quiet_i.shape[1], every=log.every)
-        status = core.advance(part.model, own, switches, n_steps, **how)
-        if not part.switched(switches):
-            _take(scene, part, (own, switches), (state, log))
-            return status
-        aside *= 2
-    return core.advance(model, state, log, n_steps, **how)
+class MovingParts:
+    """The stepper of a scene that `has_parts`.
+
+    Args:
+        known: static states of the scene.
+        method: how it is run, without energies and threshold.
+    """
+
+    longest = ASIDE
+    """Most steps of one call."""
+
+    def __init__(self, known: StaticSolver, method: Method) -> None:
+        self.known = known
+        self.how = {"stepper": method.stepper, "switching": method.switching, "budget": False}
+
+    def advance(self, model: Model, state: State, log: Log, n_steps: int) -> Status:
+        """Make up to n_steps; see `pyfric.core.advance`."""
+        scene, space = self.known.scene, loaded_space(self.known)
+        found = np.flatnonzero(may_slip(scene, space, state, n_steps))
+        aside, N_x = ASIDE, scene.N_x
+        while len(found):
+            first, end = max(found[0] - aside, 0), min(found[-1] + 1 + aside, N_x)
+            if end - first + 2 * aside >= N_x:
+                break
+            part = core.Part(model, first, end)
+            own = part.state(state)
+            switches = core.Log(end - first, quiet=log.quiet_i.shape[1], every=log.every)
+            status = core.advance(part.model, own, switches, n_steps, **self.how)
+            if not part.switched(switches):
+                _take(scene, part, (own, switches), (state, log))
+                return status
+            aside *= 2
+        return core.advance(model, state, log, n_steps, **self.how)
 
 
 def _take(scene: Scene, part: core.Part, own: tuple[State, Log], whole: tuple[State, Log]) -> None:

@@ -1,6 +1,6 @@
 """Options of a run, and the method that follows from them for a scene and an engine.
 
-`Options` holds what a user asks for, independent of the scene. `Options.settled` fills in what was
+`Options` holds what a user asks for, independent of the scene. `Engine.settled` fills in what was
 left open, for one scene. It returns a `Method`, which the record of the run keeps.
 """
 
@@ -11,7 +11,6 @@ import functools
 import os
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypedDict
 
-from pyfric import core
 from pyfric.core import STEPPERS, Switching
 from pyfric.engines.cost import POINTS
 from pyfric.engines.declared import (
@@ -27,27 +26,20 @@ from pyfric.engines.declared import (
     documented,
     option,
 )
-from pyfric.engines.pauses import longest_pause
 from pyfric.engines.step_sizes import (
     ACCURACY,
-    ERRORS,
-    check_located,
-    check_steps,
     default_stepper,
     default_switching,
-    is_auto,
-    keeps,
     step_size,
 )
 from pyfric.record import Method
-from pyfric.scene import SETTABLE, Geometry, check_geometry, condition, default_geometry, paper_step
+from pyfric.scene import SETTABLE, Geometry, condition, paper_step
 from pyfric.values import Annotation, NotNegative, Positive, Quantity, SceneError, annotations, part
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from typing import Unpack
 
-    from pyfric.engines.engine import Engine
     from pyfric.scene import Number, Scene
 
 RTOL = 1e-6
@@ -356,46 +348,6 @@ class Options:
     def calls_on(self, scene: Scene) -> int:
         """Return the number of calls of the core that points of the loading curve need."""
         return POINTS if self.stop_when or self.threshold or scene.law.junctions else 0
-
-    def settled(self, scene: Scene, engine: Engine, t_begin: float, t_end: float) -> Method:
-        """Return the method of an engine with time steps for a run between two times, in s.
-
-        Raises:
-            SceneError: this scene or engine does not allow an option.
-        """
-        if self.geometry is not None:
-            check_geometry(self.geometry, scene)
-        engine.check(scene)
-        engine.check_options(self)
-        if engine.jumps and self.energies and scene.law.flows:
-            reason = "steps without inertia between events leave energies out"
-            raise SceneError("energies", True, "", "False, or fidelity = 'dynamic'", reason)
-        dt, switching = self.steps_on(scene)
-        stepper = self.stepper_on(scene)
-        chosen = is_auto(self.dt) and self.method is None and keeps(stepper, switching)
-        if self.accuracy is not None and not (engine.jumps or chosen):
-            steppers = " or ".join(map(repr, ERRORS))
-            allowed = f"None, or dt = 'auto' with the stepper {steppers} and located switching"
-            raise SceneError("accuracy", self.accuracy, "F_N", allowed, "has no effect")
-        if switching == "located":
-            check_located(scene, stepper, dt)
-        check_steps(t_begin, t_end, dt)
-        every = (t_end - t_begin) / dt / POINTS if self.sample is None else self.sample / dt
-        return Method(
-            engine=engine.name,
-            geometry=self.geometry or default_geometry(scene),
-            stepper=stepper,
-            switching=switching,
-            rtol=(self.rtol or RTOL) if self.stepper == "adaptive" else None,
-            dt=dt,
-            sample=max(1, round(every)),
-            t_gap=longest_pause(scene) if self.t_gap is None else self.t_gap,
-            threads=core.useful_threads(scene.N_x * scene.N_z, self.threads),
-            variant=core.VARIANT,
-            budget=engine.energies and not engine.jumps if self.energies is None else self.energies,
-            accuracy=(self.accuracy or ACCURACY) if engine.jumps else None,
-            threshold=self.threshold,
-        )
 
 
 Options.__doc__ = documented(

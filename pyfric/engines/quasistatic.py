@@ -40,12 +40,12 @@ from pyfric.core import (
     Status,
 )
 from pyfric.display import Progress, run_bar
-from pyfric.engines.dynamic import kept_notes
-from pyfric.engines.engine import Engine
-from pyfric.engines.integration import contact_notes, strain_notes
+from pyfric.engines.engine import Counted, Engine
 from pyfric.engines.options import owned
 from pyfric.engines.pauses import loading_notes, longest_pause
+from pyfric.engines.recorder import kept_notes
 from pyfric.engines.stopping import stopping_of
+from pyfric.engines.strains import contact_notes, strain_notes
 from pyfric.record import (
     QUIET_COLUMNS,
     SWITCH_COLUMNS,
@@ -557,7 +557,7 @@ def static_sequence(
     *,
     initial: State | Record | None = None,
     progress: bool | Callable[[Progress], None] | None = None,
-    enough: Callable[[QuasistaticRun], bool] | None = None,
+    enough: Callable[[Counted], bool] | None = None,
 ) -> Record:
     """Follow a scene through static states to t_end (s); see `pyfric.simulate`.
 

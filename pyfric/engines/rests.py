@@ -14,7 +14,7 @@ from pyfric.engines.cost import set_up
 from pyfric.engines.modes import Modes, modes_at, modes_of
 from pyfric.engines.path import at, rest
 from pyfric.engines.slipping import SlipGaps, SlipSpace
-from pyfric.engines.space import N_MODES, Space
+from pyfric.engines.space import N_MODES, Space, loaded_space
 from pyfric.statics import EquilibriumError, Memory, Static, Weakening, ends
 
 if TYPE_CHECKING:
@@ -97,20 +97,12 @@ class RestStates:
         """Extend the space of the loaded slider, if few of its blocks were released."""
         self.made["modal_bases"] += 1
         if (stuck == self._loaded).all():
-            return modes_of(self.of_loaded, self.dt, self.stepper)
+            return modes_of(loaded_space(self.known), self.dt, self.stepper)
         released = self._loaded & ~stuck
         added = 4 * released.sum()  # two responses to each block, and their viscous corrections
         extends = added <= N_MODES and not (stuck & ~self._loaded).any()
-        near = self.of_loaded if extends else None
+        near = loaded_space(self.known) if extends else None
         return modes_of(Space(self.known, stuck, near), self.dt, self.stepper)
-
-    @property
-    def of_loaded(self) -> Space:
-        """The space of the loaded slider, which runs with the same solver share."""
-        kept = self.known.kept
-        if "space" not in kept:
-            kept["space"] = Space(self.known, self._loaded)
-        return kept["space"]
 
     def renew(self, stuck: np.ndarray, q: np.ndarray) -> Modes:
         """Return the modes at the tangent of a state q, and keep them for later calls."""

@@ -1,4 +1,4 @@
-"""Rate-and-state friction between ruptures: quasi-static elasticity, without inertia.
+"""Slow slip as a skip: rate-and-state friction between ruptures, without inertia.
 
 Elasticity is linear about a static state, and the slider is condensed onto its interface
 (`Linearised`). Friction then gives the speed of each block from the load on it and from its state:
@@ -11,7 +11,7 @@ Elasticity is linear about a static state, and the slider is condensed onto its 
 geometry a phase ends where its loads are no longer those of static states, and the next one is
 linear about its own beginning.
 
-`RateHybridRun` hands over to full dynamics where the loads by inertia are no longer small. It
+`SlowSlip` hands over to full dynamics where the loads by inertia are no longer small. It
 returns where the waves of a rupture move the interface by what is known, and can change loads by
 no more beside it (`Waves.effect`). Both directions keep u, v and theta of the interface. The rest
 of the slider is then in its static state for these u, with the lag of viscosity and inertia, and
@@ -30,22 +30,23 @@ import numpy as np
 
 from pyfric import core
 from pyfric.core import OPEN
-from pyfric.engines.cost import work, work_of_step
-from pyfric.engines.dynamic import Run
-from pyfric.engines.integration import just_after
-from pyfric.engines.linearised import Interface, Linearised
+from pyfric.engines.grid import just_after, piece_ends
+from pyfric.engines.linearised import Interface, Linearised, after
 from pyfric.engines.path import Outside
+from pyfric.engines.skip import Prices, Span, mostly_stepped
 from pyfric.statics import Memory, Values
+from pyfric.values import SceneError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
+    from pyfric.core import State
+    from pyfric.engines.guarded import GuardedSteps
+    from pyfric.scene import Scene
     from pyfric.statics import Equilibrium
 
 SPENT = 1 / 4
 """Work of a look at waves, over that of the steps of full dynamics up to the next one."""
-MOSTLY = 0.5
-"""Integrated share of the time above which the record carries a note."""
 KEPT = 4
 """Sets of contacts about whose loaded state the slider is kept."""
 SLOW_STEPS, SLOW_POINTS, SLOW_WORK = 1000, 1000, 4e8
@@ -86,65 +87,76 @@ def values_of(at: Equilibrium) -> Values:
     return Values(at.u[0, 0], at.f, at.u[0, 1], at.p, at.F_T)
 
 
-def mostly_stepped(counts: Mapping[str, int], why: str) -> tuple[str, ...]:
-    """Return a note if most of the time was integrated like in full dynamics."""
-    share = counts["steps"] / max(counts["steps"] + counts["steps_spared"], 1)
-    if share <= MOSTLY or counts["steps"] < 1000:
-        return ()
-    said = f"{100 * share:.0f} % of the time was integrated like in full dynamics"
-    return (f"hybrid: {said} (more than {100 * MOSTLY:.0f} %): {why}",)
-
-
 def is_bursting(fast: np.ndarray) -> bool:
     """Return whether a block is fast that became so with contact; see `core.Log`."""
     return bool(((fast[0] != 0) & (fast[1] == 0)).any())
 
 
-class RateHybridRun(Run):
-    """A run that steps through ruptures, and leaves out inertia between them."""
+class SlowSlip:
+    """The skip over slow slip.
 
-    name = "hybrid"
+    Args:
+        steps: steps of the run.
+    """
 
-    def __init__(self, *args: Any) -> None:
-        super().__init__(*args)
-        self.made |= {"jumps": 0, "steps_spared": 0, "slow_steps": 0}
+    def __init__(self, steps: GuardedSteps) -> None:
+        self.steps, self.recorder = steps, steps.recorder
+        self.scene, self.method, self.known = steps.scene, steps.method, self.recorder.known
+        self.recorder.made |= {"jumps": 0, "steps_spared": 0, "slow_steps": 0}
         self.limit = self.method.accuracy * self.scene.F_N
-        scene, geometry, stepper = self.scene, self.method.geometry, self.method.stepper
-        step = work_of_step(scene, geometry, stepper)
-        self.look_every = math.ceil(
-            work(scene, geometry, {"attempts": 1, "landings": 1}) / (SPENT * step)
-        )
+        prices, state = Prices(self.scene, self.method), steps.state
+        look = prices.in_steps({"attempts": 1, "landings": 1})
+        self.look_every = math.ceil(look / SPENT)
         self.shortest = 2 * self.look_every  # steps of a phase in finite geometry worth its work
-        self.least = work(scene, geometry, {"slow_steps": 1}) / step * self.state.dt
-        self.pays = self.look_every * self.state.dt
-        self.worth = self.state.step  # the step at which waves are looked at next
-        if not (self.state.sub or self.state.since):
-            self.worth += -self.worth % self.look_every
+        self.least = prices.in_steps({"slow_steps": 1}) * state.dt
+        self.pays = self.look_every * state.dt
+        self.look_at = state.step  # the step at which waves are looked at next
+        if not (state.sub or state.since):
+            self.look_at += -self.look_at % self.look_every
         self.kept: Memory[Linearised] = Memory(KEPT)
 
-    def notes(self) -> tuple[str, ...]:
-        """Return the notes, with one more if slow slip spared little."""
-        return super().notes() + mostly_stepped(
-            self.counts,
+    @staticmethod
+    def fits(scene: Scene) -> bool:
+        """Return whether friction of a scene follows from speeds, so that slip can be slow."""
+        return scene.law.flows
+
+    @staticmethod
+    def check(scene: Scene) -> None:
+        """Raise SceneError for a scene whose slow slip is not followed."""
+        if np.any(scene.gap):
+            reason = "steps without inertia between events leave gaps out"
+            gap, allowed = float(np.max(scene.gap)), "0 m, or fidelity = 'dynamic'"
+            raise SceneError("interface.gap", gap, "m", allowed, reason)
+
+    def notes(self, counts: Mapping[str, int]) -> tuple[str, ...]:
+        """Return a note if slow slip spared little."""
+        return mostly_stepped(
+            counts,
             "slip was fast, its waves or its inertia were too large for an accuracy of "
             f"{self.method.accuracy:g} F_N, or slow steps would have taken longer",
         )
 
-    def call_length(self) -> int:
-        """Return how many steps may be made before the next look at waves."""
-        return max(1, self.worth - self.state.step)
+    def wait(self, state: State) -> int:
+        """Return the number of steps until the next look at waves."""
+        return max(self.look_at - state.step, 0)
 
-    def before_call(self, last: int) -> None:
+    def span(self, state: State, last: int) -> Span | None:
         """Leave out inertia while it is small."""
-        state = self.state
-        while state.step < last and state.step >= self.worth and not self.ending:
-            begin = state.step
-            moved = np.zeros((2, self.scene.N_x)) if state.since else self.calm()
-            if moved is None or not self.slip(last, moved):
-                state.sub = 0.0
-                self.worth = state.step + self.look_every - state.step % self.look_every
-            if state.step > begin:
-                return
+        moved = np.zeros((2, self.scene.N_x)) if state.since else self.calm()
+        span = None if moved is None else self.slip(last, moved)
+        if span is None:
+            self._put_off(state, state.step)
+        return span
+
+    def _put_off(self, state: State, step: int) -> None:
+        """Put off the next look at waves after slow slip that ended at a step."""
+        state.sub = 0.0
+        self.look_at = step + self.look_every - step % self.look_every
+
+    @property
+    def state(self) -> State:
+        """The present state of the run."""
+        return self.steps.state
 
     def outside(self) -> Outside:
         """Return driver and loads from now on."""
@@ -171,7 +183,7 @@ class RateHybridRun(Run):
             return None
         at = known.coordinates(state.y[:, :2], state.rod[:3])
         rates = known.coordinates(state.y[:, 2:], state.rod[3:])
-        p = core.evaluate(self.model, state, state.t).p
+        p = core.evaluate(self.steps.model, state, state.t).p
         waves = about.waves(at, rates, outside, p, self.scene.law)
         left, allowed = waves.largest / (WAVES * self.limit), SLIPPED * self.limit
         if not waves.effect(v) <= allowed or (left > 1 and not waves.decay > 0):
@@ -192,8 +204,8 @@ class RateHybridRun(Run):
         slip, weakens = waves.slip(np.abs(first)), self.scene.law.weakening(first, state.theta)
         return np.array([slip, -slip * np.sign(first) * weakens])
 
-    def slip(self, last: int, moved: np.ndarray) -> bool:
-        """Leave out inertia up to step `last` at most; return whether that may go on.
+    def slip(self, last: int, moved: np.ndarray) -> Span | None:
+        """Leave out inertia up to step `last` at most.
 
         No slow step is shortened to end at `last`. A run that goes on from there repeats the slow
         steps of this phase, so that it has the bits of the whole run.
@@ -201,37 +213,54 @@ class RateHybridRun(Run):
         state, cut = self.state, self._moving()
         done, begin, closed = state.since, state.phase, state.mode != OPEN
         state.out_of_phase()
-        last, text = self._due(self.piece_ends(last))
-        if last <= state.step:
-            return False
+        ends = piece_ends(self.scene, state, last)
+        end, ending = self.recorder.due(state, self.steps.model, ends)
+        if end <= state.step:
+            return None
         if done:
             self._put_back(state.step - done, begin)
         before = self._moving()
         state.y[0, 0] += moved[0]
         state.theta[:] *= np.exp(moved[1])
         outside = self.outside()
-        phase = self.phase(closed, outside, last)
+        phase = self.phase(closed, outside, end)
         n = 0 if phase is None else round(phase.found.t / state.dt)
         if n < done:  # on a processor that rounds in another way
             self._put_back(state.step + done, cut)
             return self.slip(last, moved)
         if phase is None or not n:
             state.y[0, 0], state.theta[:], _ = before
-            return False
-        interface, found = phase.interface, phase.found
-        self._sample_slip(interface, phase.points, found.points, done)
-        if self.method.threshold:
-            self._log_passages(interface, found, n, done)
-        begin = self._moving()
-        self._put(phase, outside, n)
-        self.made["steps_spared"] -= done
-        if found.goes_on and n == phase.n_last < phase.n_end:
-            state.phase, state.since = begin, n
-        else:
-            state.sub = found.h
-        if text and state.step == last:
-            self.ending = self.stopping.named(text)
-        return found.goes_on
+            return None
+        return self._span(phase, outside, n, done, ending if state.step + n == end else "")
+
+    def _span(self, phase: Phase, outside: Outside, n: int, done: int, ending: str) -> Span:
+        """Return the first n steps of a phase, of which a run before this one made some."""
+        interface, points, state = phase.interface, phase.found.points, self.state
+        points = points[np.count_nonzero(phase.points <= done) :]
+        by_v, _ = self.about(state.mode != OPEN).by_v
+
+        def F_T(s: np.ndarray) -> np.ndarray:
+            at = zip(s, points, strict=False)
+            return np.array([after(interface.F_T, t, u) for t, (u, *_) in at])
+
+        def motion(s: np.ndarray) -> Iterator[dict[str, np.ndarray]]:
+            for t, (u, log_theta, v) in zip(s, points, strict=False):
+                load, (u_x, v_x) = after(interface.load, t, u), interface.moving(t, u, v)
+                yield {"theta": np.exp(log_theta), "u_x": u_x, "v_x": v_x, "f": -load - by_v @ v}
+
+        def put(state: State) -> None:
+            if self.method.threshold:
+                self._log_passages(interface, phase.found, n, done)
+            begin = self._moving()
+            self._put(phase, outside, n)
+            if not phase.found.goes_on:
+                self._put_off(state, state.step + n)
+            elif n == phase.n_last < phase.n_end:
+                state.phase, state.since = begin, n
+            else:
+                state.sub = phase.found.h
+
+        return Span(n, F_T, motion, put, done=done, ending=ending)
 
     def phase(self, closed: np.ndarray, outside: Outside, last: int) -> Phase | None:
         """Return slip without inertia up to step `last` at most; None if it is not worth its work.
@@ -241,7 +270,8 @@ class RateHybridRun(Run):
         """
         state, every = self.state, self.method.sample
         first = every - state.step % every
-        n_end = min(first + (SLOW_POINTS - 1) * every, self.piece_ends(sys.maxsize) - state.step)
+        whole = piece_ends(self.scene, state, sys.maxsize) - state.step
+        n_end = min(first + (SLOW_POINTS - 1) * every, whole)
         known, about, bends = self.known, self.about(closed), 0.0
         at = known.solve(state.y[0, 0], outside.drive, free=~closed, load=outside.load)
         finite = known.geometry == "finite"
@@ -251,7 +281,7 @@ class RateHybridRun(Run):
             about = Linearised(known, closed, q)
             bends = known.bends(q, about.answer(outside.rates()[0]))
         interface = about.interface(values_of(at), outside, bends)
-        self._follow(just_after(state))
+        self.steps.follow()
 
         def made(n_last: int) -> Phase:
             points = np.arange(first, n_last + 1, every)
@@ -262,9 +292,9 @@ class RateHybridRun(Run):
                 times=points * state.dt,
                 h=state.sub,
                 threshold=self.method.threshold or 0.0,
-                fast=self.log.fast[0],
+                fast=self.recorder.log.fast[0],
             )
-            self.made["slow_steps"] += found.steps
+            self.recorder.made["slow_steps"] += found.steps
             return Phase(about, interface, at, found, points, n_last, n_end)
 
         while finite and self.bent(phase := made(n_end), outside):
@@ -326,7 +356,7 @@ class RateHybridRun(Run):
         about = self.about(closed)
         how |= {"viscous": about.by_v, "inertial": about.by_a, "closed": closed}
         start, how["v"] = np.log(self.state.theta), self.state.y[0, 2]
-        return core.slow_slip(self.model, interface.load, interface.p, start, limits, **how)
+        return core.slow_slip(self.steps.model, interface.load, interface.p, start, limits, **how)
 
     def _moving(self) -> np.ndarray:
         """Return u_x (m), theta (s) and v_x (m/s) of the interface, shape (3, N_x)."""
@@ -337,35 +367,7 @@ class RateHybridRun(Run):
         self.state.step = step
         self.state.y[0, 0], self.state.theta[:], self.state.y[0, 2] = moving
         if self.method.threshold:
-            self.log = self.new_log()
-
-    def _due(self, last: int) -> tuple[int, str]:
-        """Return the step at which a condition ends the run if none slips, and its text.
-
-        The run ends at a point of the curve. If that is beyond step `last`, it and "" are returned.
-        """
-        if self.stopping is None:
-            return last, ""
-        self.look()
-        state, every = self.state, self.method.sample
-        due, text = self.stopping.due()
-        if due > state.t0 + last * state.dt:
-            return last, ""
-        points = max(state.step // every + 1, math.ceil((due - state.t0) / state.dt / every))
-        return (points * every, text) if points * every <= last else (last, "")
-
-    def _sample_slip(
-        self, interface: Interface, steps: np.ndarray, points: np.ndarray, done: int
-    ) -> None:
-        """Add points of the curve after these numbers of steps of a phase, beyond `done`."""
-        state, known = self.state, np.count_nonzero(steps <= done)
-        by_v, _ = self.about(state.mode != OPEN).by_v
-        for n, (moved, log_theta, v) in zip(steps[known:].tolist(), points[known:], strict=False):
-            load, _, F_T = interface.at(n * state.dt, moved)
-            self.history.add(np.array([[state.t0 + (state.step + n) * state.dt, F_T]]))
-            u_x, v_x = interface.moving(n * state.dt, moved, v)
-            f = -load - by_v @ v
-            self.add_motion({"theta": np.exp(log_theta), "u_x": u_x, "v_x": v_x, "f": f})
+            self.recorder.log = self.recorder.new_log(self.state)
 
     def _log_passages(self, interface: Interface, found: core.SlowSlip, n: int, done: int) -> None:
         """Log passages through the threshold in steps of a phase, and fast slip, up to step n.
@@ -373,7 +375,8 @@ class RateHybridRun(Run):
         Those of the first `done` steps are in the logs.
         """
         state, N_x = self.state, self.scene.N_x
-        fast, peak, last = self.log.fast, self.log.speeds[-1], 0.0
+        buffers = self.recorder.log
+        fast, peak, last = buffers.fast, buffers.speeds[-1], 0.0
         ends = np.array([done, n]) * state.dt
         known, count = np.searchsorted(found.passed_at[:, 0], ends, side="right")
         log = core.Log(N_x, max(count, 1), max(count, 1), 0, self.method.threshold)
@@ -403,9 +406,9 @@ class RateHybridRun(Run):
                 row[2 + core.POINT : -1] = u_x
                 log.burst_i[:, log.n_burst] = 1 if bursting else -1, *state.mode
                 log.n_burst, peak = log.n_burst + (number >= known), 0.0
-        self.log.speeds[N_x] = max(peak, largest(last, n * state.dt)) if bursting else peak
+        buffers.speeds[N_x] = max(peak, largest(last, n * state.dt)) if bursting else peak
         if count > known:
-            self._add_logs({"crossings": log.crossings(), "bursts": log.bursts()})
+            self.recorder.add_logs({"crossings": log.crossings(), "bursts": log.bursts()})
 
     def _put(self, phase: Phase, outside: Outside, n: int) -> None:
         """Set the state to that after n steps of a phase, in its static state under viscosity."""
@@ -422,9 +425,5 @@ class RateHybridRun(Run):
         state.y[:, 2:], state.rod[3:] = known.displacements(rates)
         state.y[0, 0, closed], state.y[0, 2, closed] = u_x[closed], v[closed]
         state.theta[:] = np.exp(found.log_theta)
-        state.step += n
         state.margin[:] = self.scene.law.kind.v_slip - np.abs(v)
-        self.log.speeds[: self.scene.N_x] = v
-        self.good = None
-        self.made["jumps"] += 1
-        self.made["steps_spared"] += n
+        self.recorder.log.speeds[: self.scene.N_x] = v

@@ -16,8 +16,8 @@ from pyfric.engines import (
     ENGINES,
     POINTS,
     SLOWEST,
+    Counted,
     Options,
-    Run,
     RunError,
     check_kept,
     check_steps,
@@ -245,13 +245,13 @@ def _run(
     *,
     initial: State | Record | None,
     progress: bool | Callable[[Progress], None] | None,
-    enough: Callable[[Run], bool] | None = None,
+    enough: Callable[[Counted], bool] | None = None,
 ) -> Record:
     """Run one engine. `enough` can end the run of an engine with time steps."""
     engine, said = ENGINES[options.fidelity], []
     if engine.name == "dynamic":
         begin = _begin(initial)
-        method = options.settled(scene, engine, begin, t_end)
+        method = engine.settled(scene, options, begin, t_end)
         made = full_work(scene, method.geometry, method.dt, t_end - begin, method.stepper)
         if made * SLOWEST > LONG:
             said = _said(scene, engine.name, made * machine_speed(), progress)

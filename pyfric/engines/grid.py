@@ -1,0 +1,55 @@
+"""The grid of steps of a run, and the breakpoints of its protocol, at which it begins anew."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pyfric.core import State
+    from pyfric.scene import Scene
+
+ON_GRID = 1e-9
+"""A breakpoint of a protocol this close to the end of a step, over dt, counts as on it."""
+
+
+def last_of_run(scene: Scene, state: State, t_end: float) -> int:
+    """Return the number of the last step of a run to t_end (s).
+
+    Each breakpoint of a protocol starts a new time grid.
+    """
+    t0 = state.t0
+    for corner in scene.corners:
+        if state.t + ON_GRID * state.dt < corner < t_end:
+            t0 = corner - last_step(t0, state.dt, corner) * state.dt
+    return math.ceil((t_end - t0) / state.dt * (1 - 1e-14))
+
+
+def last_step(t0: float, dt: float, t: float) -> int:
+    """Return the number of the first step that ends at t or later, within rounding."""
+    return math.ceil((t - t0) / dt * (1 - 1e-14) - ON_GRID)
+
+
+def just_after(state: State) -> float:
+    """Return a time (s) just after the state, which selects the next piece of a protocol."""
+    return state.t + ON_GRID * state.dt
+
+
+def next_corner(scene: Scene, state: State) -> float:
+    """Return the time (s) of the next breakpoint of a protocol, inf if there is none."""
+    t = just_after(state)
+    return next((corner for corner in scene.corners if corner > t), math.inf)
+
+
+def piece_ends(scene: Scene, state: State, last: int) -> int:
+    """Return the last step that a skip may reach, at most `last`, before any breakpoint."""
+    corner = next_corner(scene, state)
+    if math.isinf(corner):
+        return last
+    return min(last, last_step(state.t0, state.dt, corner) - 1)
+
+
+def at_corner(scene: Scene, state: State) -> bool:
+    """Return whether the present step ends at a breakpoint of a protocol."""
+    near = ON_GRID * state.dt
+    return any(abs(corner - state.t) <= near for corner in scene.corners)

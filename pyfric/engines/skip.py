@@ -1,0 +1,95 @@
+"""A skip: what leaves out steps because it knows their answer otherwise.
+
+A run asks its skip in turns with steps:
+
+    wait(state)        for how many steps it is not worth asking, or 0
+    span(state, last)  what happens in the steps that can be left out now, or None
+
+Ring-down, stable slip and slow slip are skips. An attempt takes work itself, and so each of them
+waits until its attempts take no more than a share of what steps take (`Prices`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from pyfric.engines.cost import work, work_of_step
+
+if TYPE_CHECKING:
+    from pyfric.core import State
+    from pyfric.record import Method
+    from pyfric.scene import Scene
+
+MOSTLY = 0.5
+"""Integrated share of the time above which the record carries a note."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Span:
+    """Steps that can be left out.
+
+    Args:
+        n: number of steps.
+        F_T: function of times since its beginning (s), at the points of the curve, that returns the
+            forces of the driver, in N.
+        motion: function of the same times that yields the motion of the interface.
+        put: function that sets a state to the end of the span, energies included; None: the end is
+            not known well enough, and steps lead to it.
+        reach: number of steps up to which `F_T` is asked; None: n.
+        done: number of steps that a run before this one has recorded.
+        ending: status of a run that ends with the span, or "".
+    """
+
+    n: int
+    F_T: Callable[[np.ndarray], np.ndarray]
+    motion: Callable[[np.ndarray], Iterable[Mapping[str, np.ndarray]]]
+    put: Callable[[State], None] | None
+    reach: int | None = None
+    done: int = 0
+    ending: str = ""
+
+
+class Skip(Protocol):
+    """What leaves out steps of one run."""
+
+    def wait(self, state: State) -> int:
+        """Return for how many steps it is not worth asking for a span, 0 if it is now."""
+        ...
+
+    def span(self, state: State, last: int) -> Span | None:
+        """Return what can be left out from a state to step `last` at most, or None."""
+        ...
+
+    def notes(self, counts: Mapping[str, int]) -> tuple[str, ...]:
+        """Return notes on what was left out."""
+        ...
+
+
+class Prices:
+    """Work of operations in steps of a run that take as long.
+
+    Args:
+        scene: the scene.
+        method: how it is run.
+    """
+
+    def __init__(self, scene: Scene, method: Method) -> None:
+        self.scene, self.geometry = scene, method.geometry
+        self._step = work_of_step(scene, method.geometry, method.stepper)
+
+    def in_steps(self, counts: Mapping[str, int]) -> float:
+        """Return the number of steps that take as long as counted operations."""
+        return work(self.scene, self.geometry, counts) / self._step
+
+
+def mostly_stepped(counts: Mapping[str, int], why: str) -> tuple[str, ...]:
+    """Return a note if most of the time was integrated like in full dynamics."""
+    share = counts["steps"] / max(counts["steps"] + counts["steps_spared"], 1)
+    if share <= MOSTLY or counts["steps"] < 1000:
+        return ()
+    said = f"{100 * share:.0f} % of the time was integrated like in full dynamics"
+    return (f"{said} (more than {100 * MOSTLY:.0f} %): {why}",)

@@ -656,7 +656,7 @@ def scatter(out: Path, tell: Tell) -> None:
 @click.option("--seeds", type=click.IntRange(2), help="Of each point.  [default: 3]")
 @telling
 def precursors(out: Path, runs: Path | None, seeds: int | None, tell: Tell) -> None:
-    """Number and length of precursors over the nucleation length, and where they end (an hour).
+    """Number and length of precursors over the nucleation length, and their end (16 minutes).
 
     Runs are kept in --runs; the next call goes on where this one was stopped.
     """

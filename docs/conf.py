@@ -149,6 +149,35 @@ def sticks_chain(data):
     return table(head, rows)
 
 
+def curves(data):
+    """Return the population of events of each curve of paper on paper, and its coefficients."""
+    rows = []
+    for _, row in data.iterrows():
+        forces = [f"{row[of]:.3f} +- {row[f'{of}_error']:.3f}" for of in ("peak", "valley")]
+        waits = f"{row['recurrence']:.3g} +- {row['recurrence_std']:.2g}"
+        ends = [
+            f"{row[mu]:.3f} ({row[f'{mu}_low']:.3f} to {row[f'{mu}_high']:.3f})"
+            for mu in ("mu_s", "mu_k")
+        ]
+        cells = [f"{row['k']:.0f}", f"{row['V']:.0f}", f"{row['large']:.0f}", f"{row['stuck']:.2g}"]
+        cells += [f"{row['force']:.3f}", *forces, f"{row['peak_std']:.3f}", waits]
+        rows.append([*cells, f"{row['follow']:.2f}", *ends, f"{row['chi2']:.3g}"])
+    head = ["k (N/m)", "V (um/s)", "large events", "rise over k V/F_N", "mean force", "mean peak"]
+    head += ["mean valley", "std of peaks", "recurrence, its std (s)", "peaks follow", "mu_s"]
+    return table([*head, "mu_k", "chi^2"], rows)
+
+
+def laws_of_curves(data):
+    """Return what would be one number for all curves of paper on paper if one law held."""
+    rows = []
+    for _, row in data.iterrows():
+        numbers = [f"{row[of]:.3f}" for of in ("mean", "std", "error")]
+        chi2 = f"{row['chi2']:.3g} ({row['dof']})"
+        rows.append([row["number"], row["curves"], *numbers, chi2])
+    head = ["number", "curves", "weighted mean", "std from curve to curve", "error of a curve"]
+    return table([*head, "chi^2 (degrees of freedom)"], rows)
+
+
 def promises(data):
     """Return what records say where a promise is hard to keep, beside what was found."""
     data = data[["scene", "quantity", "said", "found"]].astype(str)
@@ -391,6 +420,7 @@ write_commands()
 myst_substitutions = {
     "held": held(),
     "builds": builds(stored("speed/finer.csv")),
+    "curves": curves(stored("curves/curves.csv")),
     "finer": finer(stored("speed/finer.csv")),
     "half_step": half_step(
         "half_step.csv", ["alpha", "tau_bar", "class", "v/c", "v/c, half the step"]
@@ -398,6 +428,7 @@ myst_substitutions = {
     "half_step_lines": half_step(
         "half_step_lines.csv", ["line", "alpha", "tau_bar", "tau_bar, half the step"]
     ),
+    "laws_of_curves": laws_of_curves(stored("curves/laws.csv")),
     "method_costs": method_costs(stored("chart/price_points.csv")),
     "modules": modules(),
     "prestress": prestress(stored("fronts/collapse.csv"), stored("fronts/resolved_summary.csv")),

@@ -217,7 +217,7 @@ contains
       call logarithms(n, rate)
       do i = 1, n
         d_c = of%d_c(from + i - 1)
-        by_v(i) = -sign((rate(i) + y(i) + 1.0_dp)/d_c, v(i))
+        by_v(i) = -(rate(i) + y(i) + 1.0_dp)/d_c*sign(1.0_dp, v(i))
         by_y(i) = -abs(v(i))/d_c
         rate(i) = by_y(i)*(rate(i) + y(i))
       end do

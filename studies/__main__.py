@@ -594,6 +594,32 @@ def velocity_steps(out: Path, tell: Tell) -> None:
 
 @main.command(section="Physics")
 @figure_out_option
+@folder_option("--data", metavar="DIR", help="Folder data_raw of the repository of the curves.")
+@telling
+def curves(out: Path, data: Path | None, tell: Tell) -> None:
+    """Fit nine public curves of paper on paper, and one law to all of them (ten minutes).
+
+    The curves are no part of pyfric; without their folder, it is said where they are. The next call
+    goes on where this one was stopped.
+    """
+    check_folder(out)
+    import curves
+
+    from pyfric.record import provenance
+
+    if absent := curves.wanted(data):
+        tell.result({"skipped": absent}, lambda: absent)
+        return
+    out.mkdir(parents=True, exist_ok=True)
+    table = curves.study(data, out, say=tell.step)
+    laws = curves.one_law(table)
+    laws.to_csv(out / "laws.csv", index=False, float_format="%.4g")
+    curves.add_source(provenance(out / "curves_provenance.toml", made_by("curves")))
+    tell.table(table, lambda frame: f"{curves.report(frame)}\n{curves.report_of_laws(laws)}")
+
+
+@main.command(section="Physics")
+@figure_out_option
 @folder_option("--runs", metavar="DIR", help="Folder of its runs. [default: runs in --out]")
 @telling
 def disorder(out: Path, runs: Path | None, tell: Tell) -> None:
@@ -630,7 +656,7 @@ def scatter(out: Path, tell: Tell) -> None:
 @click.option("--seeds", type=click.IntRange(2), help="Of each point.  [default: 3]")
 @telling
 def precursors(out: Path, runs: Path | None, seeds: int | None, tell: Tell) -> None:
-    """Number and length of precursors over the nucleation length, and where they end (an hour).
+    """Number and length of precursors over the nucleation length, and their end (16 minutes).
 
     Runs are kept in --runs; the next call goes on where this one was stopped.
     """

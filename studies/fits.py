@@ -134,7 +134,21 @@ def report_of_pulls(table: pd.DataFrame) -> str:
         for key in RANGES:
             inside = (part[key].abs() < INSIDE).mean()
             lines.append(f"  {key}: variance {part[key].var():.2f}, {inside:.0%} within 90 %")
+    for key in RANGES:
+        of_noise, of_truths = parts_of_pulls(table, key)
+        lines.append(f"{key}: variance {of_noise:.2f} by noise, {of_truths:.2f} by truth")
     return "\n".join(lines)
+
+
+def parts_of_pulls(table: pd.DataFrame, key: str) -> tuple[float, float]:
+    """Return the variance of pulls between draws of noise, and between truths without it.
+
+    The second is the same in all draws of a truth: times of its falls between samples, small events
+    that noise hides.
+    """
+    draws = table.pivot(index="seed", columns="draw", values=key)
+    of_noise = float(draws.var(axis=1).mean())
+    return of_noise, float(draws.mean(axis=1).var() - of_noise / draws.shape[1])
 
 
 def report(table: pd.DataFrame) -> str:

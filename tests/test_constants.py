@@ -180,7 +180,7 @@ def slow_slider(fidelity):
     return pyfric.simulate(scene, 0.09, **how)
 
 
-@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize("factor", [0.5, pytest.param(2.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("constant", RATED)
 def test_slow_slip_does_not_depend_on_them(constant, factor, monkeypatch, priced):
     module, _, name = constant.partition(".")

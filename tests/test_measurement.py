@@ -29,7 +29,7 @@ from pyfric.fitting import (
     profiles,
 )
 from pyfric.fitting.measurement import KINDS, At, packed, unpacked
-from pyfric.fitting.of_events import _numbers
+from pyfric.fitting.of_events import _numbers, large
 from pyfric.fitting.problem import Problem
 from pyfric.measured import COLUMNS, Curve, events, sampled
 from pyfric.values import SceneError
@@ -359,6 +359,32 @@ def test_events_that_do_not_repeat_are_a_population():
     low, high = found.intervals["mu_s"]
     assert 0.5 * 2 * 1.645 * error < high - low < 1.5 * 2 * 1.645 * error
     assert "population" in fit_page(found).caption
+
+
+def test_how_long_runs_of_a_population_are_is_told_by_the_driver():
+    """Forces between events of a slider that slides hardly rise, and say nothing of loading."""
+    table = scattered(400, 0.38, 0.32, 0.01, seed=1)
+    sticks, slides = (Sizes(table.assign(rate=rate)) for rate in (RATE, 0.01 * RATE))
+    first, apart = 0.38 / RATE, table["t_start"].diff().mean()
+    for part in (sticks, slides):
+        assert 1 < part.lasts(BLOCK) / (first + 20 * apart) < 1.2
+        twice = part.lasts(BLOCK.replace(V=2 * SPEED))
+        assert part.lasts(BLOCK) - twice == pytest.approx(1.1 * first / 2, rel=0.1)
+    assert sticks.doubts(BLOCK) == ()
+    assert "0.01 of what they would if the slider stuck" in slides.doubts(BLOCK)[0]
+    rare = table.assign(t_start=50 * table["t_start"], t_stop=50 * table["t_stop"])
+    assert Sizes(rare).lasts(BLOCK) < 1.1 * (first + 60 * apart)  # not 50 times as long
+
+
+def test_events_of_runs_of_a_population_are_found_as_those_of_the_curve():
+    """Where the slider swings for longer than it sticks, forces of its catalogue are others."""
+    fast = BLOCK.replace(V=4 * SPEED, k=1e4, mu_k=0.37)
+    record = pyfric.simulate(fast, 2.0, progress=False, **STICK_SLIP)
+    part, at = Sizes(sampled(record, "0.5 ms", noise=1e-3, seed=1)), At({})
+    off = part.residuals(part.seen(record), at)
+    assert np.abs(off).max() < 3
+    peaks = [large(of)["peak"].iloc[1:].mean() for of in (part.seen(record), events(record))]
+    assert peaks[0] - peaks[1] > 0.005  # the swing goes on after the slip has begun
 
 
 def test_scatter_of_strength_is_a_parameter():

@@ -76,7 +76,7 @@ KINDS = {
         "misfits": "FEWEST LARGE OF_COUNTS OF_FORCES",
         "noise": "ALONE AROUND EQUAL FAR FEW FINE LONGEST OFTEN RARE SMOOTH_LINE WHITE",
         "of_curves": "PARTS POINTS",
-        "of_events": "ENOUGH IN_A_ROW LONGER OFF_LOAD POPULATION",
+        "of_events": "ENOUGH FAINT IN_A_ROW LATER LONGER OFF_LOAD POPULATION SLIDES",
         "phases": "BLOCKS STEP",
         "picking": "BLOCK CLEAR NEAR SMOOTH TOLD",
         "posteriors": "BURNT WALKERS",
@@ -85,7 +85,7 @@ KINDS = {
         "reading": "NAMED NEAR_END SOME",
         "results": "AT_BOUND",
         "runs": "MAX_LOSSES POLL",
-        "search": "COARSE FAR FOLLOWED NOTICED STEP WALK WALKS WIDEST",
+        "search": "ALIKE COARSE FAR FOLLOWED NOTICED STEP TOLD WALK WALKS WIDEST",
         "sensitivities": "NOISE STEPS",
         "shared": "CALIBRATION CHECKED CONFIDENCE LEAST",
         "spread": "CELLS",
@@ -218,7 +218,7 @@ FORMULAS = {
     "fitting/misfits": (1.2533, 1.4826),  # sqrt(pi/2); 1 over the third quartile of a normal number
     "fitting/posteriors": (12.0,),  # 1 over the variance of a uniform number
     "fitting/results": (0.9,),  # default level of intervals
-    "fitting/search": (1e-5, 1e-4, 0.01),  # ends of a search
+    "fitting/search": (1e-4, 0.01),  # ends of a search
     "fitting/sensitivities": (0.01,),  # a hundredth, of per cent
     "measured/loggers": (5e8,),
     "measured/lvm": (60.0, 3600.0),  # seconds of a minute and of an hour

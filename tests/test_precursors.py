@@ -205,7 +205,10 @@ def test_stored_tables_are_those_of_the_stored_runs(stored):
         assert (own.groupby("share")["seed"].nunique() == series.seeds).all()
         row = precursors.about(name, series.at[-1])
         last = own[own["share"] == series.at[-1]].iloc[0]
-        assert {key: last[key] for key in row} == pytest.approx(row, rel=1e-5)
+        for key, value in row.items():
+            assert last[key] == (
+                value if isinstance(value, str) else pytest.approx(value, rel=1e-5)
+            )
     points = found.points(found.measured(runs))
     assert points["mean"].to_numpy() == pytest.approx(stored["points"]["mean"], abs=1e-5)
     ends = stored["ends"]
@@ -229,6 +232,14 @@ def test_the_page_says_what_is_stored(stored, page):
         assert found.verdict(table, nulls) == said
         share = table.set_index("scale")["share"]["L_c/L"]
         assert f"{share:.0%} with {law}".replace("%", " %") in page
+    by_rate = stored["collapse"].query("by == 'rate' and scale == 'L_c/L'")["share"]
+    said = "it is {:.0%} and {:.0%}, so".format(*by_rate)
+    assert said.replace("%", " %") in page
+    ratio = stored["spread"].query("by == 'contact' and law == 'slip weakening'")
+    assert (ratio["series"] == 9).all()
+    ratio = ratio.set_index("scale")["ratio"]
+    assert f"smallest is {ratio['L_G/L']:.1f} for" in page
+    assert f"and {ratio.drop('L_G/L').min():.1f} or more for each other" in page
     assert f"are left at {half['h = 20 mm']:.2f}, at {half['base']:.2f} with" in page
     lengths = (half["L = 70 mm"], half["L = 70 mm, H = 35 mm"])
     assert "left at {:.2f} and {:.2f}".format(*lengths) in page
@@ -243,7 +254,7 @@ def test_the_page_says_what_is_stored(stored, page):
     assert f"the half is {half['base'] / half['l = 2.5 mm'] - 1:.0%}".replace("%", " %") in page
     assert f"the end at {ends.loc[('base', 'contact'), 'end']:.2f}" in page
     for name in ("F_N = 1750 N", "V = 3.15 mm/s", "V = 0.2 mm/s"):
-        assert abs(half[name] / half["base"] - 1) < 0.04
+        assert abs(half[name] / half["base"] - 1) < 0.02
     several = points[(points["mean"] >= 2) & (points["law"] != "rate_and_state")]
     least, most = several["longest_mean"].min(), several["longest_mean"].max()
     assert f"spans {least:.2f} to {most:.2f} of the slider" in page

@@ -54,7 +54,7 @@ def test_the_zone_ends_where_slip_reaches_d_c():
 
 @pytest.fixture(autouse=True)
 def fewer(monkeypatch):
-    monkeypatch.setattr(shares, "DRAWS", 99)
+    monkeypatch.setattr(shares, "DRAWS", 49)
 
 
 def fronts(speed, zone=8.0):

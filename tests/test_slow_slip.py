@@ -230,6 +230,18 @@ def test_slow_slip_has_the_same_bits_with_each_variant_and_after_a_cut(evolution
     assert 0 < cut.h != 1e-7
 
 
+@pytest.mark.parametrize("evolution", EVOLUTIONS)
+def test_steps_do_not_hang_on_how_far_slip_is_from_steady(evolution):
+    """Slopes of the equations are exact: with a wrong one there are twenty times as many steps."""
+    for theta in (0.5, 50.0, 5e3):  # |v| theta/D_c from 5e-4 to 5
+        scene = row(3, evolution=evolution, D_c=1e-6)
+        load = 20.0 * float(coefficient(scene.law.kind, 1e-9, theta))
+        limits = {"relative": 1e-8, "log_theta": 1e-8, "u": 1e-16}
+        found = slow(scene, np.log(theta), load, load_1=0.6, spring=6e5, end=1.0, **limits)
+        assert found.t == 1.0
+        assert found.steps < 80
+
+
 def test_no_slow_step_hangs_on_the_time_asked_for():
     first = creep()[2]
     asked = creep(last=0.2, times=np.array([0.1, 0.2]))[2]

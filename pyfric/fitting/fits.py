@@ -296,7 +296,7 @@ def _check(
     scenes: Sequence[Scene], data: Sequence[Together], bounds: Mapping[str, Any], engine: str
 ) -> None:
     """Refuse measurements that are not of their scenes, or that an engine has not."""
-    for scene, each, end in zip(scenes, data, Problem.durations(data), strict=True):
+    for scene, each, end in zip(scenes, data, Problem.durations(scenes, data), strict=True):
         if not end:
             allowed = "the end of the loading, as t_end of Lengths"
             raise SceneError("t_end", None, "s", allowed, "no measurement tells it")

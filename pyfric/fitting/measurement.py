@@ -64,6 +64,10 @@ class Measurement(Shown, abc.ABC):
     def duration(self) -> float | None:
         return None
 
+    def lasts(self, scene: Scene) -> float | None:
+        """Return the length of a run of a scene that has it, s; None: any."""
+        return self.duration
+
     @property
     def notes(self) -> tuple[str, ...]:
         return ()
@@ -85,6 +89,10 @@ class Measurement(Shown, abc.ABC):
 
     def check(self, scene: Scene) -> None:
         """Raise SceneError if it cannot be of this scene."""
+
+    def doubts(self, scene: Scene) -> tuple[str, ...]:
+        """Return what it may not tell of a scene."""
+        return ()
 
     def seen(self, record: Record) -> Any:
         """Return what a run has of it."""

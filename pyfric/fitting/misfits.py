@@ -210,10 +210,10 @@ def _matched(cost: np.ndarray, alone: np.ndarray, unseen: np.ndarray) -> np.ndar
         step[i, 1:] = pair > lone
         row = [float(total[i, 0])]
         skips = unseen.tolist() if i < n else [0.0] * m
-        for j, (here, skip) in enumerate(zip(best.tolist(), skips, strict=True), 1):
+        for j, (matched, skip) in enumerate(zip(best.tolist(), skips, strict=True), 1):
             more = row[-1] + skip  # the model may have an event more
-            row.append(min(here, more))
-            if more < here:
+            row.append(min(matched, more))
+            if more < matched:
                 step[i, j] = 2
         total[i] = row
     partner, i, j = np.full(n, -1), n, m

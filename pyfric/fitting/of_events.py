@@ -20,7 +20,7 @@ from pyfric.fitting.misfits import (
     onset,
     overview,
 )
-from pyfric.measured import COLUMNS, Curve, events
+from pyfric.measured import COLUMNS, Curve, events, sampled
 from pyfric.record import Record
 from pyfric.scene import Scene
 from pyfric.values import SceneError
@@ -38,6 +38,14 @@ IN_A_ROW = 3
 """Events in a row whose errors in a wrong model are taken as one. A policy."""
 POPULATION, ENOUGH = 8, 20
 """Fewest events of a population, and how many of a run are enough. Policies."""
+LATER = 3.0
+"""Mean time between events over that of a slider that sticks, beyond which no run waits for more.
+A policy."""
+SLIDES = 0.5
+"""Rise of force between events over that of a slider that sticks, below which it is said to slide.
+A policy."""
+FAINT = 1e-3
+"""Noise of runs over that of the curve: no two readings are equal, and means do not scatter."""
 NUMBERS = ("mean peak", "mean valley", "recurrence", "spread of peaks", "spread of valleys")
 """Numbers of a population; forces are over F_N, the recurrence is the mean time between events, s,
 and spreads are standard deviations."""
@@ -217,6 +225,8 @@ class Sizes(_OfEvents):
     For sequences that are not reproducible, so that no event of a model is one that was measured.
     Standard errors of means hold the scatter from event to event and its correlation along the
     sequence (Newey and West), those of the run, too. Large events have a fifth of the largest drop.
+    Runs are sampled with the step of the curve, and their events are found as its are. So what an
+    instrument and the swing of the slider make of an event is in both.
 
     Args:
         measured: curve, or its table of events (`pyfric.measured.events`).
@@ -248,11 +258,42 @@ class Sizes(_OfEvents):
 
     @property
     def duration(self) -> float:
-        """Time to simulate, s: that of the measurement, or less if enough events come earlier."""
-        table, whole = large(self.whole), LONGER * float(self.whole.attrs["t_end"])
-        mean, rate = float(table["t_start"].diff().mean()), float(self.whole["rate"].median())
-        first = float(table["peak"].mean()) / rate if rate > 0 else whole
-        return min(whole, LONGER * (first + ENOUGH * mean))
+        """Of the measurement, s."""
+        return LONGER * float(self.whole.attrs["t_end"])
+
+    def lasts(self, scene: Scene) -> float:
+        """Return the time of a first loading and enough events, s, or that of the measurement.
+
+        A slider that slides between events is not loaded then, so that the driver tells how long
+        loading takes, not the force.
+        """
+        table, rate = large(self.whole), self._loading(scene)
+        if not rate > 0:
+            return self.duration
+        apart = min(table["t_start"].diff().mean(), LATER * table["drop"].mean() / rate)
+        return min(self.duration, LONGER * float(table["peak"].mean() / rate + ENOUGH * apart))
+
+    def _loading(self, scene: Scene) -> float:
+        """Return the mean rise of F_T/F_N of a slider that sticks, 1/s."""
+        t_end = float(self.whole.attrs["t_end"])
+        return scene.driver.K * abs(scene.drive(t_end)) / (t_end * scene.F_N)
+
+    def doubts(self, scene: Scene) -> tuple[str, ...]:
+        """Say whether the slider slides between events."""
+        stuck = self._loading(scene)
+        share = float(self.whole["rate"].median()) / stuck if stuck else np.nan
+        if not share < SLIDES:
+            return ()
+        said = f"forces rise between events by {share:.2g} of what they would if the slider stuck"
+        return (f"{said}: it slides there, and events tell little of mu_s",)
+
+    def seen(self, record: Record) -> pd.DataFrame:
+        attrs = self.whole.attrs
+        if not attrs.get("resolution") or not attrs.get("noise"):
+            return super().seen(record)
+        how = {name: attrs[name] for name in ("noise", "smooth", "threshold")}
+        step = attrs["resolution"] / attrs["smooth"]
+        return events(sampled(record, step, noise=FAINT * attrs["noise"]), **how)
 
     @property
     def size(self) -> int:
@@ -266,7 +307,7 @@ class Sizes(_OfEvents):
             return self.none(at)
         known, found = _numbers(self.whole), self._of_model(seen, at)
         off = found[0] - known[0]
-        error = known[1] + found[1] + at.tolerance**2 * np.diag([1.0, 1.0, 0.0])
+        error = known[1] + found[1] + at.tolerance**2 * np.diag(_of_forces(known[0]) ** 2)
         means = np.linalg.solve(np.linalg.cholesky(error), off[:3])
         spreads = off[3:] / np.hypot(np.hypot(known[2], found[2]), at.tolerance)
         return np.concatenate([means, spreads if self.spreads else spreads[:0]])
@@ -295,23 +336,34 @@ class Sizes(_OfEvents):
 
     def excess(self, seen: pd.DataFrame, at: At) -> np.ndarray:
         if not self.told(seen, at):
-            return np.full(2, np.inf)
+            return np.full(3, np.inf)
         known = _numbers(self.whole)
-        off = (self._of_model(seen, at)[0] - known[0])[:2]
-        return off**2 - np.diag(known[1])[:2]
+        off = (self._of_model(seen, at)[0] - known[0])[:3]
+        return (off**2 - np.diag(known[1])) / _of_forces(known[0]) ** 2
 
     def _of_model(self, seen: pd.DataFrame, at: At) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the numbers of a run after its first large event, and their errors."""
         model = moved(seen, at)
         first = np.flatnonzero(model["drop"] >= LARGE * model["drop"].max())[0]
         found, of_means, of_spreads = _numbers(model.iloc[first:])
-        found[3:] = np.hypot(found[3:], at.values.get("scatter", 0.0))
+        errors = large(self.whole)[["peak_error", "valley_error"]]
+        of_noise = np.sqrt((errors**2).mean().to_numpy())
+        found[3:] = np.hypot(np.hypot(found[3:], of_noise), at.values.get("scatter", 0.0))
         return found, of_means, of_spreads
 
 
 def large(table: pd.DataFrame) -> pd.DataFrame:
     """Return the large events of a table."""
     return table[table["drop"] >= LARGE * table["drop"].max()] if len(table) else table
+
+
+def _of_forces(numbers: np.ndarray) -> np.ndarray:
+    """Return by how much the three means are off if each force is off by F_N.
+
+    The recurrence is the time of loading by the drop, which has the errors of both forces.
+    """
+    peak, valley, recurrence = numbers[:3]
+    return np.array([1.0, 1.0, np.sqrt(2) * recurrence / (peak - valley)])
 
 
 def _numbers(table: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -100,15 +100,18 @@ class Problem:
             Together(part for part in each if not part.engines or engine in part.engines)
             for each in self.data
         ]
-        if not self.can(engine) or not all(self.durations(data)):
+        if not self.can(engine) or not all(self.durations(self.scenes, data)):
             return None
         options = {"fidelity": engine, "progress": False}
         return Problem(self.scenes, data, self.bounds, options, self.model_error)
 
     @staticmethod
-    def durations(data: Sequence[Together]) -> list[float]:
+    def durations(scenes: Sequence[Scene], data: Sequence[Together]) -> list[float]:
         """Return the length of the run of each experiment, s; 0 where nothing tells it."""
-        return [max((part.duration or 0.0 for part in each), default=0.0) for each in data]
+        pairs = zip(scenes, data, strict=True)
+        return [
+            max((part.lasts(scene) or 0.0 for part in each), default=0.0) for scene, each in pairs
+        ]
 
     def check(self, starts: Sequence[np.ndarray]) -> None:
         """Refuse what no run can mend.
@@ -233,8 +236,9 @@ class Problem:
     def run(self, scene: Scene, n: int) -> list[Any]:
         """Return what a run as long as the measurements has of each of them."""
         self.runs += 1
-        record = simulate(scene, self.durations(self.data)[n], **self.options)
-        return [part.seen(record) for part in self.data[n]]
+        data = self.data[n]
+        record = simulate(scene, self.durations([scene], [data])[0], **self.options)
+        return [part.seen(record) for part in data]
 
     def compared(
         self, u: np.ndarray, kind: type[Any] = Measurement, tolerance: float = 0.0
@@ -309,4 +313,6 @@ class Problem:
     @functools.cached_property
     def notes(self) -> tuple[str, ...]:
         """What was left out of the measurements, and what they may miss."""
-        return tuple(dict.fromkeys(note for part in self.parts for note in part.notes))
+        pairs = zip(self.scenes, self.data, strict=True)
+        said = (part.notes + part.doubts(scene) for scene, each in pairs for part in each)
+        return tuple(dict.fromkeys(note for notes in said for note in notes))

@@ -88,6 +88,8 @@ def known_of(
         say("how far the model is off")
         for _ in range(2):  # then for the parameters that this error leads to
             assumed = max(given, min(problem.scatter(u, policies.off), policies.off))
+            if assumed == problem.model_error:
+                break
             problem.model_error = assumed
             u = solved(problem, u)
         u, profiles, intervals = profiled(problem, u, level, say, policies)

@@ -14,6 +14,10 @@ from pyfric.fitting.problem import Problem
 
 FOLLOWED = 3
 """How many minima of a rough search are followed. A policy."""
+ALIKE = 0.01
+"""Distance over the bounds within which minima of a smooth misfit are one. A policy."""
+TOLD = 5e-3
+"""Change of a smooth chi^2 that tells nothing, where it is that of noise. A policy."""
 COARSE = 1e-2
 """Step of differences of the overview, over the bounds: a policy."""
 STEP = 1e-3
@@ -36,8 +40,11 @@ def minima(
     Starts are taken in the order of their overviews. One is followed to the last tolerance if it
     fits within the first one. Where residuals are those of noise, no further start is taken. If
     none fits, all are taken again without the overview. If none can be followed, the best
-    `FOLLOWED` are.
+    `FOLLOWED` are. A smooth misfit needs no tolerance, and no further start where two lead to one
+    minimum.
     """
+    if problem.smooth:
+        tolerances = tolerances[-1:]
     rough: list[tuple[float, np.ndarray]] = []
     found: list[tuple[float, np.ndarray]] = []
     first, *others = tolerances
@@ -62,9 +69,12 @@ def minima(
                 u = least(problem.overview, u, COARSE, problem.smooth)
             u = solved(problem, u, first)
             chi2 = problem.chi2(u, first)
+            again = problem.smooth and any(norm(u - at) < ALIKE for _, at in rough)
             if chi2 > problem.size:
                 rough.append((chi2, u))
             elif follow(u):
+                break
+            if again:
                 break
     if not found:  # the best of those that are far off
         for _, u in sorted(rough, key=lambda pair: pair[0])[:FOLLOWED]:
@@ -112,7 +122,7 @@ def least(
     """Return the parameters of a local minimum; a smooth one is told more closely."""
     u = np.clip(u, 2 * step, 1 - 2 * step)
     how = {"bounds": (0.0, 1.0), "diff_step": step, "xtol": 1e-4, "max_nfev": 12}
-    how["ftol"] = 1e-5 if smooth else 1e-2
+    how["ftol"] = min(TOLD / len(residuals(u)), 1e-2) if smooth else 1e-2
     return scipy.optimize.least_squares(residuals, u, **how).x
 
 

@@ -256,7 +256,8 @@ def sampled(
     loads = [scene.load_at(time) for time in t] if scene.load_at(0.0) is not None else []
     F_N = np.array([load[0] for load in loads]) if loads else np.full(len(t), scene.F_N)
     F_T = F_T + noise * F_N * np.random.default_rng(seed).standard_normal(len(t))
-    load_point = [scene.drive(time) for time in t]
+    steady = not scene.driver.protocol
+    load_point = scene.piece("V", 0).integral_at(t) if steady else [scene.drive(at) for at in t]
     columns = {"t": t, "F_T": F_T, "load_point": load_point}
     table = pd.DataFrame(columns | ({"F_N": F_N} if loads else {}))
     normal = None if loads else scene.F_N

@@ -5,8 +5,8 @@ um/s; F/(m g) is sampled at 2 kHz. Its events do not repeat, so that they are co
 population (`pyfric.fitting.Sizes`): mean forces at both ends of large events, and recurrence. The
 model is a stiff slider on the spring.
 
-The curves are those of J. Colas, N. Pustelnik, C. Oliver, P. Abry, J.-C. Geminard, V. Vidal, Phys.
-Rev. E 100, 032803 (2019). They are no part of the project: `SOURCE` says where they are.
+The curves are those of J. Colas, N. Pustelnik, C. Oliver, P. Abry, J.-C. Geminard, V. Vidal,
+accepted by Phys. Rev. E in 2019. They are no part of the project: `SOURCE` says where they are.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ from pyfric.fitting import (
     profiles,
     search,
 )
-from pyfric.fitting.misfits import CAP, onset, overview
+from pyfric.fitting.misfits import CAP, _means_off, onset, overview
 from pyfric.fitting.problem import Problem
 from pyfric.fitting.profiles import _interval
 from pyfric.fitting.sensors import arrivals_off, lengths_of, lengths_off
@@ -122,6 +122,15 @@ def test_the_rate_counts_with_its_error():
     model = table([0.1, 0.2, 0.3, 0.4, 0.5], [0.01] * 5, rate=1.01)
     error = 1.2533 * 1.4826 * 0.01 / np.sqrt(5)
     assert misfit(data, model).residuals[10] == pytest.approx(0.01 / error)
+
+
+def test_means_of_populations_count_with_their_standard_errors():
+    rng, off = np.random.default_rng(1), []
+    for _ in range(400):
+        later, model = (table(*rng.normal([[0.5], [0.2]], 0.01, (2, n))) for n in (4, 6))
+        model = pd.concat([table([0.1] * 3, [0.01] * 3), model], ignore_index=True)  # the onset
+        off.append(_means_off(later, model, 0.0)[0])
+    assert np.std(off) == pytest.approx(np.sqrt(8 / 6), rel=0.08)  # of Student's t with about 8
 
 
 def test_an_overview_needs_no_match():

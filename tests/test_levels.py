@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import pyfric
 from pyfric import core
-from pyfric.engines import Options, cost, default_stepper, step_size
+from pyfric.engines import ACCURACY, Options, cost, default_stepper, step_size
 from pyfric.engines.cost import (
     CALL,
     JUNCTION,
@@ -152,6 +152,13 @@ def test_a_named_run_is_followed_by_half_and_a_quarter_of_its_step():
         assert named.geometry == how.get("geometry", "finite")
         assert half.geometry == quarter.geometry == "finite"
         assert [one.answers for one in (named, half, quarter)] == [True, False, False]
+
+
+def test_jumps_of_a_named_run_have_the_accuracy_that_was_given():
+    scene = preset("fig1")
+    for given_accuracy, known in ((None, ACCURACY), (1e-4, 1e-4)):
+        options = Options(fidelity="hybrid", accuracy=given_accuracy).on(scene)
+        assert of_named(scene, options)[0].accuracy == known
 
 
 # --- what is left out ----------------------------------------------------------------------------

@@ -9,6 +9,12 @@ from pyfric.engines import hybrid, moving
 from pyfric.scene import chain, preset
 
 
+@pytest.fixture(autouse=True)
+def short(monkeypatch):
+    """Parts of chains that are shorter than pays."""
+    monkeypatch.setattr(moving, "LEAST", 0)
+
+
 def pulled(N_x=60, **changes):
     """A chain under a moving plate, with a piece at its start that is weak."""
     mu_s = 0.6 + 0.02 * (np.arange(N_x) * 7 % 20)
@@ -86,6 +92,11 @@ def test_a_part_has_the_forces_of_the_chain():
         f = core.evaluate(model, whole, 1e-3).f[first:end]
         assert np.array_equal(own.f[inner], f[inner])
         assert (own.F_T != 0) == (end == 60)  # the driver is at the right side
+
+
+def test_parts_begin_where_they_pay(monkeypatch):
+    monkeypatch.undo()
+    assert [moving.has_parts(pulled(N_x)) for N_x in (60, 159, 160)] == [False, False, True]
 
 
 def test_parts_need_rest_beside_rest():

@@ -24,6 +24,7 @@ MOST_FITTED = 20
 NUMBER = r"[\d.]+(?:e-?\d+)?"
 KINDS = {
     "policy": {
+        "moving": "LEAST",
         "levels": "ALONE FIRST HALF SHORTER STEPPED STRICTER",
         "plans": "MOVING PILOT",
         "cost": "POINTS TIMED FASTEST SLOWEST",

@@ -105,7 +105,7 @@ def blocks_in_L_b(name):
 
 starts = functools.partial(force, 0, "F_T_start")
 slides = functools.partial(force, -1, "F_T_start")
-arrests = functools.partial(force, -1, "F_T_stop")
+arrests = functools.partial(force, -1, "F_T_arrest")
 groove = np.isin(np.arange(57), range(26, 31))
 smooth = {"mu_s": (0.7 * ~groove).tolist(), "mu_k": (0.45 * ~groove).tolist()}
 hybrid = {"fidelity": "hybrid"}

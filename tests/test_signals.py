@@ -431,7 +431,7 @@ def test_a_run_at_its_end_is_saved_whatever_is_pressed(tmp_path, monkeypatch):
 HELPED = """
 import os, signal, sys
 import numpy as np
-from pyfric.engines import integration, dynamic
+from pyfric.engines import integration
 {patch}
 from pyfric.cli import start
 sys.stderr.isatty = lambda: True  # which shows progress
@@ -451,7 +451,7 @@ def loaded(*arguments):
     print("set-up", file=sys.stderr, flush=True)
     np.linalg.eigvals(matrix)
 
-integration._loaded = loaded
+integration.loaded_solver = loaded
 """
         )
     )
@@ -465,8 +465,6 @@ def test_no_ctrl_c_prevents_the_save_of_a_run(tmp_path):
     script.write_text(
         HELPED.format(
             patch="""
-replace, catalogue = os.replace, dynamic.Run.catalogue
-
 def press(then):
     def pressed(*arguments, **options):
         os.kill(os.getpid(), signal.SIGINT)
@@ -474,7 +472,8 @@ def press(then):
         return then(*arguments, **options)
     return pressed
 
-os.replace, dynamic.Run.record = press(os.replace), press(dynamic.Run.record)
+Run = integration.Run
+os.replace, Run.record = press(os.replace), press(Run.record)
 """
         )
     )

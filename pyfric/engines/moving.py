@@ -31,8 +31,19 @@ more often. As many steps are made between two choices of the moving part, becau
 than a step to the next block. Results depend on it by rounding."""
 
 
+LEAST = 160
+"""Blocks of a chain from which its parts take less time than the whole. A policy: results depend on
+it by rounding. Time of parts over that of the whole, preset `chain`: 1.1 with 57 blocks, 1.03 with
+110, 0.84 with 200, 0.58 with 300."""
+
+
 def has_parts(scene: Scene) -> bool:
-    """Return whether blocks of a scene at rest feel only their neighbours and the driver."""
+    """Return whether parts of a scene can move alone, and pay.
+
+    Blocks at rest feel only their neighbours and the driver.
+    """
+    if scene.N_x < LEAST:
+        return False
     steady = not (scene.corners or scene.top.push or scene.interface.limit)
     return scene.N_z == 1 and scene.law.rests and scene.law.tables.hold is None and steady
 

@@ -60,7 +60,7 @@ def truth_of(name: str, seed: int) -> dict[str, float]:
 
 def pulls(
     seeds: Iterable[int] = range(SETS["right"]),
-    draws: int = size(4, 1),
+    draws: int = size(8, 1),
     say: Callable[[str], None] = print,
 ) -> pd.DataFrame:
     """Return a row for each truth of the set "right" and each draw of noise, first that of its fit.

@@ -26,7 +26,7 @@ from helpers import (
 import pyfric
 from pyfric import core
 from pyfric.core import OPEN, STUCK, StateError
-from pyfric.engines import RunError, default_stepper, integration, step_size
+from pyfric.engines import RunError, default_stepper, step_size, strains
 from pyfric.engines.step_sizes import AUTO_SHARE, LONGEST
 from pyfric.record import Record, analysis
 from pyfric.scene import preset, setup1, setup2
@@ -559,9 +559,9 @@ def test_contacts_that_open_are_counted_from_those_at_the_start():
     scene = small()
     log = {"t": np.array([1.0, 2.0]), "old": np.array([0, 2]), "new": np.array([2, 0])}
     mode = np.zeros(scene.N_x, dtype=np.int32)
-    assert integration.contact_notes(scene, "dynamic", log, mode) == ()
+    assert strains.contact_notes(scene, "dynamic", log, mode) == ()
     mode[: scene.N_x // 2] = OPEN
-    (note,) = integration.contact_notes(scene, "dynamic", log, mode)
+    (note,) = strains.contact_notes(scene, "dynamic", log, mode)
     assert f"from t = 1 s on {scene.N_x // 2 + 1} of {scene.N_x} blocks" in note
 
 

@@ -9,6 +9,7 @@ import pytest
 
 import pyfric
 from pyfric.checks.verify import _OutOfTime
+from pyfric.engines.guarded import Failure
 from pyfric.fitting.fits import _Unlike
 from pyfric.sweeps.runs import Unwanted
 
@@ -31,6 +32,7 @@ EXAMPLES = {
         "h", 2.0, "m", "less", "too high", [pyfric.SceneError("l", 3, "m", "a number")]
     ),
     pyfric.StateError: lambda: pyfric.StateError("no state"),
+    Failure: lambda: Failure("a block jumped"),
     _OutOfTime: lambda: _OutOfTime("not made within 60 s"),
     _Unlike: lambda: _Unlike("events scatter as those of the model do not"),
     Unwanted: Unwanted,

@@ -66,7 +66,7 @@ from pathlib import Path
 import pyfric
 from helpers import small
 from pyfric.figures import fig1b, save_figure
-from pyfric.scene import write_all
+from pyfric.values import write_all
 from pyfric.statics import loaded_state
 
 folder = Path(sys.argv[1])
@@ -164,7 +164,7 @@ def test_links_are_followed(tmp_path):
 
 
 def test_drafts_of_killed_processes_go(tmp_path):
-    kill = "import os, sys; from pyfric.scene import written\n"
+    kill = "import os, sys; from pyfric.values import written\n"
     kill += "with written(sys.argv[1]) as d: d.touch(); os.kill(os.getpid(), 9)"
     killed = subprocess.run([sys.executable, "-c", kill, str(tmp_path / "a")])
     assert killed.returncode == -signal.SIGKILL

@@ -478,11 +478,11 @@ def test_errors_of_events_are_a_tenth_too_small():
     stored = pd.read_csv(STORED.parent / "pulls.csv")
     again = study.pulls(range(1), 2, say=lambda text: None)
     np.testing.assert_allclose(again, stored.iloc[:2], rtol=1e-3, atol=1e-3)
-    for name in ("mu_s", "mu_k"):  # of 800: errors of a variance are 0.05
+    for name in ("mu_s", "mu_k"):  # of 1600: errors of a variance are 0.04
         assert 1.0 < stored[name].var() < 1.3
         assert abs(stored[name].mean()) < 0.15
     assert 2.0 < stored["lowers"].mean() < 2.5  # two parameters
-    assert "draw all: 800 truths" in study.report_of_pulls(stored)
+    assert "draw all: 1600 truths" in study.report_of_pulls(stored)
 
 
 @pytest.mark.slow

@@ -11,6 +11,8 @@ import matplotlib.pyplot as plt
 import pytest
 from walk import blocks, run, shown
 
+pytestmark = pytest.mark.site
+
 ROOT = Path(__file__).parents[1]
 HOW_TO = sorted((ROOT / "docs" / "howto").glob("*.md"))
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))

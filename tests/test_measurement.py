@@ -210,7 +210,7 @@ def wrong():
     return pyfric.fit(scenes, two, {"mu_k": (0.25, 0.55)}, level=None, **STATIC)
 
 
-@pytest.mark.parametrize("name", ["draws", "off"])
+@pytest.mark.parametrize("name", [pytest.param("draws", marks=pytest.mark.slow), "off"])
 def test_policies_of_wrong_models_move_intervals_little(name):
     found = wrong()
     assert not found.fits

@@ -72,6 +72,15 @@ def level_numbers(records):
     return [told(record, able(record.scene, pyfric.Options(**OPTIONS))).level for record in records]
 
 
+@pytest.mark.parametrize("how", [{}, {"want": "motion"}, {"switching": "step_end"}, {"dt": 1e-6}])
+def test_real_runs_tell_the_number_of_their_level(how):
+    options = pyfric.Options(**how)
+    of = able(small(), options)
+    for first in (0, 1):
+        record = shared.simulate_point(small(), 2e-4, options, first=first, count=1)
+        assert told(record, of).level == first
+
+
 # --- who chooses ---------------------------------------------------------------------------------
 
 

@@ -350,8 +350,11 @@ def test_other_integrators_are_refused():
 
 
 def test_scenes_that_differ_in_loads_share_their_limit():
-    stability_limit(setup1(eta=1.25))
-    known = [limit.cache_info().misses for limit in (_bulk_limit, _small_limit)]
-    for changes in ({"F_N": 10.0}, {"V": 1.0}, {"mu_s": 0.9}):
-        assert stability_limit(setup1(eta=1.25, **changes)) == stability_limit(setup1(eta=1.25))
-    assert [limit.cache_info().misses for limit in (_bulk_limit, _small_limit)] == known
+    for size in ({}, {"L": 0.015, "H": 0.01, "h": 0.005}):
+        scene = setup1(eta=1.25, **size)
+        limit = stability_limit(scene)
+        assert limit[1]["exact"] == bool(size)
+        known = [limit.cache_info().misses for limit in (_bulk_limit, _small_limit)]
+        for changes in ({"F_N": 10.0}, {"V": 1.0}, {"mu_s": 0.9}):
+            assert stability_limit(scene.replace(changes)) == limit
+        assert [limit.cache_info().misses for limit in (_bulk_limit, _small_limit)] == known

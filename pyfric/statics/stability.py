@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from pyfric.core import Stepper
     from pyfric.scene import SceneLike
+    from pyfric.scene.parts import Top
 
 ROUNDED = 1e-7
 """Growth in one step that rounding can cause. Rounding splits double eigenvalues on the unit circle
@@ -148,9 +149,30 @@ limit is local, so that larger lattices have the same limit within 5 % (`tests/t
 """
 
 
+def _unloaded_top(scene: Scene, mass: float, mattress: float) -> Top:
+    """Return the top of a scene under a load of 1 N, with this rod (kg, N/m) if it has one."""
+    if scene.rigid:
+        return Rod(F_N=1.0, mass=mass, mattress=mattress)
+    if isinstance(scene.top, PrescribedLoad):
+        return PrescribedLoad(p=1.0, k_top=scene.k_top)
+    return DistributedLoad(F_N=1.0, k_top=scene.k_top)
+
+
+def _unloaded(scene: Scene) -> Scene:
+    """Return the scene with the same matrices, under a load of 1 N, at rest, without friction."""
+    interface = scene.interface
+    return Scene(
+        slider=scene.slider,
+        top=_unloaded_top(scene, scene.top.mass, scene.top.mattress),
+        driver=dataclasses.replace(scene.driver, V=0.0, protocol=()),
+        interface=Interface(mu_s=0.0, mu_k=0.0, k_f=interface.k_f, alpha=interface.alpha),
+        walls=scene.walls,
+    )
+
+
 @functools.lru_cache(maxsize=256)
 def _reduced(scene: Scene) -> Scene:
-    """Return a small scene with the same local properties, or the scene if it is small.
+    """Return a small scene with the same local properties, or that of the scene if it is small.
 
     l, k, m, eta, k_f are kept, and K on each driven block. The mass of the rod is scaled with N_x,
     like the bonds that hold it. So is K if it acts only on the rod. The mattress is scaled with the
@@ -159,7 +181,7 @@ def _reduced(scene: Scene) -> Scene:
     """
     n_x, n_z = np.minimum((scene.N_x, scene.N_z), _REDUCED).tolist()
     if (n_x, n_z) == (scene.N_x, scene.N_z):
-        return scene
+        return _unloaded(scene)
     j_h, j_h_top = (
         j if j <= n_z // 2 else max(n_z - scene.N_z + j, n_z // 2)
         for j in (scene.j_h, scene.j_h_top)
@@ -171,26 +193,22 @@ def _reduced(scene: Scene) -> Scene:
     if side == "top":
         on_rod, driven, h_top = False, n_x, None
     K = scene.driver.K / scene.n_driven * driven
-    l, m, top, half = scene.slider.l, scene.m, scene.top, scene.slider.edges == "half"
+    l, m, half, rod = scene.slider.l, scene.m, scene.slider.edges == "half", (0.0, 0.0)
     if scene.rigid:
         # kappa over the moment of inertia is kept. Its factor 12/L^2 cancels: times this factor,
         # m sum x_i^2 of a row of n blocks is m n (n + 1)/(n - 1), and half of
         # m ((n - 1) + 2/(n - 1)) with half blocks.
-        rod = top.mass * share
+        rest = scene.top.mass * share
         inertia, whole = (
             mass + m * (0.5 * (n - 1 + 2 / (n - 1)) if half else n * (n + 1) / (n - 1))
-            for mass, n in ((rod, n_x), (top.mass, scene.N_x))
+            for mass, n in ((rest, n_x), (scene.top.mass, scene.N_x))
         )
-        top = Rod(F_N=1.0, mass=rod, mattress=top.mattress * (inertia / whole))
-    elif isinstance(top, PrescribedLoad):
-        top = PrescribedLoad(p=1.0, k_top=scene.k_top)
-    else:
-        top = DistributedLoad(F_N=1.0, k_top=scene.k_top)
+        rod = rest, scene.top.mattress * (inertia / whole)
     blocks = (n_x - 1) * max(n_z - 1, 1) if half else n_x * n_z
     lengths = {"L": (n_x - 1) * l, "H": (n_z - 1) * l, "M": m * blocks}
     return Scene(
         slider=dataclasses.replace(scene.slider, **lengths, eta=scene.eta, damping=None),
-        top=top,
+        top=_unloaded_top(scene, *rod),
         driver=Driver(K=K * (share if on_rod else 1.0), V=0.0, h=j_h * l, h_top=h_top, side=side),
         interface=Interface(
             mu_s=0.0,
@@ -320,8 +338,8 @@ def stability_limit(scene: SceneLike, stepper: str = "rk4") -> tuple[float, Mapp
     if not isinstance(stepper, str) or stepper not in STEPPERS:
         raise SceneError("stepper", stepper, "", " or ".join(map(repr, STEPPERS)))
     scene = as_scene(scene)
-    small = _reduced(scene)
-    exact, on = small == scene, _on_springs(scene)
+    small, on = _reduced(scene), _on_springs(scene)
+    exact = (small.N_x, small.N_z) == (scene.N_x, scene.N_z)
     bulk = math.inf if exact else _bulk_limit(small, stepper, on)
     of_modes = _small_limit(small, STEPPERS[stepper], bulk, on)
     info = MappingProxyType({"shape": (small.N_z, small.N_x), "exact": exact})

@@ -13,7 +13,8 @@ from pyfric.record.rates import SAMPLED, contacts_at, fast_slip
 SMALL = {"L": 0.05, "H": 0.02, "V": 20e-3, "F_N": 700.0}
 QUIET = {"progress": False, "threads": 1}
 THRESHOLD = 1e-3  # m/s
-T_END = 12e-3  # s
+T_END = 8e-3  # s
+APART = 5e-5  # s
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +33,8 @@ def every(scene):
 @pytest.fixture(scope="module")
 def rated():
     scene = pyfric.preset("rate_and_state", L=0.05, H=0.02)
-    how = {"threshold": "0.2 mm/s", "sample": 2e-5}
-    return pyfric.simulate(scene, 1.24, fidelity="hybrid", **how, **QUIET)
+    how = {"threshold": "0.2 mm/s", "sample": APART}
+    return pyfric.simulate(scene, 0.9, fidelity="hybrid", **how, **QUIET)
 
 
 # --- in every step -------------------------------------------------------------------------------
@@ -165,7 +166,7 @@ def test_open_blocks_are_not_fast(every):
 
 
 def test_slow_events_are_found_as_roots_of_slip_without_inertia(rated):
-    """Passages in the slow phase, beside the points of the curve, 20 us apart."""
+    """Passages in the slow phase, beside the points of the curve, `APART` apart."""
     assert rated.counts["slow_steps"] > 100
     other = rated.with_events(1.0000001 * rated.method.threshold)
     assert any(SAMPLED in note for note in other.notes)
@@ -179,7 +180,7 @@ def test_slow_events_are_found_as_roots_of_slip_without_inertia(rated):
     assert slow["t_start"] < fast.events["t_start"].iloc[-1]  # before blocks reach v_slip
     near = other.episodes["t_start"].to_numpy()
     apart = [np.abs(near - t).min() for t in rated.episodes["t_start"] if t > 0]
-    assert np.median(apart) < 2e-5
+    assert np.median(apart) < APART
 
 
 def test_v_slip_is_the_criterion_of_its_own_events(rated):

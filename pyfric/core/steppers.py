@@ -158,7 +158,7 @@ STEPPERS: dict[str, Stepper] = {
             swept=True,
         ),
         # Six stages, each of which depends only on the stage before. The order in linear motion is
-        # 6: R(z) = 1 + z + ... + z^6/720. This and the eight conditions of order 4 leave a family of
+        # 6: R(z) = 1 + z + ... + z^6/720. This and eight conditions of order 4 leave a family of
         # one parameter. In this member all b are positive and all c between 0 and 1. It has nearly
         # the smallest errors in nonlinear motion. Undamped motion grows by |z|^8/5760 in a step.
         _nested(

@@ -19,7 +19,7 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, n_columns, cou
   !f2py threadsafe
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
   integer(c_int), intent(in) :: nz                           !! rows
-  integer(c_int), intent(in) :: n_memory                     !! numbers that the law remembers of each block
+  integer(c_int), intent(in) :: n_memory                     !! state variables of the law for each block
   integer(c_int), intent(in) :: n_counts                     !! length of counts
   integer(c_int), intent(in) :: n_numbers                    !! length of numbers
   integer(c_int), intent(in) :: counts(n_counts)             !! the scene, see pyfric_model
@@ -57,7 +57,7 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, n_columns, cou
   real(c_double), intent(inout) :: switch_r(4, max_switch)   !! step, t [s], u_x [m], p [N]
   integer(c_int), intent(inout) :: quiet_i(nx + 1, max_quiet)  !! kind, contact states
   real(c_double), intent(inout) :: quiet_r(nx + 18, max_quiet) !! step, t [s], a point (see pyfric_energy), u_x [m]
-  real(c_double), intent(inout) :: points(16, max_point)     !! after each multiple of `every` steps, see pyfric_energy
+  real(c_double), intent(inout) :: points(16, max_point)     !! points after each multiple of `every` steps, see pyfric_energy
   real(c_double), intent(in) :: threshold                    !! speed above which a block is fast [m/s]; 0: no threshold
   integer(c_int), intent(in) :: max_crossing                 !! room for passages through the threshold
   integer(c_int), intent(in) :: max_burst                    !! room for starts and ends of fast slip
@@ -121,7 +121,7 @@ subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n
   !f2py threadsafe
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
   integer(c_int), intent(in) :: nz                           !! rows
-  integer(c_int), intent(in) :: n_memory                     !! numbers that the law remembers of each block
+  integer(c_int), intent(in) :: n_memory                     !! state variables of the law for each block
   integer(c_int), intent(in) :: n_counts                     !! length of counts
   integer(c_int), intent(in) :: n_numbers                    !! length of numbers
   integer(c_int), intent(in) :: counts(n_counts)             !! the scene, see pyfric_model
@@ -172,7 +172,7 @@ subroutine curve_point(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t
   implicit none
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
   integer(c_int), intent(in) :: nz                           !! rows
-  integer(c_int), intent(in) :: n_memory                     !! numbers that the law remembers of each block
+  integer(c_int), intent(in) :: n_memory                     !! state variables of the law for each block
   integer(c_int), intent(in) :: n_counts                     !! length of counts
   integer(c_int), intent(in) :: n_numbers                    !! length of numbers
   integer(c_int), intent(in) :: counts(n_counts)             !! the scene, see pyfric_model

@@ -20,7 +20,7 @@ module pyfric_log
     real(dp), allocatable :: quiet_r(:, :)        !! step, time [s], a point of the loading curve, then u_x [m]
     integer :: every = 0                          !! steps between two points of the loading curve; 0: none
     integer :: n_point = 0
-    real(dp), allocatable :: points(:, :)         !! after each multiple of `every` steps, see pyfric_energy
+    real(dp), allocatable :: points(:, :)         !! points after each multiple of `every` steps, see pyfric_energy
     real(dp) :: threshold = 0.0_dp                !! speed above which a block is fast [m/s]; 0: no threshold
     integer :: n_crossing = 0
     integer :: n_burst = 0

@@ -87,7 +87,7 @@ contains
     integer, intent(in) :: n                            !! runs
     integer, intent(in) :: rooms(3)                     !! room for switches, starts and ends of slip, points
     real(dp), intent(in) :: fields(s%nx, N_FIELDS, n)   !! of the interface
-    integer(ip), intent(in) :: kinds(s%nx, n)           !! 0 never touches, 1 touches without friction, 2 rubs
+    integer(ip), intent(in) :: kinds(s%nx, n)           !! 0 never touches, 1 touches without friction, 2 with friction
     integer(ip), intent(inout) :: states(s%nx, N_STATES, n)  !! see `restore`; so are the next four
     real(dp), intent(inout) :: columns(s%nx + 2, 2, n)
     real(dp), intent(inout) :: tables(3*s%nx + 1, s%nx + 2, 1 + KEPT, n)

@@ -32,7 +32,7 @@ LACKS: dict[Owner, str] = {
     "steps": "makes no time steps",
     "energies": "does not follow all energies",
 }
-"""Owner -> what an engine without these options lacks. Engines have all options of other owners."""
+"""Owner -> ability that an engine without these options lacks. Engines have all other options."""
 REGISTERED: dict[str, Any] = {}
 """All engines by name; see `ENGINES`."""
 
@@ -71,7 +71,7 @@ class Option:
 
     @property
     def lack(self) -> str:
-        """What an engine without the option lacks, in words."""
+        """The ability that an engine without the option lacks, in words."""
         return LACKS[self.owner]
 
     @property

@@ -130,8 +130,7 @@ class GuardedSteps:
     def make_steps(self, state: State, n_steps: int) -> Status:
         """Make up to n_steps; the state changes in place, and the log is filled.
 
-        A step is shortened or lengthened to end at each breakpoint of a protocol. The next step
-        belongs to the next piece.
+        A step is shortened or lengthened to end at each breakpoint of a protocol.
         """
         model, log = self.follow(state), self.recorder.log
         corner = next_corner(self.scene, state)

@@ -157,8 +157,8 @@ class Modes:
         error after the correction. Its share of delta lambda is the sum of two parts, at most 1.
         One part is the square of the factor by which the correction reduces the residual. The other
         is |delta lambda/lambda|, because the functional is of first order in it. With slip, K is
-        unsymmetric, and the left shape, which is not corrected, replaces phi on the left. The first
-        part is then the factor instead of its square.
+        unsymmetric. The left eigenvector, which is not corrected, then replaces phi on the left,
+        and the first part is the factor instead of its square.
         """
         numbers = which.tolist()
         new = [k for k in numbers if k not in self._corrections]

@@ -263,7 +263,7 @@ class Options:
         SETTABLE, 'a field of the scene, as in scene.replace(F_N="2 kN")'
     )
 
-    if TYPE_CHECKING:  # what may be given; the fields hold numbers in SI units
+    if TYPE_CHECKING:  # types of arguments; the fields hold numbers in SI units
 
         def __init__(self, **keywords: Unpack[Keywords]) -> None: ...
 
@@ -372,7 +372,7 @@ def kept(method: Method) -> dict[str, Any]:
 
 
 def check_kept(scene: Scene, method: Method, given: Mapping[str, Any]) -> None:
-    """Raise SceneError if an option that was given differs from what a continued run keeps.
+    """Raise SceneError if a given option differs from the option of the record to continue.
 
     Args:
         scene: the scene.

@@ -191,7 +191,7 @@ class Recorder:
         return log
 
     def take(self, state: State, begin: int) -> None:
-        """Add what the core logged in steps from number `begin` up to a state."""
+        """Add the log of the core for steps from number `begin` up to a state."""
         log = self.log
         if log.n_point:
             numbers = begin // self.every + 1 + np.arange(log.n_point)

@@ -13,7 +13,7 @@ own beginning.
 
 `SlowSlip` hands over to full dynamics where loads due to inertia are no longer small. It takes over
 again after a rupture, when the slip due to remaining waves is known and its effect on loads is
-small (`Waves.effect`). Both directions keep u, v and theta of the interface. After a phase, the
+small (`Waves.effect`). Both transitions keep u, v and theta of the interface. After a phase, the
 rest of the slider is in its static state for these u, with the lag by viscosity and inertia.
 
 Source of the equations: J. R. Rice, J. Geophys. Res. 98, 9885 (1993), without radiation damping.

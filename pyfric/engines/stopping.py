@@ -146,7 +146,7 @@ def stopping_of(
 ) -> Stopping | None:
     """Return the `Stopping` of a run, or None if it has no conditions.
 
-    If a condition ended the run that is continued, only slip after its end counts.
+    If a condition ended `before`, only later slip counts.
     """
     if not texts:
         return None

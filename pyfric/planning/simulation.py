@@ -223,7 +223,7 @@ def _going_on(before: Record, options: Options) -> Options:
 
 
 def _both(before: Record, scene: Scene) -> tuple[Scene, tuple[str, ...]]:
-    """Return the scene of a record that continues as another scene, and notes on the changes."""
+    """Return the scene of a record that is continued with changes, and notes on the changes."""
     if before.scene == scene:
         return scene, ()
     t = _begin(before)

@@ -16,9 +16,9 @@ the hybrid engine record them with the option `energies`. In one event
     work = kinetic + elastic + friction_heat + switching_loss + damped + radiated .
 
 `elastic` and `kinetic` are changes of elastic and kinetic energy. `weakening_heat` is the part of
-the friction heat above mu_k p. `viscous_heat` is its part from viscosity of slip. `damped` is heat
-of dashpots of bonds. `radiated` leaves through absorbing walls. On junctions, `work` includes the
-work of changes of their stiffness.
+the friction heat above mu_k p. `viscous_heat` is the part of the friction heat from viscosity of
+slip. `damped` is heat of dashpots of bonds. `radiated` leaves through absorbing walls. On
+junctions, `work` includes the work of changes of their stiffness.
 
 Source: extent and speed as in the paper's Fig. 4; potency: K. Aki and P. G. Richards, Quantitative
 Seismology (2002), chapter 3.

@@ -58,7 +58,7 @@ if TYPE_CHECKING:
 SCHEMA = 12
 """Version of the file layout that this module writes and reads."""
 SEAL = "pyfric_seal"
-"""Attribute with the SHA-256 of what a file says."""
+"""Attribute with the SHA-256 of the content of a file."""
 DRAWN = "drawn_"
 """Prefix of the names of random fields of the interface, as they were drawn, on x."""
 SHOWN = ("curve", "events", "interface", "motion")
@@ -128,7 +128,7 @@ def _titles(record: RecordData) -> dict[str, str]:
 
 
 def _plain(value: Any) -> Any:
-    """Return what JSON can hold of dataclasses and mappings."""
+    """Return dataclasses and mappings as dicts for JSON."""
     return vars(value) if dataclasses.is_dataclass(value) else dict(value)
 
 

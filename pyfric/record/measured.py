@@ -27,7 +27,7 @@ SAID = {
     "speed_95": ("front speed", "of the speed at 95 % of the blocks", "blocks"),
     "speed_worst": ("front speed", "of the speed at the worst block", "blocks"),
 }
-"""Numbers of `Errors` in words: the quantity, the unit, and what was compared."""
+"""Errors in words: the quantity, the unit, and the kind of objects compared."""
 FORCES = ("start", "arrest")
 PROMISED = {"stress": (*FORCES, "stress"), "front_speed": ("speed_95",)}
 """Value of `want` -> the errors that its tolerance bounds, the last of which has to be known. Other

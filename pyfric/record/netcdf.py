@@ -27,7 +27,7 @@ WHOLE = np.int32
 LIBVER = ("v108", "v108")
 """Versions of the file's structures. From 1.8 on, a text may be longer than 64 kB."""
 DEFLATE = 1032
-"""Largest compression ratio of deflate (zlib). A variable that claims more is refused."""
+"""Largest compression ratio of deflate (zlib). Variables with a larger ratio are refused."""
 NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable."
 """Name that netCDF gives to the scale of a dimension without variable, followed by its size."""
 

@@ -17,7 +17,7 @@ a record with `motion`
     Rates are compared at the points of the curve, and interpolated linearly between them. Events
     between two points are missed, and the record has a note.
 
-Both sources give a log like that of contact switches, and a log of starts and ends of slip. The
+Both sources give a log in the form of switches, and a log of starts and ends of slip. The
 second log holds displacements just before and just after fast slip, so that the sum of slip is
 exact.
 """
@@ -45,7 +45,7 @@ class Fast(NamedTuple):
     """Slip faster than a threshold.
 
     Attributes:
-        crossings, bursts: logs of the form of `switches` and `quiet`.
+        crossings, bursts: logs in the form of `switches` and `quiet`.
         last: blocks that are fast at the end.
         notes: notes for the record.
     """

@@ -54,7 +54,7 @@ class Record(RecordData, Shown):
     the same types.
 
     Attributes:
-        scene, method: what was run and how.
+        scene, method: the scene, and the `Method` of its run.
         curve: data frame with t (s), F_T (N) and, with the option `energies`, energies (J).
         events, episodes: data frames of the catalogue; see `pyfric.record.catalogue`. The index of
             events is their number, as in ``record.events.loc[3]``. Episodes have a column `event`.

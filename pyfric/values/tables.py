@@ -26,7 +26,7 @@ _INDEX = re.compile(r"\b([^\W\d]+)\d\b")
 _FACTOR = re.compile(r"[x*×·⋅]?\s*[\d^%‰⁰¹²³⁴-⁹⁻][\d^%‰⁰¹²³⁴-⁹⁻.eE*−-]*|[*×·⋅]")
 """Remains of a number, a power of ten, a product or a share in a head."""
 SCALED = re.compile(r"[*×·⋅^⁰¹²³⁴-⁹]|\b1(?:e-?\d|0-\d|00+\b)", re.IGNORECASE)
-"""Text of a factor in a comment. Dates, temperatures and numbers of samples do not match."""
+"""Signs and powers of ten in a factor. Dates, temperatures and numbers of samples do not match."""
 _SHARES = re.compile(r"per\W?cent|per\W?mill?e?|ppm", re.IGNORECASE)
 WORDS = ("min", "dyn", "mus", "mud")
 """Units that are words of a friction coefficient: the minimum, dynamic friction, mu_s, mu_d."""

@@ -30,7 +30,7 @@ USUAL = frozenset({
 """Accepted units, by their names in pint. Others are likely mistakes: gr is a grain, th a mil, kt a
 knot, c a speed."""
 UNUSUAL = ("megameter", "gigameter", "megasecond", "gigasecond", "petameter")
-"""Units that are likely mistakes for a small prefix: Mm for mm, Ms for ms."""
+"""Units that are refused as likely mistakes: Mm for mm, Ms for ms."""
 
 # pint evaluates arithmetic, which may take long. Units may therefore contain no numbers, except
 # exponents of one digit: m^2, m**2, m2, m², s^-1, s-1, s⁻¹.
@@ -48,7 +48,7 @@ _NAME = re.compile(r"\b[A-Z][A-Za-z]{4,}\b")
 
 
 SHARES = ("1", "F_N", "sqrt(k m)")
-"""Texts in place of the unit of a pure number."""
+"""Units of pure numbers, as messages show them."""
 LIMITS = {
     "gt": (">", operator.gt, "too small"),
     "ge": (">=", operator.ge, "too small"),

@@ -162,7 +162,7 @@ contains
     end do
   end subroutine absorb
 
-  !> Adds these forces on one block at a side.
+  !> Adds the tractions of an absorbing side on one block.
   pure subroutine absorb_at(s, c, z_s, e, q, fx, fz)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: c                       !! share of a whole face

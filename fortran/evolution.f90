@@ -8,12 +8,12 @@
 !>     nagata   dtheta/dt = 1 - |v| theta/D_c - (c/b) theta dmu/dt
 !>
 !> V*/V_c = 0 without a cut-off speed V_c. Only this module distinguishes the laws. A law evolves in a variable x, which is theta
-!> or ln(V* theta/D_c). It is given by x after an implicit `stage` with its slope, by dx/dt, and by the rate of ln(theta) with
-!> its slopes. Procedures work on n blocks from number `from` on. n is at most `TOGETHER` if they have work arrays, so that
-!> vectors speed them up and nothing is allocated.
+!> or ln(V* theta/D_c). Three quantities define a law: x after an implicit `stage`, dx/dt, and the rate of ln(theta). Procedures
+!> work on n blocks from number `from` on. n is at most `TOGETHER` if they have work arrays, so that vectors speed them up and
+!> nothing is allocated.
 !>
-!> If a law contains the rate of stress dmu/dt, the sum x + (c/b) mu evolves without dmu/dt. dx/dt and stages are then those of
-!> this sum (`add_stress`). psi follows from x alone. Such a stage has no closed form, and `stage_by_newton` solves it.
+!> If a law contains the rate of stress dmu/dt, the sum x + (c/b) mu evolves without dmu/dt. Rates and stages then refer to this
+!> sum (`add_stress`). psi follows from x alone. Stages of the sum have no closed form. `stage_by_newton` solves them.
 !>
 !> Sources: J. H. Dieterich, J. Geophys. Res. 84, 2161 (1979); A. L. Ruina, J. Geophys. Res. 88, 10359 (1983); the form with
 !> asinh: J. R. Rice, N. Lapusta, K. Ranjith, J. Mech. Phys. Solids 49, 1865 (2001); prz: G. Perrin, J. R. Rice, G. Zheng, J. Mech.

@@ -36,7 +36,7 @@ module pyfric_junctions
     real(dp) :: fewest                     !! a block with fewer pinned junctions is ruptured
     integer(int64) :: seed                 !! seed of the slip times of junctions
     logical :: from_right                  !! blocks are counted from the right side, which is driven
-    type(curve_t) :: quantiles             !! of t_R over its mean; no knots: a normal distribution
+    type(curve_t) :: quantiles             !! quantiles of t_R over its mean; no knots: a normal distribution
     real(dp), allocatable :: factors(:)    !! c_j of each junction of a block
     real(dp), allocatable :: mu_s(:)       !! friction coefficient at which a junction breaks [-]
     real(dp), allocatable :: mu_d(:)       !! friction coefficient of a slipping junction [-]

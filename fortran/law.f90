@@ -1,9 +1,9 @@
 !> The friction law, one of three kinds: laws under which blocks rest (pyfric_resting), junctions (pyfric_junctions), rate and
 !> state (pyfric_rate_state). Only this module uses the modules of the three kinds.
 !>
-!> Each kind has its own fields, tables and state variables. It gives the force, its powers and energy, event functions, contact
+!> Each kind has its own fields, tables and state variables. Each gives the force, powers and energy, event functions, contact
 !> states after a step, and changes of state variables at a switch. On junctions, and with rate and state, no block comes to rest.
-!> The force follows from displacements and state variables, or from speeds and a state variable.
+!> On junctions, the force follows from displacements and state variables; with rate and state, from speeds and a state variable.
 module pyfric_law
   use pyfric_kinds, only: dp, ip, NOT_KNOWN
   use pyfric_layout, only: LB, LANES
@@ -209,7 +209,7 @@ contains
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: z(nx)                !! heights above the foundation [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
-    real(dp), intent(out) :: g(N_CONTACT, nx)    !! of friction [N] or [m/s], of junctions and of the gap [m]
+    real(dp), intent(out) :: g(N_CONTACT, nx)    !! event functions of friction [N] or [m/s], of junctions and of the gap [m]
     real(dp), intent(out) :: margin(nx)          !! strength minus load [N]; 0 on junctions
 
     margin = 0.0_dp

@@ -92,7 +92,7 @@ module pyfric_model
     real(dp) :: z_p         !! impedance of a block to longitudinal waves, rho c_P times its face [N s/m]
     real(dp) :: z_s         !! the same for shear waves
     type(law_t) :: law      !! friction under the bottom row
-    real(dp) :: series(7, N_BOND) !! of each bond's spring in finite geometry, see `series` [N/m^(2n+1)], n = 1...
+    real(dp) :: series(7, N_BOND) !! coefficients of each bond's spring in finite geometry, see `series` [N/m^(2n+1)], n = 1...
     logical :: sheared      !! shear, its rate or k_top is not zero
     logical :: pushed       !! push or its rate is not zero
     real(dp), allocatable :: u_drv0(:) !! u_x of the driven blocks, row by row, at which their springs are relaxed at t = 0 [m]

@@ -308,7 +308,7 @@ contains
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
     integer, intent(in) :: n
-    real(dp), intent(in) :: x(n)      !! with a share of stress where its rate is in the law
+    real(dp), intent(in) :: x(n)      !! includes a share of stress if the law has a rate of stress
     real(dp), intent(in) :: w(n)      !! [N]
     real(dp), intent(in) :: p(n)      !! [N]
     real(dp), intent(out) :: kappa(n)

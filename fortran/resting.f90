@@ -6,8 +6,8 @@
 !>     stuck      |f| <= (mu_s + hold(a)) p
 !>     slipping   f = -(+-1) (mu_k + (mu_s - mu_k) slide(s/d_c)) speed(|v|) age(a) p - alpha v
 !>
-!> A limit, linear in time within a piece of the protocols, bounds all factors of p in both lines. Without tables it is
-!> Amontons-Coulomb: hold = slide = 0, speed = age = 1.
+!> A limit, linear in time within a piece of the protocols, bounds the factor of p in both lines. Without tables the law is
+!> Amontons-Coulomb friction: hold = slide = 0, speed = age = 1.
 module pyfric_resting
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: LB, LANES
@@ -39,7 +39,7 @@ module pyfric_resting
     real(dp) :: t_0 = 0.0_dp           !! time of the limits [s]
     real(dp), allocatable :: mu_s(:)   !! static friction coefficient [-]
     real(dp), allocatable :: mu_k(:)   !! kinetic friction coefficient [-]
-    real(dp), allocatable :: d_c(:)    !! unit of slip of the table, 0 for at once [m]
+    real(dp), allocatable :: d_c(:)    !! unit of slip in the table; 0: friction drops at once [m]
     real(dp), allocatable :: alpha(:)  !! viscosity of slip [N s/m]
     logical, allocatable :: bare(:)    !! no friction in contact; the contact state is then open
     real(dp), allocatable :: limit(:)  !! largest friction coefficient at t_0 [-]
@@ -231,7 +231,7 @@ contains
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
     real(dp), intent(in) :: z(nx)                !! heights above the foundation [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
-    real(dp), intent(out) :: g(N_CONTACT, nx)    !! of friction [N] or [m/s], and of the gap [m]
+    real(dp), intent(out) :: g(N_CONTACT, nx)    !! event functions of friction [N] or [m/s], and of the gap [m]
     real(dp), intent(out) :: margin(nx)          !! strength minus load if the block were stuck [N]
     integer :: i
 

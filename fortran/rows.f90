@@ -27,12 +27,12 @@ module pyfric_rows
   !> Works and dissipations since the start [J].
   type :: budget_t
     logical :: complete = .true.    !! there was enough memory
-    real(dp), allocatable :: dissipated(:)  !! in the bonds that start in each row, and by absorbing walls
+    real(dp), allocatable :: dissipated(:)  !! heat of the bonds that start in each row, and energy to absorbing walls
     real(dp), allocatable :: radiated(:)    !! part of `dissipated` by absorbing walls
-    real(dp), allocatable :: heat(:)        !! by friction under each bottom block
+    real(dp), allocatable :: heat(:)        !! friction heat under each bottom block
     real(dp), allocatable :: above(:)       !! part of heat above the kinetic strength; on junctions heat of dragging
     real(dp), allocatable :: viscous(:)     !! part of heat by alpha; on junctions work of their stiffness
-    real(dp) :: work(2)                     !! of the driver; of the forces on the top and of pushes
+    real(dp) :: work(2)                     !! work of the driver; work of the forces on the top and of pushes
     real(dp) :: pushed = 0.0_dp             !! work of pushes in this step, which `take_shared` adds to work
     real(dp), allocatable :: driven(:)      !! the same for a driver on several blocks, by row; else not allocated
     real(dp), allocatable :: fallen(:)      !! the same for gravity, by row

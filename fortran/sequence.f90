@@ -443,7 +443,7 @@ contains
 
   ! --- slip that grows -----------------------------------------------------------------------------
 
-  !> Changes which blocks slip as the driver moves on. If all conditions on rates hold, logs the state and goes on.
+  !> Lets blocks stick or slip as the rates under motion of the driver require. If all conditions hold, logs the state and goes on.
   pure subroutine grow(s, rules, leg, g, c, run, log)
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules
@@ -573,7 +573,7 @@ contains
     integer, intent(in) :: i                    !! block, from 1
     integer(ip), intent(in) :: new              !! its state after the change
     real(dp), intent(in) :: t                   !! [s]
-    type(values_t), intent(in) :: at            !! of which u_x and p are logged
+    type(values_t), intent(in) :: at            !! values, of which u_x and p are logged
     type(run_t), intent(inout) :: run
     type(log_t), intent(inout) :: log
 

@@ -88,12 +88,12 @@ contains
     integer, intent(in) :: rooms(3)                     !! room for switches, starts and ends of slip, points
     real(dp), intent(in) :: fields(s%nx, N_FIELDS, n)   !! of the interface
     integer(ip), intent(in) :: kinds(s%nx, n)           !! 0 never touches, 1 touches without friction, 2 with friction
-    integer(ip), intent(inout) :: states(s%nx, N_STATES, n)  !! see `restore`; so are the next four
+    integer(ip), intent(inout) :: states(s%nx, N_STATES, n)  !! for this and the next four, see `restore`
     real(dp), intent(inout) :: columns(s%nx + 2, 2, n)
     real(dp), intent(inout) :: tables(3*s%nx + 1, s%nx + 2, 1 + KEPT, n)
     integer(ip), intent(inout) :: counts(N_COUNTS, n)
     real(dp), intent(inout) :: numbers(N_NUMBERS, n)
-    integer(ip), intent(inout) :: switch_i(4, rooms(1), n)   !! see log_t; so are the next four
+    integer(ip), intent(inout) :: switch_i(4, rooms(1), n)   !! for this and the next four, see log_t
     real(dp), intent(inout) :: switch_r(4, rooms(1), n)
     integer(ip), intent(inout) :: quiet_i(s%nx + 1, rooms(2), n)
     real(dp), intent(inout) :: quiet_r(3*s%nx + 3, rooms(2), n)

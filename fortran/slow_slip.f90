@@ -3,8 +3,9 @@
 !> There are 2 N_x equations for the displacements u since the beginning and y = ln(theta). If the law has a rate of stress, y
 !> includes a share of stress (pyfric_evolution).
 !>
-!>     du/dt = v(load, p, y) ,   dy/dt = X(v, y) ,   load = load_0 + load_1 t + load_2 t^2/2 + load_u u + load_v v ,   p alike .
+!>     du/dt = v(load, p, y) ,   dy/dt = X(v, y) ,   load = load_0 + load_1 t + load_2 t^2/2 + load_u u + load_v v .
 !>
+!> The normal force p has the same form as the load.
 !> v follows from `balanced_speeds`. The term load_v v, by viscosity of bonds, couples the speeds of blocks. It is found by
 !> iterations (turns). In steady slip the equations are stiff: a block relaxes over a slip of p a/(dload/du). Each step therefore
 !> solves linear equations with the Jacobian. The method is a Rosenbrock method of order 5, with an embedded method of order 4 and
@@ -179,7 +180,7 @@ contains
     end do
   end subroutine rates_at
 
-  !> The same, from load and normal force without viscosity.
+  !> Rates of u and y, and their derivatives, from load and normal force without viscosity.
   pure subroutine rates_under(s, t, q, load_0, p_0, f, slopes, p)
     type(condensed_t), intent(in) :: s
     real(dp), intent(in) :: t                 !! [s]

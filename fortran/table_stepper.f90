@@ -12,7 +12,8 @@
 !>
 !>     u_i: + h^2 sum_j dbar_ij R_j/m ,   v_i: + h sum_j d_ij R_j/m ,   x_i = x + h sum_j s_ij X_j ,   d = s - a, dbar = a d .
 !>
-!> All stages after the first have the same d_ii = s_ii. There, v_i and x_i are solved for (pyfric_rate_state).
+!> All stages after the first have the same d_ii = s_ii. In these stages, v_i and x_i are roots of equations
+!> (pyfric_rate_state).
 module pyfric_table_stepper
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
@@ -137,7 +138,7 @@ contains
 
   contains
 
-    !> Forces and powers of a stage, on rows j0..j1. In finite geometry, the row below these gives its forces on row j0.
+    !> Forces and powers of a stage, on rows j0..j1. In finite geometry, row j0 - 1 is evaluated first, for its forces on row j0.
     subroutine sweep(t_stage, y_stage, memory_stage)
       real(dp), intent(in) :: t_stage                    !! time [s]
       real(dp), intent(in) :: y_stage(LB:s%n + LANES, 4, s%nz) !! the stage

@@ -54,7 +54,7 @@ def advance(
 
     Args:
         model: from `model`, for the scene of the state.
-        state: initial state; on return, the state at which the core stopped (`state.step` counts).
+        state: initial state; on return, the state at which the core stopped.
         log: buffers, filled from their beginning. The core stops early if they could overflow.
         n_steps: number of steps to make, at least 0.
         stepper: one of `STEPPERS`.
@@ -306,7 +306,7 @@ def slow_slip(
         variant: build to use; results do not depend on it.
 
     Raises:
-        ValueError: arrays do not fit the model, or it has another law.
+        ValueError: arrays do not fit the model, or the model has another law.
         MemoryError: there is no memory for the work space.
     """
     N_x = model.N_x

@@ -40,7 +40,7 @@ class GapFunctions:
         self._lifting = np.where(space.solver.pressed, -k_f, k_f)[up]
 
     def of(self, q: np.ndarray, f: np.ndarray, v: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return gap functions without gaps, or their changes, which are linear; (n_c, ...), in N.
+        """Return gap functions for a gap of 0, or changes of gap functions, (n_c, ...), in N.
 
         Args:
             q: coordinates, shape (n_q, ...), in m.

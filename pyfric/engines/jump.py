@@ -10,9 +10,9 @@ prediction. The residual of the equation of motion at the end of the jump,
 
     D = forces(q) - C q' - M q'' ,
 
-corresponds to a displacement K^-1 D. It is added to the path as a quadratic term. This correction
-is refined once, with the tangent at the end of the jump. The jump ends just before a gap function
-reaches zero. Until the truncated part has decayed, its expected change of gap functions is
+corresponds to a displacement K^-1 D, which is added to the path as a quadratic term. This
+correction is refined once, with the tangent at the end of the jump. The jump ends just before a gap
+function reaches zero. Until the truncated part has decayed, its expected change of gap functions is
 subtracted from them.
 
 The estimated error of a jump is a change of gap functions with three causes:
@@ -49,7 +49,7 @@ TRUNCATED = 0.1
 """Expected change of gap functions by the truncated part, over the largest change that its energy
 allows. In attempts on fine lattices the largest ratio was 0.02 to 0.33."""
 CORRECTED = 0.1
-"""Largest error after corrections, over the accuracy. It is small in the error of a jump."""
+"""Largest error after corrections, over the accuracy. It adds little to the error of a jump."""
 SAMPLED = (0.01, 0.25)
 """Times at which the residual of modes is computed, over the length of a jump."""
 
@@ -313,9 +313,9 @@ class Jump:
         In finite geometry the tangent changes along the path, and large motions are not linear. The
         residual at the times `SAMPLED` excites modes, which decay until s. The part of the residual
         that is odd in the motion oscillates at the frequencies of the present modes. A mode of rate
-        lambda responds to another mode's frequency more than to a constant force: by |lambda| over
-        the difference of rates, but at most by |lambda| s. The even part oscillates at sums and
-        differences of frequencies.
+        lambda responds to such an oscillation more than to a constant force. The factor is |lambda|
+        over the difference of the two rates, and at most |lambda| s. The even part oscillates at
+        sums and differences of frequencies.
         """
         modes, space, outside, found = self.modes, self.space, self.outside, 0.0
         near = np.maximum(self.ringing.distances(), 1 / s)

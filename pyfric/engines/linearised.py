@@ -7,9 +7,9 @@ blocks in contact. If u changes slowly, the other coordinates w follow their sta
     q = G u + s K_ww^-1 b' + l ,   K_ww l = -(C q')_w .
 
 This motion loads the interface (`Linearised.interface`). Any other motion is a wave, a free motion
-of the slider with its interface held. Waves decay by viscosity. The load f of a wave makes a block
-faster by exp(f/(a p)). It thereby changes the slip of the block until the wave has decayed
-(`Waves.effect`).
+of the slider with its interface held. Waves decay by viscosity. The load f of a wave multiplies the
+speed of a block by exp(f/(a p)). It thereby changes the slip of the block until the wave has
+decayed (`Waves.effect`).
 """
 
 from __future__ import annotations

@@ -80,7 +80,7 @@ class MovingParts:
 
     Args:
         known: static states of the scene.
-        method: how it is run, without energies and threshold.
+        method: method of the run, without energies and threshold.
     """
 
     longest = ASIDE

@@ -68,7 +68,7 @@ class RingDown:
         return scene.law.rests
 
     def notes(self, counts: Mapping[str, int]) -> tuple[str, ...]:
-        """Return a note on dashpots that turn, and one if jumps spared little."""
+        """Return a note on dashpots that turn, and a note if jumps saved little work."""
         notes = ()
         if self.method.geometry == "finite" and self.scene.slider.dashpots == "along":
             notes += ("jumps leave out how dashpots along bonds turn during a jump",)

@@ -128,7 +128,7 @@ class SlowSlip:
             raise SceneError("interface.gap", gap, "m", allowed, reason)
 
     def notes(self, counts: Mapping[str, int]) -> tuple[str, ...]:
-        """Return a note if slow slip spared little."""
+        """Return a note if slow slip saved little work."""
         return mostly_stepped(
             counts,
             "slip was fast, its waves or its inertia were too large for an accuracy of "
@@ -140,7 +140,7 @@ class SlowSlip:
         return max(self.look_at - state.step, 0)
 
     def span(self, state: State, last: int) -> Span | None:
-        """Leave out inertia while it is small."""
+        """Return a span of slip without inertia, or None if inertia or waves are too large."""
         moved = np.zeros((2, self.scene.N_x)) if state.since else self.calm()
         span = None if moved is None else self.slip(last, moved)
         if span is None:
@@ -204,7 +204,7 @@ class SlowSlip:
         return np.array([slip, -slip * np.sign(first) * weakens])
 
     def slip(self, last: int, moved: np.ndarray) -> Span | None:
-        """Leave out inertia up to step `last` at most.
+        """Return a span of slip without inertia, up to step `last` at most.
 
         No slow step is shortened to end at `last`. A run that continues from there repeats the slow
         steps of this phase. It therefore has the same bits as a run without interruption.

@@ -117,7 +117,7 @@ class Space:
         M: masses, shape (n_q,), in kg.
         B: shapes, with B'M B = 1, shape (n_q, r).
         cut: frequency up to which the space contains all undamped modes, in 1/s.
-        fastest: largest decay rate that the truncated part is allowed, in 1/s.
+        fastest: upper limit for the expected decay rate of the truncated part, in 1/s.
         decay: smallest possible decay rate of the truncated part, in 1/s.
         slips: indices of slipping blocks; empty here, see `pyfric.engines.slipping`.
 

@@ -282,7 +282,7 @@ class Stopping:
         return wanted + max(self.begun - known - 1, 0) + present
 
     def quiet(self, t: float) -> float:
-        """Return the time (s) after which new slip belongs to another event than one ended at t."""
+        """Return the time (s) after which new slip does not join an event that stopped at t."""
         return (t + self.t_gap) * (1 + 1e-12)
 
     def rested(self) -> float:

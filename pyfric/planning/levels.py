@@ -54,8 +54,8 @@ if TYPE_CHECKING:
 
 STEP_ERROR = 7e-7
 """Error of forces over F_N that steps of the first level leave in most scenes (`share_of_limit`):
-0.47 of the stability limit of "rk46". With longer steps, two runs with wrong events can agree. Of
-the errors tried, it is the largest at which no two did in 200 scenes."""
+0.47 of the stability limit of "rk46". With longer steps, two runs with wrong events can agree. In
+200 scenes, no two runs did with these steps."""
 SHORTER, HALF = 2 / 3, 1 / 2
 """Step of a level over the step of the level before. Policies; see the module."""
 FIRST, STRICTER = 1e-4, 0.1
@@ -63,8 +63,8 @@ FIRST, STRICTER = 1e-4, 0.1
 STEPPED = 4
 """Number of levels with steps if one has linear geometry; otherwise one less. A policy."""
 LOOSE = 0.05
-"""Least tolerance for which a quasi-static sequence is made. Its error is up to 0.04 F_N in the
-paper's scenes."""
+"""Least tolerance for which a quasi-static sequence is made. The error of a sequence is up to 0.04
+F_N in the paper's scenes."""
 ROTATION = 0.2
 """Order of magnitude of the error of forces without rotation of bonds, over F_N and strain. Linear
 geometry is left out if this error exceeds the tolerance."""

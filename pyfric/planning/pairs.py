@@ -1,10 +1,9 @@
 """Two runs of a scene at different levels: their difference is the error of the coarser run.
 
 The finer run is returned, with the error of the coarser run. The error is not extrapolated with an
-order of convergence, because rupture times do not have the order of the stepper. In some events
-other blocks slip, a block slips once more, or the event has ended in one run alone. Their
-differences are less reliable, because two wrong outcomes can be alike. `SAFETY` times the
-difference is then reported.
+order of convergence, because rupture times do not have the order of the stepper. Two runs may also
+differ in the blocks that slip in an event, or only one of them may have ended it. Such differences
+are less reliable, because two wrong outcomes can be alike. They are multiplied by `SAFETY`.
 
 If the two finest runs still differ by more than the tolerance, single events cannot be trusted from
 the first difference on. Later events are compared by their statistics.

@@ -162,7 +162,7 @@ class Catalogue:
         """F_T, tau and p (N) of the static states at the "start" and the "stop" of events.
 
         The bottom row is held at the u_x of the quiet log. Open blocks are free. The driver stands
-        at its position at this time. Static states contain no ring-down, for every engine.
+        at its position at this time. The states of all engines are thus without ring-down.
         """
         scene, failed, found = self.scene, [], {}
         rows = {at: self[f"quiet_{at}"] for at in ("start", "stop")}

@@ -49,7 +49,7 @@ MARKS = ("turned", "open")
 
 
 class Differences(NamedTuple):
-    """How far apart two runs are: one row for each pair of events, one for each front speed.
+    """Differences of two runs: a row for each pair of events, and for each front speed.
 
     Attributes:
         events: number of the event in either run (0 for none), t_start (s), and the differences
@@ -184,7 +184,7 @@ class _Pairs:
     def _chosen(self) -> list[tuple[int, int]]:
         """Return the events of a, each with its partner in b.
 
-        The partner is 0 if b ends before the partner.
+        The partner is 0 if b ends before the partner begins.
         """
         cost = event_distances(self.ours, self.theirs, self.a.scene, self.covered)
         late = (self.covered - self.ours["t_start"].to_numpy()) * pace(self.a.scene, self.covered)
@@ -215,7 +215,7 @@ class _Pairs:
     def _turned(self, event: Event, partner: Event, ended: bool) -> bool:
         """Return whether two events differ in the blocks that slip, or only one of them ends.
 
-        Two events that have both not ended are compared by their numbers of episodes.
+        Two unfinished events are compared by their numbers of episodes.
         """
         off = event["n_episodes"] != partner["n_episodes"]
         off &= event["finished"] == partner["finished"]

@@ -91,7 +91,7 @@ TEXTS = tuple(name for name in Texts.model_fields if name not in ("scene", "stat
 
 
 def held_by(record: RecordData) -> Iterator[tuple[Held, np.ndarray]]:
-    """Yield all that a record holds, in the order of files."""
+    """Yield all quantities of a record, in the order of files."""
     scene = record.scene
     coordinates = {
         "event": record.events.index,

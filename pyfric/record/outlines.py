@@ -49,7 +49,7 @@ EVENT_COLUMNS = (
 
 
 def run_column(unit: str, meaning: str) -> Callable[[Number], Number]:
-    """Enter the function below as a number of runs, under its own name."""
+    """Enter the decorated function as a number of runs, under its own name."""
 
     def enter(find: Number) -> Number:
         RUN_COLUMNS[find.__name__] = RunColumn(unit, meaning, find)

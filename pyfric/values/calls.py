@@ -17,7 +17,7 @@ NAMED = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYW
 
 
 def usage(written: str = "") -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Decorate a function so that calls with wrong arguments raise the line to write.
+    """Decorate a function so that errors for wrong arguments contain the line to write.
 
     Args:
         written: the line; "" means the function with its required arguments.

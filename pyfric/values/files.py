@@ -232,7 +232,8 @@ def _draft(folder: Path) -> Path:
 def clean_drafts(folder: Path) -> int:
     """Delete the temporary files that killed processes left in a folder; return their number.
 
-    Their process no longer exists. If this cannot be checked, they are older than a day.
+    A file is deleted if its process no longer exists. If this cannot be checked, a file is deleted
+    if it is older than a day.
     """
     gone = 0
     with contextlib.suppress(OSError):

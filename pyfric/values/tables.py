@@ -24,12 +24,12 @@ _BRACES = re.compile(r"^([^\\$]*)\{([^{}]*)\}$")
 _INDEX = re.compile(r"\b([^\W\d]+)\d\b")
 """A digit at the end of a name, as in mu_2."""
 _FACTOR = re.compile(r"[x*×·⋅]?\s*[\d^%‰⁰¹²³⁴-⁹⁻][\d^%‰⁰¹²³⁴-⁹⁻.eE*−-]*|[*×·⋅]")
-"""Remains of a number, a power of ten, a product or a share in a head."""
+"""A number, a power of ten, a product or a share that remains in a head."""
 SCALED = re.compile(r"[*×·⋅^⁰¹²³⁴-⁹]|\b1(?:e-?\d|0-\d|00+\b)", re.IGNORECASE)
 """Signs and powers of ten in a factor. Dates, temperatures and numbers of samples do not match."""
 _SHARES = re.compile(r"per\W?cent|per\W?mill?e?|ppm", re.IGNORECASE)
 WORDS = ("min", "dyn", "mus", "mud")
-"""Units that are words of a friction coefficient: the minimum, dynamic friction, mu_s, mu_d."""
+"""Units that are also names of friction coefficients: minimum, dynamic friction, mu_s, mu_d."""
 COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 """A number with a decimal comma."""
 POINT = re.compile(r"[+-]?\d*\.\d+(?:[eE][+-]?\d+)?|[+-]?\d+\.")
@@ -47,7 +47,7 @@ class Line(NamedTuple):
 
 
 class Lines(NamedTuple):
-    """Lines of a table, without empty ones.
+    """Lines of a table, without empty lines.
 
     Attributes:
         comments: lines that start with #, without the #.

@@ -55,7 +55,7 @@ MAX_FILE = 1_048_576
 def parsed(source: str | os.PathLike[str], what: str = "scene") -> tuple[dict[str, Any], Path]:
     """Return the TOML document in a file, or in a text of several lines, and its folder.
 
-    Names of files in the document are relative to this folder. For a text it is the current folder.
+    Names of files in the document are relative to this folder. A text has the current folder.
 
     Args:
         source: the path of a file, or the text.

@@ -440,8 +440,8 @@ contains
 
   ! --- uniqueness ----------------------------------------------------------------------------------
 
-  !> Whether the definiteness of the slip operator W is at least `least` (pyfric.statics.contact). It is if (W + W')/2 - least F
-  !> is positive definite, with F the operator without friction. Open blocks move freely.
+  !> Whether the definiteness of the slip operator W is at least `least` (pyfric.statics.contact). This holds if
+  !> (W + W')/2 - least F is positive definite, with F the operator without friction. Open blocks move freely.
   pure subroutine test_definite(s, g, c, least, definite)
     type(slider_t), intent(in) :: s
     type(ground_t), intent(in) :: g

@@ -85,9 +85,9 @@ class State:
         phase: u_x (m), theta (s) and v_x (m/s) at the begin of this phase, shape (3, N_x). None
             means 0.
 
-    `scene.law.state` lists the state variables with units and meanings. Those of junctions have the
-    shape (N_x, n_s). An open block keeps its s_0 (see `slip`), because motion without contact is
-    not slip.
+    `scene.law.state` lists the state variables with units and meanings. State variables of
+    junctions have the shape (N_x, n_s). An open block keeps its s_0 (see `slip`), because motion
+    without contact is not slip.
     """
 
     y: np.ndarray

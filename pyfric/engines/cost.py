@@ -50,7 +50,7 @@ SLIDE = (1.4e-2, 6e-8)
 """Additional time of one attempt to jump over slip, in s."""
 EVENT_STEPS = 130.0
 """Work of the hybrid engine for each main event, in time steps of the scene without viscosity. It
-was 34 to 570 in 20 of 21 runs of all sizes. It is inversely proportional to the step."""
+was 34 to 570 in 20 of 21 runs of all sizes. The work is inversely proportional to the step."""
 POINTS = 5000
 """Default number of points of the loading curve."""
 RUN = 0.015

@@ -1,7 +1,7 @@
 """Declaration of an option: its owner, meaning, unit, allowed values and default, in one place.
 
 From these declarations follow the documentation of `pyfric.Options` and the options of the command
-line. They also decide which options an engine refuses, and which a continued run keeps.
+line. The declarations also decide which options an engine refuses, and which a continued run keeps.
 """
 
 from __future__ import annotations

@@ -267,9 +267,10 @@ class Jump:
     def _left(self, s: float) -> float:
         """Return the expected change of the gap functions by the truncated part at s (s), in N.
 
-        Its decay rates range from `fade` upwards. Their mean, weighted with energy, is `decay` at
-        s = 0. The energy is assumed to be distributed as exp(-(rate - fade)/(decay - fade)) over
-        the rates. Amplitudes then decay as exp(-fade s)/sqrt(1 + 2 (decay - fade) s).
+        Decay rates of this part range from `fade` upwards. Their mean, weighted with energy, is
+        `decay` at s = 0. The energy is assumed to be distributed over the rates as
+        exp(-(rate - fade)/(decay - fade)). Amplitudes then decay as
+        exp(-fade s)/sqrt(1 + 2 (decay - fade) s).
         """
         fade = self.modes.fade
         spread = 1 + 2 * max(self.motion.decay - fade, 0.0) * s

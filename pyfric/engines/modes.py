@@ -154,11 +154,11 @@ class Modes:
 
         With Q(lambda) = K + lambda C + lambda^2 M and a shape phi, Rayleigh's functional gives the
         error of a rate, delta lambda = phi.Q phi/(phi.C phi + 2 lambda phi.M phi). `off` is the
-        error after the correction. Its share of delta lambda is the sum of two parts, at most 1.
-        One part is the square of the factor by which the correction reduces the residual. The other
-        is |delta lambda/lambda|, because the functional is of first order in it. With slip, K is
-        unsymmetric. The left eigenvector, which is not corrected, then replaces phi on the left,
-        and the first part is the factor instead of its square.
+        error after the correction. The share of `off` in delta lambda is the sum of two parts, at
+        most 1. One part is the square of the factor by which the correction reduces the residual.
+        The other is |delta lambda/lambda|, because the functional is of first order in it. With
+        slip, K is unsymmetric. The left eigenvector, which is not corrected, then replaces phi on
+        the left, and the first part is the factor instead of its square.
         """
         numbers = which.tolist()
         new = [k for k in numbers if k not in self._corrections]

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 ASIDE = 16
 """Resting blocks on each side of the blocks that may slip, at first. It is also the number of steps
 between two choices of the moving part, because a wave takes more than a step to the next block.
-More blocks take longer. Fewer have to be doubled more often. Results depend on the number by
+More of them take longer, fewer have to be doubled more often. Results depend on the number only by
 rounding."""
 
 

@@ -55,8 +55,8 @@ OF_STEP = 0.01
 SLIPPED, WAVES, INERTIA, BENT = 0.5, 0.05, 0.1, 0.02
 """Largest errors of loads over the accuracy: due to slip by neglected waves; due to the load of
 waves when an event begins; due to inertia during slow slip; and, in finite geometry, the difference
-from static states at the end of a phase. They are small, because the time at which a creeping block
-reaches `v_slip` is sensitive to its load."""
+from static states at the end of a phase. These shares are small, because the time at which a
+creeping block reaches `v_slip` is sensitive to its load."""
 
 
 class Phase(NamedTuple):

@@ -64,9 +64,9 @@ def creeps_to_rest(
 ) -> bool:
     """Return whether all slip comes to rest by itself and no other block starts to slip.
 
-    It does if the forces that motion can still add are smaller than the force that any block lacks
-    to slip. These forces are viscous friction alpha v, inertia m a, and sqrt(12 k E): the most that
-    the kinetic energy E can add on a block held by a stiffness of 6 k.
+    This is so if the forces that motion can still add are smaller than the force that any block
+    lacks to slip. These forces are viscous friction alpha v, inertia m a, and sqrt(12 k E): the
+    most that the kinetic energy E can add on a block held by a stiffness of 6 k.
 
     Args:
         state: state with blocks in motion.

@@ -6,7 +6,7 @@ slips outside this row, and all later slips, are left out. They may belong to a 
 the event, or to slip before the front, and would look like a very slow front.
 
 ``link_time`` is 40 l/c_s with c_s = l sqrt(k/(2 m)), the shear speed of the lattice. One pause of
-this length gives v_c = 4 l/(40 l/c_s) = 0.1 c_s. It cannot be mistaken for a slow front,
+this length gives v_c = 4 l/(40 l/c_s) = 0.1 c_s. One pause cannot be mistaken for a slow front,
 v_c < 0.05 c_s. A steady front is followed down to 0.025 c_s. On junctions a front waits while
 junctions slip. ``link_time`` is then at least their mean time of slip t_R.
 

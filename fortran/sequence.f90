@@ -476,8 +476,8 @@ contains
     if (run%phase == PASSES .and. rules%stops) run%status = PAUSED
   end subroutine grow
 
-  !> Slipping blocks that would move back stick. Stuck blocks at their threshold that would exceed it slip. If a block has just
-  !> landed, f is zero within rounding, and the sign of the rate of f gives the direction.
+  !> A slipping block that would move back sticks. A stuck block at its threshold slips if it would exceed the threshold. If a
+  !> block has just landed, f is zero within rounding, and the sign of the rate of f gives the direction.
   pure subroutine unmet_in_rates(s, rules, g, c, rate, by, new, small, unmet)
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules

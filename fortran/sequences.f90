@@ -156,7 +156,7 @@ contains
     ground%rubs = kinds > 1
   end subroutine take_ground
 
-  !> The table with all blocks held of the first run. Runs with the same foundation begin with this table.
+  !> The table of the first run with all blocks held. Runs with the same foundation begin with this table.
   pure subroutine share(s, fields, kinds, mode, first)
     type(slider_t), intent(in) :: s
     real(dp), intent(in) :: fields(s%nx, N_FIELDS)

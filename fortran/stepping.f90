@@ -314,8 +314,8 @@ contains
     run%goes_on = run%status == DONE .and. run%step < run%end_step .and. log_has_room(s, method, log)
   end subroutine complete_step
 
-  !> Whether a cell may be turned inside out. No cell is, if the displacements of neighbours along x and z differ by less than
-  !> l/sqrt(2). The deformation gradient of each triangle of two bonds then differs from 1 by less than 1.
+  !> Whether a cell may be turned inside out. No cell is turned so if the displacements of neighbours along x and z
+  !> differ by less than l/sqrt(2). The deformation gradient of each triangle of two bonds then differs from 1 by less than 1.
   pure function may_fold(s, y) result(found)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)  !! state

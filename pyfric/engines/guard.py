@@ -107,7 +107,7 @@ class Guard:
         return Energy(state.t, stored, shear, self._of_changes(state))
 
     def _of_changes(self, state: State) -> float:
-        """Return a bound of the work (J) of changes of loads up to the displacement of a state.
+        """Return a bound of the work (J) that changes of loads do until a state.
 
         The potential uses F_N and T at t = 0. The bound is the largest change of these loads over
         the whole protocol, of pushes, and of forces of a moving plate on the top, times the largest

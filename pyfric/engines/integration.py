@@ -49,7 +49,7 @@ SkipOf = Callable[[GuardedSteps], "Skip"]
 
 
 class RunError(RuntimeError):
-    """A run could not go on. The attribute `record` holds its valid part."""
+    """A run could not go on. The attribute `record` holds the valid part of the run."""
 
     def __init__(self, message: str, record: Record) -> None:
         super().__init__(message)

@@ -260,8 +260,9 @@ class Linearised:
     ) -> Waves:
         """Return the waves in a state of the slider.
 
-        They obey M q'' + C q' + K q = 0 with the interface held. Their integral follows from the
-        initial state, K int(q) = M q' + C q. Frequency and decay are means weighted with energy.
+        Waves obey M q'' + C q' + K q = 0 with the interface held. The integral of q over time
+        follows from the initial state, K int(q) = M q' + C q. Frequency and decay are means
+        weighted with energy.
 
         Args:
             at, v: coordinates (m) and velocities (m/s), shape (n_q,).

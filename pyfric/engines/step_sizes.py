@@ -29,7 +29,7 @@ HALVED = 2
 """A step that is at most this many halvings too long to resolve weakening is shortened. A
 policy."""
 DIGITS = 3
-"""Digits of dt = "auto" over sqrt(m/k)."""
+"""Digits to which dt = "auto" over sqrt(m/k) is rounded."""
 ALMOST = 1e-9
 """Relative rounding error that may not lower the last digit."""
 LONGEST_LOCATED = 30.0

@@ -440,7 +440,7 @@ def _share_resolved(blocks: np.ndarray, of: np.ndarray) -> np.ndarray:
 
 @block_array("1", "1 slipped in the event, 2 corner slip or open in it, 0 neither", np.int8)
 def region(of: Catalogue) -> np.ndarray:
-    """Corner slip counts if it overlaps the event. 1 takes precedence over 2.
+    """Corner slip counts if it overlaps the event. A block with both 1 and 2 has 1.
 
     A block is open in an event if it is open at the end of the event, or lifts off or lands during
     the event.

@@ -3,9 +3,9 @@
 Each main event of one record is paired with an event of the other record (`pairing`). If neither
 record has main events, all events are paired. A partner may begin after the end of the shorter run.
 
-The comparison ends where an event begins that the other run has not had by its end. The error of
-this event is at least the force that the other run still lacks. The comparison also ends at an
-event in which blocks slip many times (`AGAIN`) and the two runs differ.
+The comparison ends at the start of the first event that the other run has not had by its end. The
+error of this event is at least the force that the other run still lacks. The comparison also ends
+at an event in which blocks slip many times (`AGAIN`) and the two runs differ.
 
 A pause near `t_gap` may split one event in two. An event that begins during the last event of the
 other run is therefore taken as a part of that last event. An event that has not ended in one of the

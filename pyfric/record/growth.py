@@ -5,7 +5,8 @@ states (`pyfric.statics.creep`). The path ends where no static state is near. Th
 of the slipping part passes zero, by itself or because one more block has to slip. The extent of the
 blocks that slip there is the nucleation length. It follows from statics alone, for records of every
 engine. For a long interface in an infinite body and linear weakening, it is the same for all
-distributions of load: 2 h_n = 1.158 mu* /W with mu* = E'/2 and W = (mu_s - mu_k) p/D_c, two bodies.
+distributions of load. For two bodies, 2 h_n = 1.158 mu* /W with mu* = E'/2 and
+W = (mu_s - mu_k) p/D_c.
 
 **Energy release** of a front that grows from the trailing edge, without inertia. The front starts
 from the static state just before its event. The driver stands where it is at the end of the front.

@@ -60,7 +60,7 @@ module pyfric_model
     real(dp) :: u_mean      !! mean u_x of the driven blocks at which F_T = 0 at t = 0 [m]
     real(dp) :: p_corner    !! slip that starts below this p is a corner episode [N]
     real(dp) :: k_top       !! stiffness that holds each block of a free top row at u_x = 0 [N/m]
-    real(dp) :: t_seg       !! begin of the piece of the protocol that is being run [s]
+    real(dp) :: t_seg       !! start of the piece of the protocol that is being run [s]
     real(dp) :: x_drv       !! position of the driver at t_seg [m]
     real(dp) :: a_drv       !! acceleration of the driver [m/s2]
     real(dp) :: load_rate   !! rate of F_N over F_N at t_seg [1/s]

@@ -34,7 +34,7 @@ module pyfric_pivots
     real(dp) :: unit                        !! F_N/N_x [N]
     real(dp) :: rounded                     !! largest violation of conditions by rounding, over `unit`
     real(dp) :: least                       !! normal force below which a block does not stick [N]
-    real(dp) :: lost                        !! violation by rounding above which nothing holds the slider [N]
+    real(dp) :: lost                        !! tolerance for rounding above which the slider counts as not held [N]
     real(dp), allocatable :: s(:, :)        !! stiffness of u_x and u_z, 2 N_x each way [N/m]
     real(dp), allocatable :: drive(:)       !! load on u_x and u_z of the interface per drive, 2 N_x [N/m]
     real(dp), allocatable :: loads(:, :, :) !! load per drive and constant load, 2 N_x, of each route [N/m, N]

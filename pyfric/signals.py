@@ -35,7 +35,7 @@ class _State(threading.local):
     number = 0  # first signal, 0 for none
     answered = False  # whether a run has ended because of the signal
     held = 0  # number of active blocks in which signals wait
-    saving: int | None = None  # value of `held` at the begin of a block of `saved_first`
+    saving: int | None = None  # value of `held` at the start of a block of `saved_first`
     at_once = 0  # number of active blocks of `at_once`
     command = False
     terminals: tuple[int, ...] = ()

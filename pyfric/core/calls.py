@@ -58,7 +58,7 @@ def advance(
         log: buffers, filled from their beginning. The core stops early if they could overflow.
         n_steps: number of steps to make, at least 0.
         stepper: one of `STEPPERS`.
-        switching: "step_end", or "located". With "located" contacts switch inside the step, at the
+        switching: "step_end", or "located". With "located", contacts switch inside the step, at the
             zero of a gap function, and the step continues from there.
         rtol: largest error of a sub-step, for "adaptive". Errors of displacements are over
             F_N/(N_x s), those of velocities over F_N/(N_x sqrt(s m)), with s the largest of k, k_f

@@ -82,7 +82,7 @@ class State:
         sub: longest sub-step that the error of the adaptive stepper allows, in s; 0 means dt. In a
             phase of slow slip: length of its first slow step.
         since: number of steps since the present phase of slow slip began; 0 without such a phase.
-        phase: u_x (m), theta (s) and v_x (m/s) at the begin of this phase, shape (3, N_x). None
+        phase: u_x (m), theta (s) and v_x (m/s) at the start of this phase, shape (3, N_x). None
             means 0.
 
     `scene.law.state` lists the state variables with units and meanings. State variables of

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 ASIDE = 16
 """Resting blocks on each side of the blocks that may slip, at first. It is also the number of steps
 between two choices of the moving part, because a wave takes more than a step to the next block.
-More of them take longer, fewer have to be doubled more often. Results depend on the number only by
-rounding."""
+With more of them, steps take longer. With fewer, the number is doubled more often. Results depend
+on the number only by rounding."""
 
 
 LEAST = 160

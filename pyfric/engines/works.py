@@ -30,7 +30,7 @@ def works_of_jump(solver: StaticSolver, landing: Landing, q: np.ndarray) -> np.n
     Args:
         solver: static states of the scene in its geometry.
         landing: end of the jump.
-        q: coordinates at the begin of the jump, shape (n_q,), in m.
+        q: coordinates at the start of the jump, shape (n_q,), in m.
     """
     scene, jump, outside = solver.scene, landing.jump, landing.jump.outside
     s, K, d, home = landing.n * jump.dt, scene.driver.K, scene.d, np.mean(solver.u_drv0)
@@ -54,9 +54,9 @@ def add_jump(
     Args:
         solver: static states of the scene in its geometry.
         model: the scene in the form that the core takes.
-        state: the state at the begin of the jump.
+        state: the state at the start of the jump.
         landing: end of the jump.
-        q: coordinates at the begin of the jump, shape (n_q,), in m.
+        q: coordinates at the start of the jump, shape (n_q,), in m.
     """
     works, t = works_of_jump(solver, landing, q), state.t + landing.n * state.dt
     then = dataclasses.replace(state, y=state.y.copy())

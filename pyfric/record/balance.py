@@ -51,7 +51,7 @@ def extent(record: RecordData, event: int) -> pd.DataFrame:
 
     Returns:
         One row for each block that slips, in the order of first slips. Columns: n, its number; t
-        (s), its first slip, or the begin of the record; length (m), l(t), this block included;
+        (s), its first slip, or the start of the record; length (m), l(t), this block included;
         slipping (m), l times the number of blocks that slip at t; speed (m/s) of l(t), NaN for the
         last four blocks.
 

@@ -132,7 +132,7 @@ def _kind(t: np.ndarray, stop: np.ndarray, n: np.ndarray, end: np.ndarray) -> st
     """Return the kind of a front that reached the last block.
 
     Args:
-        t, stop: begin and end of the first episode of each block, shape (N_x,), in s.
+        t, stop: start and end of the first episode of each block, shape (N_x,), in s.
         n, end: block and end (s) of the episodes that began before the last block slipped, in order
             of time.
     """

@@ -15,7 +15,7 @@ a run with the option ``threshold``
     slips without inertia, the times are roots of the solution.
 a record with `motion`
     Rates are compared at the points of the curve, and interpolated linearly between them. Events
-    between two points are missed, and the record has a note.
+    between two points are missed, and a note of the record says so.
 
 Both sources give a log in the form of switches, and a log of starts and ends of slip. The
 second log holds displacements just before and just after fast slip, so that the sum of slip is

@@ -88,7 +88,7 @@ def b_value(
 
     Args:
         magnitudes: shape (n,), without NaN. If all sizes 10^m are integers, they are counts.
-        m_c: magnitude from which they are complete; None means the smallest magnitude.
+        m_c: magnitude from which the catalogue is complete; None means the smallest magnitude.
         bin: width of bins to which magnitudes are rounded, 0 if they are not rounded. The bin of
             m_c is complete.
 

@@ -1,4 +1,4 @@
-! External procedures for f2py: plain arrays in, plain arrays out. Nothing is checked here; pyfric.core checks.
+! External procedures for f2py, with plain arrays as input and output. pyfric.core checks the input.
 
 !> Steps of an explicit stepper, with contacts switched at their ends or located inside them.
 subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, n_columns, counts, numbers, table, located, rtol, t0, dt, &
@@ -19,16 +19,16 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, n_columns, cou
   !f2py threadsafe
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
   integer(c_int), intent(in) :: nz                           !! rows
-  integer(c_int), intent(in) :: n_memory                     !! numbers that the law remembers of each block
+  integer(c_int), intent(in) :: n_memory                     !! state variables of the law for each block
   integer(c_int), intent(in) :: n_counts                     !! length of counts
   integer(c_int), intent(in) :: n_numbers                    !! length of numbers
   integer(c_int), intent(in) :: counts(n_counts)             !! the scene, see pyfric_model
   real(c_double), intent(in) :: numbers(n_numbers)           !! the scene, see pyfric_model [SI]
-  integer(c_int), intent(in) :: stages                       !! of the stepper
-  integer(c_int), intent(in) :: n_columns                    !! of its table
+  integer(c_int), intent(in) :: stages                       !! stages of the stepper
+  integer(c_int), intent(in) :: n_columns                    !! columns of the table of the stepper
   real(c_double), intent(in) :: table(stages, n_columns)     !! see pyfric_table_stepper
   integer(c_int), intent(in) :: located                      !! 1: locate switches inside steps, 0: at step ends
-  real(c_double), intent(in) :: rtol                         !! error of an adaptive sub-step over what F_N/N_x does
+  real(c_double), intent(in) :: rtol                         !! error of an adaptive sub-step over the effect of F_N/N_x
   real(c_double), intent(in) :: t0                           !! time of step 0 [s]
   real(c_double), intent(in) :: dt                           !! step [s]
   integer(c_int), intent(in) :: n_steps                      !! steps to make
@@ -37,29 +37,29 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, n_columns, cou
   integer(c_int), intent(in) :: max_switch                   !! room for switches
   integer(c_int), intent(in) :: max_quiet                    !! room for quiet transitions
   integer(c_int), intent(in) :: every                        !! steps between two points of the loading curve, 0: none
-  integer(c_int), intent(in) :: max_point                    !! room for them
+  integer(c_int), intent(in) :: max_point                    !! room for points
   real(c_double), intent(inout) :: step(1)                   !! steps made
   real(c_double), intent(inout) :: sub(1)                    !! longest sub-step that the error allows [s]
   real(c_double), intent(inout) :: y(nx, 4, nz)              !! u_x, u_z [m], v_x, v_z [m/s]
   real(c_double), intent(inout) :: rod(6)                    !! X, Z [m], phi [rad] and their rates
   integer(c_int), intent(inout) :: mode(nx)                  !! contact states
   integer(c_int), intent(inout) :: corner(nx)                !! 1: corner episode
-  real(c_double), intent(inout) :: margin(nx)                !! of a stuck block [N]
+  real(c_double), intent(inout) :: margin(nx)                !! margin of a stuck block to slip [N]
   real(c_double), intent(inout) :: loss(nx)                  !! switching loss [J]
   real(c_double), intent(inout) :: memory(n_memory, nx)      !! see pyfric_law
   real(c_double), intent(inout) :: dissipated(nz)            !! bond dissipation [J]
-  real(c_double), intent(inout) :: radiated(nz)              !! of it by absorbing walls [J]
+  real(c_double), intent(inout) :: radiated(nz)              !! part of bond dissipation by absorbing walls [J]
   real(c_double), intent(inout) :: heat(nx)                  !! friction heat [J]
-  real(c_double), intent(inout) :: parts(nx, 2)              !! of it by what is above the kinetic strength, and by alpha [J]
-  real(c_double), intent(inout) :: work(2)                   !! driver, forces on the top [J]
+  real(c_double), intent(inout) :: parts(nx, 2)              !! parts of heat above the kinetic strength, and by alpha [J]
+  real(c_double), intent(inout) :: work(2)                   !! works of driver, and of forces on the top [J]
   integer(c_int), intent(out) :: n_log(5)                    !! logged: switches, quiet transitions, points, crossings, bursts
   integer(c_int), intent(inout) :: switch_i(4, max_switch)   !! block from 0, old, new, corner
   real(c_double), intent(inout) :: switch_r(4, max_switch)   !! step, t [s], u_x [m], p [N]
   integer(c_int), intent(inout) :: quiet_i(nx + 1, max_quiet)  !! kind, contact states
   real(c_double), intent(inout) :: quiet_r(nx + 18, max_quiet) !! step, t [s], a point (see pyfric_energy), u_x [m]
-  real(c_double), intent(inout) :: points(16, max_point)     !! after each multiple of `every` steps, see pyfric_energy
-  real(c_double), intent(in) :: threshold                    !! speed above which a block is fast [m/s]; 0: none is looked for
-  integer(c_int), intent(in) :: max_crossing                 !! room for blocks that pass it
+  real(c_double), intent(inout) :: points(16, max_point)     !! points after each multiple of `every` steps, see pyfric_energy
+  real(c_double), intent(in) :: threshold                    !! speed above which a block is fast [m/s]; 0: no threshold
+  integer(c_int), intent(in) :: max_crossing                 !! room for passages through the threshold
   integer(c_int), intent(in) :: max_burst                    !! room for starts and ends of fast slip
   integer(c_int), intent(inout) :: fast(nx, 2)               !! +1, -1 fast to the right, left, 0 not; 1: with a corner start
   real(c_double), intent(inout) :: speeds(nx + 1)            !! v_x at the end of the last step, largest sum of a burst [m/s]
@@ -68,8 +68,8 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, n_columns, cou
   integer(c_int), intent(inout) :: burst_i(nx + 1, max_burst)  !! kind, contact states
   real(c_double), intent(inout) :: burst_r(nx + 19, max_burst) !! step, t [s], a point, u_x [m], largest sum of speeds [m/s]
   real(c_double), intent(out) :: tried                       !! steps and sub-steps computed
-  integer(c_int), intent(out) :: block                       !! where status is not done: block from 1, 0 for none
-  real(c_double), intent(out) :: t_block                     !! and the time [s]
+  integer(c_int), intent(out) :: block                       !! block of a failure, from 1; 0 for none
+  real(c_double), intent(out) :: t_block                     !! time of a failure [s]
   integer(c_int), intent(out) :: status                      !! see pyfric_status
   type(model_t) :: model
   type(contact_t) :: contact
@@ -121,7 +121,7 @@ subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n
   !f2py threadsafe
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
   integer(c_int), intent(in) :: nz                           !! rows
-  integer(c_int), intent(in) :: n_memory                     !! numbers that the law remembers of each block
+  integer(c_int), intent(in) :: n_memory                     !! state variables of the law for each block
   integer(c_int), intent(in) :: n_counts                     !! length of counts
   integer(c_int), intent(in) :: n_numbers                    !! length of numbers
   integer(c_int), intent(in) :: counts(n_counts)             !! the scene, see pyfric_model
@@ -133,7 +133,7 @@ subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n
   integer(c_int), intent(in) :: mode(nx)                     !! contact states
   real(c_double), intent(in) :: memory(n_memory, nx)         !! see pyfric_law
   real(c_double), intent(out) :: a(nx, 2, nz)                !! accelerations [m/s2]
-  real(c_double), intent(out) :: a_rod(3)                    !! of X, Z [m/s2], phi [rad/s2]
+  real(c_double), intent(out) :: a_rod(3)                    !! accelerations of X, Z [m/s2], phi [rad/s2]
   real(c_double), intent(out) :: f(nx)                       !! friction force along +x [N]
   real(c_double), intent(out) :: p(nx)                       !! foundation force [N]
   real(c_double), intent(out) :: f_t                         !! driver force [N]
@@ -172,7 +172,7 @@ subroutine curve_point(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t
   implicit none
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
   integer(c_int), intent(in) :: nz                           !! rows
-  integer(c_int), intent(in) :: n_memory                     !! numbers that the law remembers of each block
+  integer(c_int), intent(in) :: n_memory                     !! state variables of the law for each block
   integer(c_int), intent(in) :: n_counts                     !! length of counts
   integer(c_int), intent(in) :: n_numbers                    !! length of numbers
   integer(c_int), intent(in) :: counts(n_counts)             !! the scene, see pyfric_model
@@ -182,10 +182,10 @@ subroutine curve_point(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t
   real(c_double), intent(in) :: rod(6)                       !! X, Z [m], phi [rad] and their rates
   real(c_double), intent(in) :: memory(n_memory, nx)         !! see pyfric_law
   real(c_double), intent(in) :: dissipated(nz)               !! bond dissipation [J]
-  real(c_double), intent(in) :: radiated(nz)                 !! of it by absorbing walls [J]
+  real(c_double), intent(in) :: radiated(nz)                 !! part of bond dissipation by absorbing walls [J]
   real(c_double), intent(in) :: heat(nx)                     !! friction heat [J]
   real(c_double), intent(in) :: loss(nx)                     !! switching loss [J]
-  real(c_double), intent(in) :: parts(nx, 2)                 !! of the heat, see `advance` [J]
+  real(c_double), intent(in) :: parts(nx, 2)                 !! parts of the heat, see `advance` [J]
   real(c_double), intent(in) :: work(2)                      !! driver, forces on the top [J]
   integer(c_int), intent(in) :: keep_budget                  !! 1: with the energy budget
   real(c_double), intent(out) :: point(16)                   !! see pyfric_energy [N, J]
@@ -229,30 +229,30 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, coun
   integer(c_int), intent(in) :: counts(n_counts)             !! the scene, see pyfric_model
   real(c_double), intent(in) :: numbers(n_numbers)           !! the scene, see pyfric_model [SI]
   integer(c_int), intent(in) :: closed(nx)                   !! 1: in contact
-  real(c_double), intent(in) :: load(nx, 3)                  !! on each block, see pyfric_slow_slip
-  real(c_double), intent(in) :: load_u(nx, nx)               !! by displacements [N/m]
-  real(c_double), intent(in) :: load_v(nx, nx)               !! by velocities [N s/m]
-  real(c_double), intent(in) :: load_a(nx, nx)               !! by accelerations [kg]
-  real(c_double), intent(in) :: p(nx, 3)                     !! normal force, alike
-  real(c_double), intent(in) :: p_u(nx, nx)                  !! by displacements [N/m]
-  real(c_double), intent(in) :: p_v(nx, nx)                  !! by velocities [N s/m]
-  real(c_double), intent(in) :: p_a(nx, nx)                  !! by accelerations [kg]
+  real(c_double), intent(in) :: load(nx, 3)                  !! load on each block, see pyfric_slow_slip
+  real(c_double), intent(in) :: load_u(nx, nx)               !! derivatives of load by displacements [N/m]
+  real(c_double), intent(in) :: load_v(nx, nx)               !! derivatives of load by velocities [N s/m]
+  real(c_double), intent(in) :: load_a(nx, nx)               !! derivatives of load by accelerations [kg]
+  real(c_double), intent(in) :: p(nx, 3)                     !! normal force, with the same columns as load
+  real(c_double), intent(in) :: p_u(nx, nx)                  !! derivatives of p by displacements [N/m]
+  real(c_double), intent(in) :: p_v(nx, nx)                  !! derivatives of p by velocities [N s/m]
+  real(c_double), intent(in) :: p_a(nx, nx)                  !! derivatives of p by accelerations [kg]
   real(c_double), intent(in) :: limits(9)                    !! see `limits_t` of pyfric_slow_slip
   integer(c_int), intent(in) :: max_steps                    !! most steps
-  real(c_double), intent(in) :: times(n_points)              !! of the points, ascending, since the beginning [s]
-  real(c_double), intent(in) :: threshold                    !! of passages, 0: none is looked for [m/s]
+  real(c_double), intent(in) :: times(n_points)              !! times of the points, ascending, since the beginning [s]
+  real(c_double), intent(in) :: threshold                    !! speed of passages; 0: no threshold [m/s]
   real(c_double), intent(inout) :: h(1)                      !! next step [s]
-  real(c_double), intent(inout) :: q(nx, 2)                  !! u [m], ln theta; then those at t_end
-  real(c_double), intent(inout) :: v(nx)                     !! velocities at the beginning, see `begin_phase`; at t_end [m/s]
+  real(c_double), intent(inout) :: q(nx, 2)                  !! u [m], ln theta at the beginning; then at t_end
+  real(c_double), intent(inout) :: v(nx)                     !! velocities at the beginning, see `begin_phase`; then at t_end [m/s]
   real(c_double), intent(out) :: a(nx)                       !! accelerations at t_end [m/s2]
   real(c_double), intent(inout) :: points(nx, 3, n_points)   !! u [m], ln theta, velocities [m/s]
   integer(c_int), intent(in) :: fast(nx)                     !! see `passages_t` of pyfric_slow_slip
-  integer(c_int), intent(inout) :: passed_i(2, n_passages)   !! `of` there
-  real(c_double), intent(inout) :: passed_r(nx + 2, n_passages)  !! `at` there
-  real(c_double), intent(inout) :: sums(2, n_sums)           !! alike
+  integer(c_int), intent(inout) :: passed_i(2, n_passages)   !! `of` in `passages_t`
+  real(c_double), intent(inout) :: passed_r(nx + 2, n_passages)  !! `at` in `passages_t`
+  real(c_double), intent(inout) :: sums(2, n_sums)           !! `sums` in `passages_t`
   integer(c_int), intent(out) :: made(3)                     !! steps made, points filled, passages found
   real(c_double), intent(out) :: t_end                       !! last time on the grid [s]
-  integer(c_int), intent(out) :: status                      !! see pyfric_slow_slip; below 0: - a code of pyfric_status
+  integer(c_int), intent(out) :: status                      !! see pyfric_slow_slip; if negative, minus a code of pyfric_status
   type(model_t) :: model
   type(condensed_t) :: s
   type(phase_t) :: phase
@@ -309,36 +309,36 @@ subroutine sequences(nx, n_routes, n_legs, n_runs, n_states, n_tables, n_counts,
   integer(c_int), intent(in) :: n_routes                     !! routes of the loads
   integer(c_int), intent(in) :: n_legs                       !! legs of the protocol
   integer(c_int), intent(in) :: n_runs                       !! runs
-  integer(c_int), intent(in) :: n_states                     !! numbers of what a run keeps, see pyfric_sequences
+  integer(c_int), intent(in) :: n_states                     !! lengths of the arrays of a run, see pyfric_sequences
   integer(c_int), intent(in) :: n_tables
   integer(c_int), intent(in) :: n_counts
   integer(c_int), intent(in) :: max_switch                   !! room for switches of each run
-  integer(c_int), intent(in) :: max_quiet                    !! and for starts and ends of slip
-  integer(c_int), intent(in) :: max_point                    !! and for points of the loading curve
-  real(c_double), intent(in) :: scales(6)                    !! the slider, see slider_t of pyfric_pivots; so are the next four
+  integer(c_int), intent(in) :: max_quiet                    !! room for starts and ends of slip
+  integer(c_int), intent(in) :: max_point                    !! room for points of the loading curve
+  real(c_double), intent(in) :: scales(6)                    !! the slider, with the next four; see slider_t of pyfric_pivots
   real(c_double), intent(in) :: s(2*nx, 2*nx)
   real(c_double), intent(in) :: drive(2*nx)
   real(c_double), intent(in) :: loads(2*nx, 2, n_routes)
   real(c_double), intent(in) :: f_t(2, n_routes)
   real(c_double), intent(in) :: limits(6)                    !! see rules_t of pyfric_sequence
   integer(c_int), intent(in) :: stops                        !! 1: stop before each change between events
-  real(c_double), intent(in) :: legs(9, n_legs)              !! see leg_t there
+  real(c_double), intent(in) :: legs(9, n_legs)              !! see leg_t of pyfric_sequence
   integer(c_int), intent(in) :: max_changes                  !! changes to make in each run
   integer(c_int), intent(in) :: n_threads                    !! threads
   real(c_double), intent(in) :: fields(nx, 4, n_runs)        !! see ground_t of pyfric_pivots: hold, slide, k_f [N/m], gap [m]
-  integer(c_int), intent(in) :: kinds(nx, n_runs)            !! 0 never touches the foundation, 1 without friction, 2 with it
-  integer(c_int), intent(inout) :: states(nx, n_states, n_runs)  !! what a run keeps, see `restore` there; so are the next four
+  integer(c_int), intent(in) :: kinds(nx, n_runs)            !! 0 never touches the foundation, 1 without friction, 2 with friction
+  integer(c_int), intent(inout) :: states(nx, n_states, n_runs)  !! runs, with the next four; see `restore` of pyfric_sequences
   real(c_double), intent(inout) :: columns(nx + 2, 2, n_runs)
   real(c_double), intent(inout) :: tables(3*nx + 1, nx + 2, n_tables, n_runs)
   integer(c_int), intent(inout) :: counts(n_counts, n_runs)
   real(c_double), intent(inout) :: numbers(4, n_runs)
-  integer(c_int), intent(inout) :: switch_i(4, max_switch, n_runs)  !! logs, see log_t of pyfric_sequence; so are the next four
+  integer(c_int), intent(inout) :: switch_i(4, max_switch, n_runs)  !! logs, with the next four; see log_t of pyfric_sequence
   real(c_double), intent(inout) :: switch_r(4, max_switch, n_runs)
   integer(c_int), intent(inout) :: quiet_i(nx + 1, max_quiet, n_runs)
   real(c_double), intent(inout) :: quiet_r(3*nx + 3, max_quiet, n_runs)
   real(c_double), intent(inout) :: points(3, max_point, n_runs)
   integer(c_int), intent(inout) :: n_log(3, n_runs)          !! logged: switches, starts and ends of slip, points
-  integer(c_int), intent(inout) :: status(n_runs)            !! of each run, see pyfric_status
+  integer(c_int), intent(inout) :: status(n_runs)            !! status of each run, see pyfric_status
   type(slider_t) :: slider
   type(leg_t) :: protocol(n_legs)
   integer :: i
@@ -371,7 +371,7 @@ subroutine uniforms(n, key, counter, u)
   u = drawn(words, at, n)
 end subroutine uniforms
 
-!> exp, log, or log(1 + x) by the core's own sums.
+!> exp, log, or log(1 + x), from pyfric_elementary.
 subroutine elementary(n, which, x)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_elementary, only: exponentials, logarithms, logs_of_1_plus
@@ -397,8 +397,8 @@ subroutine additions(n, width_of_sums, total)
   implicit none
   !f2py threadsafe
   integer(c_int), intent(in) :: n               !! additions to each sum
-  integer(c_int), intent(out) :: width_of_sums  !! sums
-  real(c_double), intent(out) :: total          !! of all sums, n times 1 + 2 + ... + width_of_sums
+  integer(c_int), intent(out) :: width_of_sums  !! number of sums
+  real(c_double), intent(out) :: total          !! total of all sums, n times 1 + 2 + ... + width_of_sums
   real(c_double) :: steps(WIDTH)
   integer :: i
 
@@ -407,7 +407,7 @@ subroutine additions(n, width_of_sums, total)
   call make(n, steps, total)
 end subroutine additions
 
-!> Compiler, its options, and whether OpenMP is in.
+!> Compiler, its options, and whether OpenMP is used.
 subroutine build_info(compiler, options, openmp)
   use, intrinsic :: iso_c_binding, only: c_int
   use, intrinsic :: iso_fortran_env, only: compiler_version, compiler_options

@@ -1,6 +1,6 @@
 !> Energy of the springs and power of the dashpots of the lattice, row by row.
 !>
-!> A bond to an image, across a mirrored side or top, counts by one half. So does a bond between half blocks.
+!> A bond to an image, across a mirrored side or top, counts by one half. A bond between half blocks also counts by one half.
 module pyfric_bond_energy
   use pyfric_kinds, only: dp
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
@@ -45,7 +45,7 @@ contains
     end if
   end function bond_power
 
-  !> The same for bonds that do not lead to an image, with dashpots on the full relative velocity [W].
+  !> Power of dashpots on the full relative velocity, in bonds that do not lead to an image [W].
   pure function inner_power(s, j, q, up) result(power)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                       !! row, from 1 at the bottom
@@ -86,7 +86,7 @@ contains
     end function speed2
   end function inner_power
 
-  !> A sum lane by lane. It vectorises, and its order does not depend on the processor.
+  !> A sum lane by lane, which vectorises in the same order on all processors.
   pure function lane_sum(n, w) result(total)
     integer, intent(in) :: n
     real(dp), intent(in) :: w(n)
@@ -106,10 +106,10 @@ contains
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                       !! row, from 1 at the bottom
     integer, intent(in) :: stride                  !! 1: at all columns, nx: at the sides
-    logical, intent(in) :: viscous                 !! powers
+    logical, intent(in) :: viscous                 !! powers instead of energies
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)   !! the row
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)  !! the row above
-    logical, intent(in), optional :: images        !! those that lead to images only
+    logical, intent(in), optional :: images        !! only bonds that lead to images
     real(dp) :: total, row(0:s%nx + 1, 4), above_it(0:s%nx + 1, 4), each(0:s%nx, N_BOND)
     integer :: i, m
 
@@ -139,12 +139,12 @@ contains
     end do
   end function over_bonds
 
-  !> Shares of bonds m that start in row j, by column: 1, one half for images and half blocks, 0 for those that do not exist.
+  !> Shares of bonds m that start in row j, by column: 1, or one half for images and half blocks, or 0 for missing bonds.
   pure function shares(s, j, m, images) result(c)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j        !! row, from 1 at the bottom
     integer, intent(in) :: m
-    logical, intent(in) :: images   !! only of those that lead to images
+    logical, intent(in) :: images   !! only bonds that lead to images
     real(dp) :: c(0:s%nx)
 
     c = 1.0_dp
@@ -162,7 +162,7 @@ contains
   pure function of_bonds(s, m, viscous, row, to) result(e)
     type(model_t), intent(in) :: s
     integer, intent(in) :: m
-    logical, intent(in) :: viscous                !! powers
+    logical, intent(in) :: viscous                !! powers instead of energies
     real(dp), intent(in) :: row(0:s%nx + 1, 4)    !! the row of their first blocks
     real(dp), intent(in) :: to(0:s%nx + 1, 4)     !! the row of their second blocks
     real(dp) :: e(0:s%nx)
@@ -191,7 +191,7 @@ contains
     row(s%nx + 1, :) = reflected(row(s%nx, :))
   end function with_images
 
-  !> Power of the dashpots of bonds m [W], from the changes from their first blocks to their second ones.
+  !> Power of the dashpots of bonds m [W], from differences between their second and first blocks.
   pure function power_of(s, m, du_x, du_z, dv_x, dv_z) result(power)
     type(model_t), intent(in) :: s
     integer, intent(in) :: m
@@ -212,7 +212,7 @@ contains
     end if
   end function power_of
 
-  !> Energy of the springs of bonds m [J], from the changes from their first blocks to their second ones.
+  !> Energy of the springs of bonds m [J], from differences between their second and first blocks.
   pure function energy_of(s, m, du_x, du_z) result(energy)
     type(model_t), intent(in) :: s
     integer, intent(in) :: m

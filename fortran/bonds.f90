@@ -1,7 +1,7 @@
-!> The bonds of the lattice, as data: forces, energies and powers follow from this table.
+!> The table of the bonds of the lattice, from which forces, energies and powers follow.
 !>
-!> A bond leads from its first block to its second one, and belongs to the column and row of one of them. Each column and
-!> row has the same bonds. Sums add a bond and its mirror image first, so that a mirrored lattice gives the mirrored bits.
+!> A bond leads from its first block to its second block, and belongs to the column and row of one of these blocks. Each column
+!> and row has the same bonds. Sums add a bond and its mirror image first, so that a mirrored lattice gives the mirrored bits.
 module pyfric_bonds
   use pyfric_kinds, only: dp
   implicit none (type, external)
@@ -9,15 +9,15 @@ module pyfric_bonds
   public :: bond_t, BONDS, N_BOND, BESIDE, ABOVE, RIGHT, LEFT, weights_t, SPRINGS, DASHPOTS
 
   type :: bond_t
-    integer :: first        !! columns from the one that it counts to, to its first block
-    integer :: second       !! columns to its second block
-    integer :: rows         !! rows from the first to the second
+    integer :: first        !! columns from the column to which the bond belongs, to its first block
+    integer :: second       !! columns from this column to its second block
+    integer :: rows         !! rows from the first to the second block
     real(dp) :: d(2)        !! reference vector, over l
     real(dp) :: stiffness   !! over k
   end type bond_t
 
-  !> Bonds to the nearest neighbours, and to the next-nearest ones, which are mirror images of each other. If speed matters,
-  !> a module has a copy of the table, so that the compiler knows its numbers.
+  !> Bonds to nearest neighbours, and to next-nearest neighbours, which are mirror images of each other. Modules that have to be
+  !> fast have their own copy of the table, so that the compiler knows its numbers.
   integer, parameter :: BESIDE = 1, ABOVE = 2, RIGHT = 3, LEFT = 4, N_BOND = 4
   type(bond_t), parameter :: BONDS(N_BOND) = [ &
     bond_t(0, 1, 0, [1.0_dp, 0.0_dp], 1.0_dp), &
@@ -28,9 +28,9 @@ module pyfric_bonds
   !> Weights 4 c n n^T of the neighbours of a block, n = d/|d|, c = 1 or the stiffness over k.
   type :: weights_t
     real(dp) :: beside  !! x from x of the blocks beside it
-    real(dp) :: above   !! z from z of those above and below
-    real(dp) :: corner  !! x from x, and z from z, of those at the corners
-    real(dp) :: cross   !! x from z, and z from x, of those at the corners
+    real(dp) :: above   !! z from z of the blocks above and below
+    real(dp) :: corner  !! x from x, and z from z, of the blocks at the corners
+    real(dp) :: cross   !! x from z, and z from x, of the blocks at the corners
   end type weights_t
 
   type(weights_t), parameter :: DASHPOTS = weights_t( &

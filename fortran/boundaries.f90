@@ -10,7 +10,7 @@ module pyfric_boundaries
 
 contains
 
-  !> p_i = k_f,i |z_i| where the height z_i = u_z + gap_i < 0, else 0; or as prescribed [N].
+  !> Foundation force: p_i = k_f,i |z_i| if the height z_i = u_z + gap_i < 0, else 0; or the prescribed p [N].
   pure subroutine foundation(s, u_z, p)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: u_z(LB:s%n + LANES)  !! bottom row [m]
@@ -26,7 +26,7 @@ contains
     end do
   end subroutine foundation
 
-  !> Rate of p_i, -k_f,i v_z where z_i < 0, else 0; 0 where p is prescribed [N/s].
+  !> Rate of p_i: -k_f,i v_z if z_i < 0, else 0; 0 if p is prescribed [N/s].
   pure subroutine foundation_rate(s, u_z, v_z, p_rate)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: u_z(LB:s%n + LANES)  !! bottom row [m]
@@ -41,7 +41,7 @@ contains
     end do
   end subroutine foundation_rate
 
-  !> Heights of the bottom blocks above the foundation; that of blocks without contact never falls to 0 [m].
+  !> Heights of the bottom blocks above the foundation [m]. Blocks that never touch it have a height that never falls to 0.
   pure function heights(s, u_z) result(z)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: u_z(LB:s%n + LANES)  !! bottom row [m]
@@ -72,12 +72,12 @@ contains
   end function load_share
 
   !> Force of the driver on driven block b, (K/n) (X(t) - x_h) [N]. x_h is the displacement of this block along the
-  !> push since t = 0, n the number of driven blocks, and X the integral of the driver's speed (V t if that is constant).
+  !> push since t = 0. n is the number of driven blocks. X is the integral of the driver's speed, V t at constant speed.
   elemental function driver_on(s, b, t, u_x) result(f)
     type(model_t), intent(in) :: s
     integer, intent(in) :: b     !! number of the driven block, see driven_number
     real(dp), intent(in) :: t    !! time [s]
-    real(dp), intent(in) :: u_x  !! that block [m]
+    real(dp), intent(in) :: u_x  !! displacement of this block [m]
     real(dp) :: f, t_seg
 
     t_seg = t - s%t_seg
@@ -88,7 +88,7 @@ contains
   pure function driver_force(s, t, u_x) result(f_t)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                       !! time [s]
-    real(dp), intent(in) :: u_x(s%n_driven)         !! driven blocks [m]
+    real(dp), intent(in) :: u_x(s%n_driven)         !! displacements of driven blocks [m]
     real(dp) :: f_t
     integer :: b
 
@@ -98,8 +98,8 @@ contains
     end do
   end function driver_force
 
-  !> Rod with the top row glued to it: X'', Z'', phi'' from the forces on that row. Blocks i and N_x + 1 - i are added
-  !> first, so that the mirrored row gives the same bits.
+  !> X'', Z'', phi'' of the rod with the top row glued to it, from the forces on the top row. Blocks i and N_x + 1 - i are
+  !> added first, so that the mirrored row gives the same bits.
   pure function rod_acceleration(s, t, phi, fx, fz) result(a)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                      !! time [s]
@@ -138,8 +138,8 @@ contains
     call close_state(s, q)
   end subroutine rod_to_row
 
-  !> Adds -rho c_P v, normal, and -rho c_S v, tangential, on absorbing sides and top. On the quarter block in a corner of two
-  !> of them only the normal ones act; all four would shorten the largest stable step by a third.
+  !> Adds tractions of absorbing sides and top: -rho c_P v normal, and -rho c_S v tangential. On a quarter block between two
+  !> absorbing edges only normal tractions act, because all four would shorten the largest stable step by a third.
   !> J. Lysmer, R. L. Kuhlemeyer, J. Eng. Mech. Div. ASCE 95, 859 (1969).
   pure subroutine absorb(s, j, q, fx, fz)
     type(model_t), intent(in) :: s
@@ -162,12 +162,12 @@ contains
     end do
   end subroutine absorb
 
-  !> The same for one block at a side.
+  !> Adds the tractions of an absorbing side on one block.
   pure subroutine absorb_at(s, c, z_s, e, q, fx, fz)
     type(model_t), intent(in) :: s
-    real(dp), intent(in) :: c                       !! what there is of its face
+    real(dp), intent(in) :: c                       !! share of a whole face
     real(dp), intent(in) :: z_s                     !! tangential impedance [N s/m]
-    integer, intent(in) :: e                        !! its element
+    integer, intent(in) :: e                        !! element of the block
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)    !! the row
     real(dp), intent(inout) :: fx(LB:s%n + LANES)   !! force on the row [N]
     real(dp), intent(inout) :: fz(LB:s%n + LANES)   !! force on the row [N]
@@ -186,7 +186,7 @@ contains
     if (s%right == ABSORBING) z_s(s%nx) = 0.0_dp
   end function along_top
 
-  !> The same for the block of row j at a side.
+  !> Tangential impedance of the block of row j at a side [N s/m].
   pure function along_side(s, j) result(z_s)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j  !! row, from 1 at the bottom
@@ -233,7 +233,7 @@ contains
     end do
   end function reflected_row
 
-  !> A sum that pairs i with N_x + 1 - i, so that the mirrored row gives the same bits.
+  !> A sum in which i is paired with N_x + 1 - i, so that the mirrored row gives the same bits.
   pure function mirror_sum(n, w) result(total)
     integer, intent(in) :: n
     real(dp), intent(in) :: w(n)

@@ -15,23 +15,23 @@ module pyfric_contact
   type :: contact_t
     integer(ip), allocatable :: mode(:)    !! contact states
     integer(ip), allocatable :: corner(:)  !! 1: the block's slip began with p < p_corner
-    real(dp), allocatable :: margin(:)     !! strength of a stuck block minus its load at the end of the last step [N]; on
+    real(dp), allocatable :: margin(:)     !! strength minus load of a stuck block at the end of the last step [N]; on
                                            !! junctions: number of breaks before the block is ruptured; rate-and-state:
-                                           !! speed that is missing before it slips [m/s]
-    real(dp), allocatable :: loss(:)       !! kinetic energy removed by switching; heat of breaks and pinning [J]
+                                           !! v_slip minus the speed of the block [m/s]
+    real(dp), allocatable :: loss(:)       !! kinetic energy removed by switching; on junctions heat of breaks and pinning [J]
     real(dp), allocatable :: memory(:, :)  !! state variables of the law, see pyfric_law
   end type contact_t
 
 contains
 
-  !> The variables of the contact as the plain arrays that Python keeps.
+  !> Copies the variables of the contact to the plain arrays of Python.
   pure subroutine save_contact(contact, mode, corner, margin, loss, memory)
     type(contact_t), intent(in) :: contact
-    integer(ip), intent(out) :: mode(:)      !! these: see contact_t
+    integer(ip), intent(out) :: mode(:)      !! for this and the next ones, see contact_t
     integer(ip), intent(out) :: corner(:)
     real(dp), intent(out) :: margin(:)
     real(dp), intent(out) :: loss(:)
-    real(dp), intent(out) :: memory(:, :)    !! without the quantities that follow from others
+    real(dp), intent(out) :: memory(:, :)    !! without derived quantities
 
     mode = contact%mode
     corner = contact%corner
@@ -40,8 +40,8 @@ contains
     memory = contact%memory(:size(memory, 1), :)
   end subroutine save_contact
 
-  !> New contact states at the end of step number `step`, at time t. The time of a release is interpolated inside the step,
-  !> at the zero of the linear margin; the state itself switches at the end of the step.
+  !> New contact states at the end of step number `step`, at time t. States switch at the end of the step. The logged time of a
+  !> release is interpolated inside the step, at the zero of the linear margin.
   subroutine switch_contacts(s, step, t, dt, soon, y, contact, log, w)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: step                    !! steps made
@@ -79,7 +79,7 @@ contains
     end if
   end subroutine switch_contacts
 
-  !> True while a block slips, without corner slip.
+  !> True while a block slips, corner slip left out.
   pure function active(contact) result(yes)
     type(contact_t), intent(in) :: contact
     logical :: yes
@@ -107,7 +107,7 @@ contains
     type(model_t), intent(in) :: s
     integer, intent(in) :: i            !! block, from 1
     integer(ip), intent(in) :: new      !! contact state after
-    real(dp), intent(in) :: margin      !! at the step's end [N]
+    real(dp), intent(in) :: margin      !! margin at the end of the step [N]
     real(dp), intent(in) :: step        !! steps made
     real(dp), intent(in) :: t           !! time [s]
     real(dp), intent(in) :: dt          !! step [s]

@@ -33,7 +33,7 @@ contains
     curve%complete = .true.
   end function new_curve
 
-  !> Index of the last knot at or before x, by bisection; 0 if there is none.
+  !> Index of the last knot at or before x, found by bisection; 0 if there is none.
   pure elemental function cell(curve, x) result(c)
     type(curve_t), intent(in) :: curve
     real(dp), intent(in) :: x
@@ -51,7 +51,7 @@ contains
     end do
   end function cell
 
-  !> Value of the curve at x; the curve must have a knot.
+  !> Value of the curve at x. The curve must have a knot.
   pure elemental function at_x(curve, x) result(y)
     type(curve_t), intent(in) :: curve
     real(dp), intent(in) :: x

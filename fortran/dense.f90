@@ -1,5 +1,5 @@
-!> Linear equations with a full matrix: LU decomposition with row exchanges, and that of Cholesky. Sums have a fixed order, unlike
-!> those of LAPACK.
+!> Linear equations with a full matrix: LU decomposition with row exchanges, and Cholesky decomposition. Unlike in LAPACK, sums
+!> have a fixed order.
 module pyfric_dense
   use pyfric_kinds, only: dp
   implicit none (type, external)
@@ -8,11 +8,11 @@ module pyfric_dense
 
 contains
 
-  !> A becomes L and U, P A = L U, with 1 on the diagonal of L.
+  !> Replaces A by L and U, P A = L U, with 1 on the diagonal of L.
   pure subroutine decompose(n, a, pivot)
     integer, intent(in) :: n
     real(dp), intent(inout) :: a(n, n)
-    integer, intent(out) :: pivot(n)   !! row that row k was exchanged with
+    integer, intent(out) :: pivot(n)   !! row with which row k was exchanged
     real(dp) :: row(n)
     integer :: j, k
 
@@ -30,7 +30,7 @@ contains
     end do
   end subroutine decompose
 
-  !> x becomes the solution of A x = x.
+  !> Replaces the right side x by the solution of A x = b.
   pure subroutine solve(n, lu, pivot, x)
     integer, intent(in) :: n
     real(dp), intent(in) :: lu(n, n)   !! from `decompose`
@@ -53,7 +53,7 @@ contains
     end do
   end subroutine solve
 
-  !> A x, column by column.
+  !> The product A x, column by column.
   pure function applied(n, a, x) result(y)
     integer, intent(in) :: n
     real(dp), intent(in) :: a(n, n)
@@ -67,7 +67,7 @@ contains
     end do
   end function applied
 
-  !> The lower triangle of a symmetric matrix becomes L, A = L L'; it ends where A is not positive definite.
+  !> Replaces the lower triangle of a symmetric matrix A by L, A = L L'. Stops if A is not positive definite.
   pure subroutine cholesky(n, a, positive)
     integer, intent(in) :: n
     real(dp), intent(inout) :: a(n, n)
@@ -86,7 +86,7 @@ contains
     end do
   end subroutine cholesky
 
-  !> Each row x of m right sides becomes the solution of A x = x; the right sides are side by side in memory.
+  !> Replaces each of m right sides, the rows of x, by the solution of A x = b. Right sides are side by side in memory.
   pure subroutine solve_rows(n, l, m, x)
     integer, intent(in) :: n
     real(dp), intent(in) :: l(n, n)       !! from `cholesky`

@@ -1,8 +1,8 @@
-!> exp and log from additions, multiplications and divisions alone: those of libraries choose their code by processor.
+!> exp and log from additions, multiplications and divisions alone, because libraries choose their code by processor.
 !>
-!> Within 1e-15 of exp(x), relative, for |x| < 700, and within 3e-16 (1 + |log(x)|) of log(x) for normal numbers. They work on
-!> n numbers, so that vectors speed them up. Integers up to 2^51 are added to and taken from numbers near 2^52, whose last bit
-!> is 1: vectors need no conversions then.
+!> The error of exp(x) is below 1e-15, relative, for |x| < 700. The error of log(x) is below 3e-16 (1 + |log(x)|) for normal
+!> numbers. Procedures work on n numbers, so that vectors speed them up. Integers up to 2^51 are added to, and subtracted from,
+!> numbers near 2^52 whose last bit is 1. Vectors then need no conversions.
 module pyfric_elementary
   use, intrinsic :: iso_fortran_env, only: int64
   use pyfric_kinds, only: dp
@@ -10,7 +10,7 @@ module pyfric_elementary
   private
   public :: exponentials, logarithms, logs_of_1_plus
 
-  !> log(2) in two parts, of which the first has 21 zeros at its end, so that its products with exponents are exact.
+  !> log(2) in two parts. The last 21 bits of the first part are zero, so that its products with exponents are exact.
   real(dp), parameter :: LOG_2 = real(z'3FE62E42FEE00000', dp), LOG_2_REST = 1.90821492927058770002e-10_dp
   real(dp), parameter :: LOG_2_INVERSE = 1.4426950408889634074_dp
   !> Terms of exp(r) for |r| < log(2)/2, and of atanh(z)/z for |z| < 0.172 and |z| < 0.24.
@@ -18,7 +18,7 @@ module pyfric_elementary
   !> Bits of the fraction of a number; the exponent of 1; bits of 1 and of sqrt(1/2).
   integer, parameter :: DIGITS_2 = 52
   integer(int64), parameter :: BIAS = 1023_int64, ONE = shiftl(BIAS, DIGITS_2), ROOT_HALF = int(z'3FE6A09E667F3BCD', int64)
-  !> A number whose last bit is 1, and which keeps it if up to 2^51 is added or subtracted; 2^52, and its bits.
+  !> A number whose last bit is 1, also after 2^51 or less was added or subtracted; 2^52, and its bits.
   real(dp), parameter :: WHOLE = 1.5_dp*2.0_dp**DIGITS_2, TWO_52 = 2.0_dp**DIGITS_2
   integer(int64), parameter :: BITS_52 = shiftl(BIAS + DIGITS_2, DIGITS_2)
   integer :: n
@@ -57,7 +57,7 @@ contains
     end do
   end subroutine logs_of_1_plus
 
-  !> exp(x) = 2^k exp(r), r = x - k log(2); 0 below -700, and the value at 700 above.
+  !> exp(x) = 2^k exp(r), r = x - k log(2). It is 0 for x < -700, and exp(700) for x > 700.
   pure elemental function exponential(x) result(y)
     real(dp), intent(in) :: x
     real(dp) :: y, r, k
@@ -70,7 +70,7 @@ contains
     y = merge(0.0_dp, y*sum_of_exp(r), x < -700.0_dp)
   end function exponential
 
-  !> 1 + r + r^2/2 + r^3/6 + ..., its terms by twos, fours and eights.
+  !> 1 + r + r^2/2 + r^3/6 + ..., with terms added in pairs, fours and eights.
   pure elemental function sum_of_exp(r) result(y)
     real(dp), intent(in) :: r
     real(dp) :: y, r_2, r_4

@@ -16,8 +16,8 @@ module pyfric_energy
 
 contains
 
-  !> F_T [N], and with a budget energies, works of driver and load, dissipations by bonds, friction, switches, the two parts of
-  !> friction heat, and what absorbing walls took of the first [J].
+  !> F_T [N], and with a budget in J: energies; works of driver and load; dissipation by bonds, friction and switches; two parts
+  !> of the friction heat; the part of the dissipation by bonds that absorbing walls took.
   pure function curve_point(s, t, y, rod, memory, keep_budget, budget, loss) result(point)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                                  !! time [s]

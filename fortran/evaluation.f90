@@ -13,7 +13,7 @@ module pyfric_evaluation
 
 contains
 
-  !> Accelerations, contact forces and powers; repeated n_times, which only takes time.
+  !> Accelerations, contact forces and powers. The evaluation is made n_times, for timing.
   subroutine all_forces(s, t, n_times, y, rod, mode, memory, a, a_rod, f, p, f_t, power, status)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                   !! time [s]
@@ -23,7 +23,7 @@ contains
     integer(ip), intent(in) :: mode(s%nx)       !! contact states
     real(dp), intent(in) :: memory(s%law%n_memory, s%nx) !! see pyfric_law
     real(dp), intent(out) :: a(s%nx, 2, s%nz)   !! accelerations [m/s2]
-    real(dp), intent(out) :: a_rod(3)           !! of X, Z [m/s2], phi [rad/s2]
+    real(dp), intent(out) :: a_rod(3)           !! accelerations of X, Z [m/s2], phi [rad/s2]
     real(dp), intent(out) :: f(s%nx)            !! friction force along +x [N]
     real(dp), intent(out) :: p(s%nx)            !! foundation force [N]
     real(dp), intent(out) :: f_t                !! driver force [N]
@@ -56,7 +56,7 @@ contains
 
     !> One evaluation, row by row.
     subroutine sweep(keep, q, work)
-      logical, intent(in) :: keep                                 !! take the results
+      logical, intent(in) :: keep                                 !! store the results
       real(dp), intent(in) :: q(LB:s%n + LANES, 4, s%nz)          !! state
       real(dp), intent(inout) :: work(LB:s%n + LANES, COLUMNS)    !! work space
       integer :: j, below, above

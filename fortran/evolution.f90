@@ -1,4 +1,4 @@
-!> The laws of rate-and-state friction: what they say of a block.
+!> The laws of rate-and-state friction for a block.
 !>
 !>     |f| = p mu + alpha |v|,   mu = a asinh( |v|/(2 V*) exp((f* + b psi)/a) ),   psi = ln(V* theta/D_c + V*/V_c)
 !>
@@ -7,13 +7,13 @@
 !>     prz      dtheta/dt = 1 - (|v| theta/(2 D_c))^2
 !>     nagata   dtheta/dt = 1 - |v| theta/D_c - (c/b) theta dmu/dt
 !>
-!> V*/V_c = 0 without a cut-off speed V_c. Only this module asks which law it is. A law evolves in a variable x, which is theta
-!> or ln(V* theta/D_c), and is four functions: x after an implicit `stage`, with its slope, dx/dt, and the rate of ln(theta) with
-!> its slopes. Procedures work on n blocks from number `from` on, at most `TOGETHER` where there are work arrays, so that vectors
-!> speed them up and nothing is allocated.
+!> V*/V_c = 0 without a cut-off speed V_c. Only this module distinguishes the laws. A law evolves in a variable x, which is theta
+!> or ln(V* theta/D_c). Three quantities define a law: x after an implicit `stage`, dx/dt, and the rate of ln(theta). Procedures
+!> work on n blocks from number `from` on. n is at most `TOGETHER` if they have work arrays, so that vectors speed them up and
+!> nothing is allocated.
 !>
-!> With a rate of stress in the law, x + (c/b) mu evolves without it: dx/dt and stages are those of this sum (`add_stress`), and
-!> x is again what psi follows from. Such a stage has no closed form: `stage_by_newton`.
+!> If a law contains the rate of stress dmu/dt, the sum x + (c/b) mu evolves without dmu/dt. Rates and stages then refer to this
+!> sum (`add_stress`). psi follows from x alone. Stages of the sum have no closed form. `stage_by_newton` solves them.
 !>
 !> Sources: J. H. Dieterich, J. Geophys. Res. 84, 2161 (1979); A. L. Ruina, J. Geophys. Res. 88, 10359 (1983); the form with
 !> asinh: J. R. Rice, N. Lapusta, K. Ranjith, J. Mech. Phys. Solids 49, 1865 (2001); prz: G. Perrin, J. R. Rice, G. Zheng, J. Mech.
@@ -29,27 +29,26 @@ module pyfric_evolution
 
   !> Laws, with the numbers of pyfric.scene.laws.EVOLUTIONS.
   integer(ip), parameter :: AGEING = 1, SLIP_LAW = 2, PRZ = 3, NAGATA = 4
-  !> Variables.
+  !> Variables in which a law evolves: theta, or ln(V* theta/D_c).
   integer, parameter :: IN_THETA = 1, IN_LOG = 2
   integer, parameter :: TOGETHER = 64
-  integer, parameter :: N_FIELDS = 5   !! of N_x numbers
-  !> exp(-2 q) is lost beside 1 above this q.
+  integer, parameter :: N_FIELDS = 5   !! fields of N_x numbers
+  !> Above this q, 1 + exp(-2 q) is 1 within rounding.
   real(dp), parameter :: LOST = 20.0_dp
-  !> Newton steps of a root at most, the step after which the next one is the last, the largest |x| of a stage, and the least
-  !> ln(|v|/V*).
+  !> Most Newton steps for a root; size of the last step; largest |x| of a stage; least ln(|v|/V*).
   integer, parameter :: MOST = 100
   real(dp), parameter :: LAST_STEP = 1e-7_dp, FAR = 690.0_dp, LEAST = -600.0_dp
 
   type :: rate_state_t
     logical :: complete = .false.     !! there was enough memory
-    logical :: known = .false.        !! the law is one of those above
-    integer(ip) :: law = 0            !! of evolution
-    integer :: variable = 0           !! in which it evolves
+    logical :: known = .false.        !! the law is one of AGEING to NAGATA
+    integer(ip) :: law = 0            !! law of evolution
+    integer :: variable = 0           !! variable in which the law evolves
     real(dp) :: v_ref                 !! V* [m/s]
     real(dp) :: cut                   !! V*/V_c, 0 without a cut-off speed [-]
     real(dp) :: v_slip                !! speed from which a block slips [m/s]
     logical :: stressed = .false.     !! the law has a rate of stress
-    real(dp), allocatable :: stress(:) !! c/b of it, else 0
+    real(dp), allocatable :: stress(:) !! c/b with a rate of stress, else 0
     real(dp), allocatable :: a(:)     !! direct effect [-]
     real(dp), allocatable :: b(:)     !! evolution effect [-]
     real(dp), allocatable :: d_c(:)   !! D_c [m]
@@ -59,7 +58,7 @@ module pyfric_evolution
 
   !> Numbers passed by Python, in this order.
   type :: numbers_t
-    real(dp) :: law         !! of evolution
+    real(dp) :: law         !! law of evolution
     real(dp) :: v_ref       !! V* [m/s]
     real(dp) :: cut         !! V*/V_c, 0 without a cut-off speed V_c [-]
     real(dp) :: v_slip      !! speed from which a block counts as slipping [m/s]
@@ -107,7 +106,7 @@ contains
     if (of%stressed) of%stress(:) = given%c/of%b
   end function new_rate_state
 
-  !> x at the end of an implicit stage, x = x_0 + h dx/dt, at speeds v = V* exp(eta), and its slope by eta.
+  !> x at the end of an implicit stage, x = x_0 + h dx/dt, at speeds v = V* exp(eta), and the slope of x by eta.
   pure subroutine stage(of, from, n, h, x_0, eta, v, x, slope)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
@@ -149,7 +148,7 @@ contains
     end select
   end subroutine stage
 
-  !> dx/dt.
+  !> Rates dx/dt.
   pure subroutine variable_rates(of, from, n, v, x, rate)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
@@ -187,7 +186,7 @@ contains
     end select
   end subroutine variable_rates
 
-  !> Rates of y [1/s], and their slopes by v and y. y is ln(theta); with a rate of stress in the law ln(theta) + (c/b) mu.
+  !> Rates of y [1/s], and their slopes by v and y. y is ln(theta), or ln(theta) + (c/b) mu if the law has a rate of stress.
   pure subroutine log_rates(of, from, n, v, y, rate, by_v, by_y)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
@@ -241,7 +240,8 @@ contains
     end select
   end subroutine log_rates
 
-  !> A stage without a closed form: Newton's method within bounds that it narrows; a block that has its root waits for the others.
+  !> A stage without a closed form, by Newton's method within bounds that become narrower. Blocks whose roots are found wait for
+  !> the others.
   pure subroutine stage_by_newton(of, from, n, h, x_0, eta, v, x, slope)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
@@ -261,7 +261,7 @@ contains
       low(i) = -FAR
       high(i) = FAR
       found(i) = 0.0_dp
-      stress = of%stress(k)   ! mu is a eta + f* + b x, or 0
+      stress = of%stress(k)   ! mu is a eta + f* + b x, or 0 if this is negative
       x(i) = min(x_0(i), (x_0(i) - stress*(of%a(k)*eta(i) + of%f_ref(k)))/(1.0_dp + stress*of%b(k)))
       x(i) = max(min(x(i), FAR), -FAR)
     end do
@@ -283,7 +283,7 @@ contains
     end do
   end subroutine stage_by_newton
 
-  !> What is left of the equation of a stage, which grows with x, and its slopes. Nagata: x + (c/b) mu - h dx/dt - x_0.
+  !> Residual of the equation of a stage, which grows with x, and its slopes. Nagata: x + (c/b) mu - h dx/dt - x_0.
   pure subroutine residual(of, from, n, h, x_0, eta, v, x, left, by_x, by_eta)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
@@ -320,7 +320,7 @@ contains
     end select
   end subroutine residual
 
-  !> mu at speeds V* exp(eta), and its slopes by x and eta.
+  !> mu at speeds V* exp(eta), and slopes of mu by x and eta.
   pure subroutine friction(of, from, n, eta, x, mu, by_x, by_eta)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
@@ -347,7 +347,7 @@ contains
     end do
   end subroutine friction
 
-  !> ln(|v|/V*), at least `LEAST`.
+  !> eta = ln(|v|/V*), at least `LEAST`.
   pure subroutine log_speeds(of, n, v, eta)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: n
@@ -362,7 +362,7 @@ contains
     eta = max(eta, LEAST)
   end subroutine log_speeds
 
-  !> Rates and slopes of `log_rates` for a law with a rate of stress, whose x is that of a stage of no length.
+  !> Rates and slopes of `log_rates` for a law with a rate of stress. x is that of a stage with h = 0.
   pure subroutine rates_with_stress(of, from, n, v, y, rate, by_v, by_y)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
@@ -393,7 +393,7 @@ contains
     end do
   end subroutine rates_with_stress
 
-  !> Adds (c/b) mu to what evolves, x or ln(theta), of a law with a rate of stress.
+  !> Adds (c/b) mu to x or ln(theta), for a law with a rate of stress.
   pure subroutine add_stress(of, nx, v, x, evolves)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: nx
@@ -436,7 +436,7 @@ contains
     end do
   end subroutine take_stress
 
-  !> x from theta [s].
+  !> The variable x from theta [s].
   pure subroutine from_theta(of, from, n, theta, x)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
@@ -456,7 +456,7 @@ contains
     end select
   end subroutine from_theta
 
-  !> theta [s] from x.
+  !> theta [s] from the variable x.
   pure subroutine to_theta(of, from, n, x, theta)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
@@ -473,7 +473,7 @@ contains
     end do
   end subroutine to_theta
 
-  !> x from y = ln(theta), and its slope.
+  !> The variable x from y = ln(theta), and its slope by y.
   pure subroutine from_log_theta(of, from, n, y, x, slope)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
@@ -488,7 +488,7 @@ contains
     if (of%variable == IN_LOG) slope = 1.0_dp
   end subroutine from_log_theta
 
-  !> psi from x, and its slope.
+  !> psi from x, and its slope by x.
   pure subroutine state_effect(of, from, n, x, psi, slope)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from

@@ -1,7 +1,8 @@
 !> Forces of the bonds in finite geometry, row by row.
 !>
-!> Each bond is evaluated once, in the row where it starts; its force on the row above is carried to that row. With
-!> D = d + du and r = |D|, a spring pulls its first block with k (r - l)/r D, a dashpot along the bond with eta (D.dv)/r^2 D.
+!> Each bond is evaluated once, in the row where it starts. Its force on the row above is carried to that row. With
+!> D = d + du and r = |D|, a spring pulls its first block with k (r - l)/r D. A dashpot along the bond pulls it with
+!> eta (D.dv)/r^2 D.
 module pyfric_finite
   use pyfric_kinds, only: dp
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
@@ -15,15 +16,15 @@ module pyfric_finite
 
 contains
 
-  !> Forces of the springs on a row, and of dashpots along the bonds. On entry carry contains the forces of bonds from
-  !> below, on return those on the row above.
+  !> Forces of the springs on a row, and of dashpots along the bonds. On entry, carry contains forces on the row from bonds
+  !> below; on return, forces on the row above.
   pure subroutine forces_finite(s, has_up, q, up, b, carry, fx, fz)
     type(model_t), intent(in) :: s
     logical, intent(in) :: has_up                           !! there is a row above; else up is not read
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)            !! the row
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)           !! the row above
     real(dp), intent(inout) :: b(LB:s%n + LANES, 2, N_BOND) !! work space: forces on the first blocks, x and z [N]
-    real(dp), intent(inout) :: carry(LB:s%n + LANES, 2)     !! forces on the row from below; then on the row above [N]
+    real(dp), intent(inout) :: carry(LB:s%n + LANES, 2)     !! forces on the row from below; then forces on the row above [N]
     real(dp), intent(out) :: fx(LB:s%n + LANES)             !! force on the row [N]
     real(dp), intent(out) :: fz(LB:s%n + LANES)             !! force on the row [N]
     real(dp) :: strain
@@ -69,7 +70,7 @@ contains
     real(dp), intent(in) :: l                     !! lattice constant [m]
     real(dp), intent(in) :: c(7)                  !! the series
     real(dp), intent(in) :: q(LB:n + LANES, 4)    !! the row of their first blocks
-    real(dp), intent(in) :: row(LB:n + LANES, 4)  !! that of their second ones
+    real(dp), intent(in) :: row(LB:n + LANES, 4)  !! the row of their second blocks
     real(dp), intent(inout) :: fx(LB:n + LANES)   !! forces on the first blocks [N]
     real(dp), intent(inout) :: fz(LB:n + LANES)   !! [N]
     real(dp), intent(inout) :: strain             !! largest (t/l0^2)^2 l^4 [m4]
@@ -101,7 +102,7 @@ contains
     if (abs(c) > 0.0_dp) x = c*l + dx
   end function plus
 
-  !> Springs of bond m in closed form, for strains beyond the series.
+  !> Springs of bond m in closed form, for strains beyond the range of the series.
   pure subroutine in_closed_form(s, m, q, row, fx, fz)
     type(model_t), intent(in) :: s
     integer, intent(in) :: m
@@ -148,7 +149,7 @@ contains
     end do
   end subroutine add_dashpots
 
-  !> One component of the force on a row: its own bonds, and carry from below; then carry for the row above.
+  !> One component of the force on a row, from its own bonds and from carry. carry is then set for the row above.
   pure subroutine gather(n, b, c, carry, f)
     integer, intent(in) :: n                           !! length of a row
     real(dp), intent(in) :: b(LB:n + LANES, 2, N_BOND) !! forces on the first blocks [N]

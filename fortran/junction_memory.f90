@@ -1,7 +1,7 @@
-!> Memory of the junctions of a block: what is saved of each, and what is derived from it.
+!> Memory of the junctions of a block: saved numbers of each junction, and derived quantities.
 !>
-!> A stage needs of the pinned junctions only their number and the sum of their anchors. This sum is computed anew, in the
-!> order of junctions, when one breaks or pins, so that its bits do not depend on the history.
+!> A stage needs only the number of pinned junctions and the sum of their anchors. This sum is computed anew, in the order of
+!> junctions, whenever a junction breaks or pins. Its bits therefore do not depend on the history.
 module pyfric_junction_memory
   use pyfric_kinds, only: dp
   implicit none (type, external)
@@ -10,8 +10,8 @@ module pyfric_junction_memory
 
   !> Saved for each junction: anchor [m], 1 pinned or 0 slipping, time at which it pins or pinned [s], number of breaks.
   integer, parameter, public :: ANCHOR = 1, PINNED = 2, RELEASE = 3, BREAKS = 4, N_PARTS = 4, N_SUMS = 8
-  !> Derived quantities. Pinned junctions: their number; sum, mean, sum of squared deviations, least and greatest of their
-  !> anchors. Slipping junctions: time at which the first one pins; their number; then their anchors and indices.
+  !> Derived quantities. Of pinned junctions: their number; sum, mean, sum of squared deviations, least and greatest of their
+  !> anchors. Of slipping junctions: time at which the first pins; their number; then their anchors and indices.
   integer, parameter, public :: COUNT = 1, TOTAL = 2, CENTRE = 3, SQUARES = 4, LEAST = 5, GREATEST = 6, EARLIEST = 7, LOOSE = 8
 
 contains
@@ -24,7 +24,7 @@ contains
     numbers = N_PARTS*n
   end function n_saved
 
-  !> The same number with the derived quantities.
+  !> Numbers of a block with n junctions, including derived quantities.
   elemental function n_whole(n) result(numbers)
     integer, intent(in) :: n
     integer :: numbers
@@ -32,7 +32,7 @@ contains
     numbers = n_saved(n) + N_SUMS + 2*n
   end function n_whole
 
-  !> Computes all state variables of a block from the saved ones.
+  !> Computes the derived quantities of a block from its saved numbers.
   pure subroutine prepare(n, memory)
     integer, intent(in) :: n
     real(dp), intent(inout) :: memory(n_whole(n))
@@ -42,7 +42,7 @@ contains
     call summarise(n, memory(:s), memory(s + 1:s + N_SUMS), memory(s + N_SUMS + 1:s + N_SUMS + n), memory(s + N_SUMS + n + 1:))
   end subroutine prepare
 
-  !> Sums over the pinned junctions, in their order; the slipping ones one after another.
+  !> Computes sums over the pinned junctions, in their order, and lists the slipping junctions.
   pure subroutine summarise(n, saved, sums, loose_anchors, loose_numbers)
     integer, intent(in) :: n
     real(dp), intent(in) :: saved(n, N_PARTS)

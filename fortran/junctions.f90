@@ -1,17 +1,17 @@
 !> A friction law with memory: junctions that break, slip for a while, and pin again.
 !>
-!> Each block has n_s junctions. Junction j has an anchor a_j, a stretch d_j = u_x - a_j, and bears -k_j d_j. All have the
-!> same share p/n_s of the block's normal force:
+!> Each block has n_s junctions. Junction j has an anchor a_j, a stretch d_j = u_x - a_j, and bears -k_j d_j. All junctions
+!> of a block bear the same share p/n_s of its normal force:
 !>
 !>     k_j = sqrt(C p/n_s),   break at |d_j| > c_j u_s,  u_s = mu_s k_j/C,   slip level u_d = mu_d k_j/C
 !>
 !>     pinned     the anchor rests
-!>     slipping   the anchor is dragged so that |d_j| <= u_d; a time t_R after the break it pins at u_x, without force
-!>     open       p = 0: all slip, and pin at u_x when contact returns
+!>     slipping   the anchor is dragged so that |d_j| <= u_d; a time t_R after the break the junction pins at u_x, without force
+!>     open       p = 0: all junctions slip, and pin at u_x when contact returns
 !>
-!> Stages of a step read anchors and drag those of slipping junctions temporarily; only the end of a step or sub-step
-!> writes them. Source: J. Trømborg et al., PNAS 111, 8764 (2014). The use of the present p, and the behaviour of slipping
-!> junctions when motion reverses, are choices made here.
+!> Stages of a step drag anchors of slipping junctions only temporarily. Anchors are stored at the end of a step or sub-step.
+!> Source: J. Trømborg et al., PNAS 111, 8764 (2014). The use of the present p, and the behaviour of slipping junctions when
+!> motion reverses, are choices made here.
 module pyfric_junctions
   use, intrinsic :: iso_fortran_env, only: int64
   use pyfric_kinds, only: dp, ip
@@ -25,31 +25,31 @@ module pyfric_junctions
   public :: junctions_t, new_junctions
   public :: forces, powers, stored_energy, settle, break_functions, next_release, drag_marks, drag_functions, N_FIELDS
 
-  integer, parameter :: N_FIELDS = 5   !! of N_x numbers
+  integer, parameter :: N_FIELDS = 5   !! fields of N_x numbers
 
-  !> Distance at which a stretch counts as u_d, over u_d: rounding of displacements.
+  !> A stretch counts as u_d within this distance over u_d, because displacements are rounded.
   real(dp), parameter :: AT_LIMIT = 1e-9_dp
 
   type :: junctions_t
     logical :: complete = .false.   !! there was enough memory
     integer :: n = 0                       !! junctions of a block
-    real(dp) :: fewest                     !! a block with fewer pinned ones is ruptured
-    integer(int64) :: seed                 !! of the times that junctions slip
+    real(dp) :: fewest                     !! a block with fewer pinned junctions is ruptured
+    integer(int64) :: seed                 !! seed of the slip times of junctions
     logical :: from_right                  !! blocks are counted from the right side, which is driven
-    type(curve_t) :: quantiles             !! of t_R over its mean; no knots: a normal distribution
-    real(dp), allocatable :: factors(:)    !! u_s of each junction of a block over that of the block
-    real(dp), allocatable :: mu_s(:)       !! coefficient at which a junction breaks [-]
-    real(dp), allocatable :: mu_d(:)       !! and that of one that slips [-]
+    type(curve_t) :: quantiles             !! quantiles of t_R over its mean; no knots: a normal distribution
+    real(dp), allocatable :: factors(:)    !! c_j of each junction of a block
+    real(dp), allocatable :: mu_s(:)       !! friction coefficient at which a junction breaks [-]
+    real(dp), allocatable :: mu_d(:)       !! friction coefficient of a slipping junction [-]
     real(dp), allocatable :: c(:)          !! C [N/m2]
     real(dp), allocatable :: t_r(:)        !! mean of t_R [s]
-    real(dp), allocatable :: t_r_std(:)    !! its standard deviation; 0: always the mean [s]
+    real(dp), allocatable :: t_r_std(:)    !! standard deviation of t_R; 0: always the mean [s]
   end type junctions_t
 
   !> Numbers passed by Python, in this order.
   type :: numbers_t
     real(dp) :: n           !! junctions of a block
-    real(dp) :: seed_low    !! the lower 32 bits
-    real(dp) :: seed_high   !! and the upper ones
+    real(dp) :: seed_low    !! lower 32 bits of the seed
+    real(dp) :: seed_high   !! upper 32 bits of the seed
     real(dp) :: ruptured    !! share of pinned junctions below which a block is ruptured
   end type numbers_t
 
@@ -85,7 +85,7 @@ contains
     if (strengths%n == n) of%factors(:) = strengths%y(:n)
   end function new_junctions
 
-  !> k_j [N/m].
+  !> Stiffness k_j of a junction [N/m].
   pure elemental function stiffness(of, i, p) result(k)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: i        !! block
@@ -95,7 +95,7 @@ contains
     k = sqrt(of%c(i)*p/of%n)
   end function stiffness
 
-  !> x within -limit ... limit; odd in x to the last bit.
+  !> x, limited to -limit ... limit. The result is odd in x to the last bit.
   pure elemental function within(limit, x) result(y)
     real(dp), intent(in) :: limit
     real(dp), intent(in) :: x
@@ -104,7 +104,8 @@ contains
     y = max(-limit, min(limit, x))
   end function within
 
-  !> f = -k_j (sum of the stretches): of pinned junctions n u_x - sum a_j; of slipping ones each within u_d.
+  !> Forces -k_j (sum of the stretches). Pinned junctions add n u_x - sum a_j. The stretch of each slipping junction is at most
+  !> u_d.
   pure subroutine forces(of, nx, n, at, memory, u_x, p, f)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: nx                    !! blocks
@@ -128,7 +129,7 @@ contains
     end do
   end subroutine forces
 
-  !> Sum of the stretches of m slipping junctions, in as many sums as a vector has lanes.
+  !> Sum of the stretches of m slipping junctions, with one partial sum for each lane of a vector.
   pure function slipping_stretch(m, u, u_d, anchors) result(total)
     integer, intent(in) :: m
     real(dp), intent(in) :: u           !! displacement of the block [m]
@@ -150,7 +151,8 @@ contains
     total = (lanes_of(1) + lanes_of(2)) + (lanes_of(3) + lanes_of(4))
   end function slipping_stretch
 
-  !> Heat of dragging, k_j u_d (+-v_x - du_d/dt) of each anchor that moves; work of the stiffness, dk_j/dt d_j^2/2 of each.
+  !> Heat of dragging, k_j u_d (+-v_x - du_d/dt) of each moving anchor, and work of the stiffness, dk_j/dt d_j^2/2 of each
+  !> junction.
   pure subroutine powers(of, nx, n, at, memory, u_x, v_x, p, p_rate, dragging, stiffening)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: nx                    !! blocks
@@ -173,7 +175,7 @@ contains
       if (p(i) <= 0.0_dp) cycle
       k = stiffness(of, i, p(i))
       u_d = of%mu_d(i)*k/of%c(i)
-      growth = p_rate(i)/(2.0_dp*p(i))   ! of k_j and of u_d [1/s]
+      growth = p_rate(i)/(2.0_dp*p(i))   ! relative rate of k_j and of u_d [1/s]
       heat = 0.0_dp
       do j = 1, int(memory(s + LOOSE, i))
         d = u_x(at(i)) - memory(s + N_SUMS + j, i)
@@ -184,9 +186,9 @@ contains
     end do
   end subroutine powers
 
-  !> Speed at which an anchor is dragged along the stretch: above u_d, and at u_d if the stretch would grow.
+  !> Speed at which an anchor is dragged along the stretch. It is dragged above u_d, and at u_d if the stretch would grow.
   pure elemental function anchor_speed(d, u_d, v, u_d_rate) result(speed)
-    real(dp), intent(in) :: d           !! stretch by the anchor as the step found it [m]
+    real(dp), intent(in) :: d           !! stretch, with the anchor at the start of the step [m]
     real(dp), intent(in) :: u_d         !! slip level [m]
     real(dp), intent(in) :: v           !! velocity of the block [m/s]
     real(dp), intent(in) :: u_d_rate    !! [m/s]
@@ -231,8 +233,8 @@ contains
     end do
   end function stored_energy
 
-  !> Finishes a step or sub-step: anchors of slipping junctions follow, junctions break, and junctions pin. Returns the number
-  !> of pinned junctions above the number below which a block is ruptured.
+  !> Finishes a step or sub-step: anchors of slipping junctions follow, junctions break, and junctions pin. `excess` is the number
+  !> of pinned junctions minus the number below which a block is ruptured.
   pure subroutine settle(of, nx, n, at, t, soon, u_x, p, memory, excess, loss)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: nx                    !! blocks
@@ -287,7 +289,7 @@ contains
     end do
   end subroutine drag
 
-  !> Breaks pinned junctions that are stretched too far; their force drops to the slip level, and they slip for a time.
+  !> Breaks pinned junctions that are stretched too far. Their force drops to the slip level, and they slip for a time t_R.
   pure subroutine break_stretched(of, i, t, u, k, memory, loss, changed)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: i            !! block
@@ -314,7 +316,7 @@ contains
     end do
   end subroutine break_stretched
 
-  !> Pins slipping junctions at the end of their slip time; they lose their force.
+  !> Pins slipping junctions at the end of their slip time, without force.
   pure subroutine pin_due(n, t, u, k, memory, loss, changed)
     integer, intent(in) :: n
     real(dp), intent(in) :: t           !! time [s]
@@ -334,7 +336,7 @@ contains
     end do
   end subroutine pin_due
 
-  !> Opens a block: all junctions slip, and pin as soon as it touches again.
+  !> Opens a block: all junctions slip, and pin as soon as contact returns.
   pure subroutine let_go(n, t, u, memory)
     integer, intent(in) :: n
     real(dp), intent(in) :: t           !! time [s]
@@ -346,8 +348,8 @@ contains
     memory(:, RELEASE) = t
   end subroutine let_go
 
-  !> Slip time of junction j of block i after its break number n: mean + std (sum of 12 uniform numbers - 6), at least 0, or
-  !> the mean times the quantile of a uniform number. The numbers are drawn by counter; blocks count from the driven side.
+  !> Slip time of junction j of block i after its break number n. It is mean + std (sum of 12 uniform numbers - 6), at least 0,
+  !> or the mean times the quantile of a uniform number. Random numbers are drawn by counter. Blocks count from the driven side.
   pure function time_of_slip(of, i, j, n) result(t_r)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: i
@@ -372,7 +374,7 @@ contains
     t_r = max(t_r + of%t_r_std(i)*(total - 6.0_dp), 0.0_dp)
   end function time_of_slip
 
-  !> Displacement of a block before a junction breaks [m]; huge if none is pinned.
+  !> Displacement of a block until a junction breaks [m]; huge if no junction is pinned.
   pure function next_break(of, i, u, p, memory) result(room)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: i            !! block
@@ -389,7 +391,7 @@ contains
     end do
   end function next_break
 
-  !> Time at which the next junction of any block in contact pins [s]; huge if none slips.
+  !> Time at which the next junction of any block in contact pins [s]; huge if no junction slips.
   pure function next_release(of, nx, in_contact, memory) result(t)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: nx               !! blocks
@@ -400,7 +402,7 @@ contains
     t = minval(memory(n_saved(of%n) + EARLIEST, :), mask=in_contact)
   end function next_release
 
-  !> Distance of each block in contact to its next break, and its depth; of others the height, twice [m].
+  !> Event functions [m]. In contact: distance of a block to its next break, and its depth. Otherwise: the height, twice.
   pure subroutine break_functions(of, nx, n, at, in_contact, memory, p, u_x, z, g)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: nx                    !! blocks
@@ -420,7 +422,7 @@ contains
     end do
   end subroutine break_functions
 
-  !> `drag_limits` of each block.
+  !> Marks of dragged junctions: `drag_limits` of each block.
   pure subroutine drag_marks(of, nx, n, at, memory, u_x, v_x, p, p_rate, marks)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: nx                    !! blocks
@@ -439,7 +441,7 @@ contains
     end do
   end subroutine drag_marks
 
-  !> Which slipping junctions of a block are dragged, up or down (1 or 0); least and greatest anchor of the others [m].
+  !> Whether slipping junctions of a block are dragged up, and down (1 or 0); least and greatest anchor of the others [m].
   pure function drag_limits(of, i, u, v, p, p_rate, memory) result(marks)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: i            !! block
@@ -466,8 +468,8 @@ contains
     end do
   end function drag_limits
 
-  !> Event functions, positive while the same junctions are dragged: speeds of their anchors, up and down; distances of the
-  !> other junctions from u_d.
+  !> Event functions, which are positive while the same junctions are dragged: speeds of their anchors, up and down, and
+  !> distances of the other junctions from u_d.
   pure subroutine drag_functions(of, nx, n, at, u_x, v_x, p, p_rate, marks, g)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: nx                    !! blocks

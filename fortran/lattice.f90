@@ -1,6 +1,6 @@
 !> Forces of neighbours on a block, row by row: springs in linear geometry, and dashpots.
 !>
-!> A row q contains u_x, u_z, v_x, v_z; neighbours in it are LANES elements apart (see pyfric_layout). Rows that do not
+!> A row q contains u_x, u_z, v_x, v_z. Neighbours in a row are LANES elements apart (see pyfric_layout). Rows that do not
 !> exist are passed as zero. Sums pair left with right neighbours. Therefore a mirrored lattice gives the mirrored bits, and
 !> a translation gives exactly zero force.
 module pyfric_lattice
@@ -14,13 +14,13 @@ module pyfric_lattice
 
   !> The neighbours of a row.
   type :: around_t
-    real(dp) :: rows  !! neighbouring rows
-    real(dp) :: edge  !! side of the only one: +1 above, -1 below, else 0
+    real(dp) :: rows  !! number of neighbouring rows
+    real(dp) :: edge  !! side of a single neighbouring row: +1 above, -1 below; 0 for two
   end type around_t
 
 contains
 
-  !> Forces on a row in linear geometry; in finite geometry adds the dashpots on the full relative velocity.
+  !> Forces on a row in linear geometry. In finite geometry, adds the forces of dashpots on the full relative velocity.
   pure subroutine gather_forces(s, around, dn, q, up, fx, fz)
     type(model_t), intent(in) :: s
     type(around_t), intent(in) :: around
@@ -67,7 +67,7 @@ contains
     !>
     !>     x:  w (E + W)_x + w_corner (NE + SE + NW + SW)_x + w_cross (NE - SE - NW + SW)_z - (sum of the weights) u_x
     !>
-    !> and z likewise with N + S for E + W.
+    !> The z component has N + S in place of E + W.
     pure function pull_x(w, c, i) result(f)
       type(weights_t), intent(in) :: w
       integer, intent(in) :: c  !! UX, or VX for dashpots
@@ -107,7 +107,7 @@ contains
       end if
     end function force_at_wall
 
-    !> Forces on a block at a side wall, x and z. With a single neighbouring row the cross terms of its own u remain.
+    !> Forces on a block at a side wall, x and z. With a single neighbouring row, cross terms of the block's own u remain.
     pure function pull_at_wall(w, c, i, side) result(f)
       type(weights_t), intent(in) :: w
       integer, intent(in) :: c     !! UX, or VX for dashpots
@@ -125,7 +125,7 @@ contains
              - around%rows*(w%above + w%corner)*q(i, c + 1)
     end function pull_at_wall
 
-    !> Dashpots on the full relative velocity, sum of dv.
+    !> Dashpots on the full relative velocity: the sum of dv.
     pure function drag(c, i) result(f)
       integer, intent(in) :: c  !! VX or VZ
       integer, intent(in) :: i  !! element of the block
@@ -136,7 +136,7 @@ contains
           - (2.0_dp + 3.0_dp*around%rows)*q(i, c)
     end function drag
 
-    !> The same at a side wall, x and z.
+    !> The sum of dv at a side wall, x and z.
     pure function drag_at_wall(i, side) result(f)
       integer, intent(in) :: i     !! element of the block
       integer, intent(in) :: side  !! +1: neighbours are on the right, -1: on the left
@@ -168,7 +168,7 @@ contains
     end do
   end subroutine halve_bonds
 
-  !> The same for bonds to the rows below and above in columns of half blocks.
+  !> Subtracts half of the forces of bonds to the rows below and above in columns of half blocks.
   pure subroutine halve_columns(s, rows, dn, q, up, fx, fz)
     type(model_t), intent(in) :: s
     logical, intent(in) :: rows(2)                   !! there is a row below, above

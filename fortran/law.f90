@@ -1,9 +1,9 @@
-!> The friction law, one of three: under which blocks rest (pyfric_resting), on junctions (pyfric_junctions), rate and state
-!> (pyfric_rate_state). Only this module uses theirs.
+!> The friction law, one of three kinds: laws under which blocks rest (pyfric_resting), junctions (pyfric_junctions), rate and
+!> state (pyfric_rate_state). Only this module uses the modules of the three kinds.
 !>
-!> Each has its own fields, tables and state variables, and says the force, its powers and energy, events while contact states
-!> last, what a step settles, and what a switch remembers. Under the last two no block comes to rest: f follows from displacements
-!> and state variables, or from speeds and a state variable.
+!> Each kind has its own fields, tables and state variables. Each gives the force, powers and energy, event functions, contact
+!> states after a step, and changes of state variables at a switch. On junctions, and with rate and state, no block comes to rest.
+!> On junctions, the force follows from displacements and state variables; with rate and state, from speeds and a state variable.
 module pyfric_law
   use pyfric_kinds, only: dp, ip, NOT_KNOWN
   use pyfric_layout, only: LB, LANES
@@ -28,14 +28,14 @@ module pyfric_law
 
   !> Laws, with the numbers of `code` in pyfric.scene.
   integer(ip), parameter :: RESTING = 1, ON_JUNCTIONS = 2, RATE_STATE = 3
-  !> Their fields of N_x numbers.
+  !> Fields of N_x numbers of each kind of law.
   integer, parameter :: N_FIELDS(RATE_STATE) = [N_RESTING, N_JUNCTIONS, N_RATE_STATE]
 
   type :: law_t
     logical :: complete = .false.      !! there was enough memory, and the law is known
     logical :: known = .true.
     integer(ip), private :: kind
-    integer :: n_memory                !! state variables of each block
+    integer :: n_memory                !! state variables of each block, including derived quantities
     integer :: per_block = 1           !! junctions of a block; 1 without junctions
     logical :: rests = .false.         !! blocks come to rest
     logical :: flows = .false.         !! each stage is implicit in the velocities of the blocks
@@ -48,15 +48,15 @@ module pyfric_law
 
 contains
 
-  !> The law from its fields of N_x numbers, numbers of its own, and tables, one after another: x and y of each knot.
+  !> The law from numbers one after another: fields of N_x numbers, other numbers of the law, x and y of each knot of its tables.
   pure function new_law(nx, kind, n_memory, from_right, keeps, t_0, n_own, n_knots, numbers) result(law)
     integer, intent(in) :: nx                  !! blocks
     integer(ip), intent(in) :: kind
-    integer(ip), intent(in) :: n_memory        !! numbers that are saved of each block
+    integer(ip), intent(in) :: n_memory        !! saved numbers of each block
     logical, intent(in) :: from_right          !! blocks are counted from the right
-    logical, intent(in) :: keeps               !! slip goes on over sticks
+    logical, intent(in) :: keeps               !! a stick does not reset slip
     real(dp), intent(in) :: t_0                !! time of the limits [s]
-    integer(ip), intent(in) :: n_own           !! numbers of its own
+    integer(ip), intent(in) :: n_own           !! other numbers of the law
     integer(ip), intent(in) :: n_knots(N_TABLES)
     real(dp), contiguous, intent(in) :: numbers(:)
     type(law_t) :: law
@@ -96,7 +96,7 @@ contains
     end select
   end function new_law
 
-  !> State variables that are saved, and quantities that follow from them.
+  !> Saved state variables, with derived quantities.
   pure function whole_memory(law, nx, saved) result(memory)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx               !! blocks
@@ -194,8 +194,8 @@ contains
     if (law%kind == RESTING) call resting_remember(law%resting, old, new, t, u_x, memory)
   end subroutine remember
 
-  !> Event functions, positive while a contact state lasts, and the margin against slip as if a block were stuck. Rate and state
-  !> have none.
+  !> Event functions, which are positive while a contact state lasts, and the margin of a block to slip as if it were stuck. Rate
+  !> and state has no event functions.
   pure subroutine event_functions(law, nx, n, at, mode, memory, t, other, p, u_x, z, v_x, g, margin)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
@@ -209,8 +209,8 @@ contains
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: z(nx)                !! heights above the foundation [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
-    real(dp), intent(out) :: g(N_CONTACT, nx)    !! of friction [N] or [m/s], of junctions and of the gap [m]
-    real(dp), intent(out) :: margin(nx)          !! of friction [N]; 0 on junctions
+    real(dp), intent(out) :: g(N_CONTACT, nx)    !! event functions of friction [N] or [m/s], of junctions and of the gap [m]
+    real(dp), intent(out) :: margin(nx)          !! strength minus load [N]; 0 on junctions
 
     margin = 0.0_dp
     select case (law%kind)
@@ -225,7 +225,7 @@ contains
     end select
   end subroutine event_functions
 
-  !> Last knots passed by slip and speed of each block, 0 for none; on junctions the marks of dragged ones.
+  !> Last knots passed by slip and speed of each block, 0 for none; on junctions `drag_marks`.
   pure subroutine last_knots(law, nx, n, at, mode, memory, u_x, v_x, p, p_rate, marks)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
@@ -251,7 +251,7 @@ contains
     end select
   end subroutine last_knots
 
-  !> Distances to the next knots, see there; on junctions `drag_functions`.
+  !> Distances to the next knots, see pyfric_resting; on junctions `drag_functions`.
   pure subroutine knot_functions(law, nx, n, at, mode, memory, marks, u_x, v_x, p, p_rate, g)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
@@ -259,7 +259,7 @@ contains
     integer, intent(in) :: at(n)                 !! element of each block in a row
     integer(ip), intent(in) :: mode(nx)          !! contact states
     real(dp), intent(in) :: memory(law%n_memory, nx)
-    real(dp), intent(in) :: marks(N_MARK, nx)    !! of `last_knots` at the start of the step
+    real(dp), intent(in) :: marks(N_MARK, nx)    !! from `last_knots` at the start of the step
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
@@ -278,7 +278,7 @@ contains
     end select
   end subroutine knot_functions
 
-  !> Time to the next knot of age of any slipping block, from time t on; or to the next junction that pins [s].
+  !> Time from t to the next knot of age of any slipping block, or until the next junction pins [s].
   pure function time_to_knot(law, nx, mode, memory, t) result(shortest)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
@@ -299,7 +299,7 @@ contains
     end select
   end function time_to_knot
 
-  !> Contact states after a step of blocks that rest, and the strength minus load of each block as if it were stuck.
+  !> Contact states after a step under a law with rest, and strength minus load of each block as if it were stuck.
   pure subroutine next_states(law, nx, n, at, mode, memory, t, other, p, v_x, new, margin)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
@@ -317,7 +317,7 @@ contains
     call resting_states(law%resting, nx, n, at, mode, memory, t, other, p, v_x, new, margin)
   end subroutine next_states
 
-  !> The contact states after a step of blocks that never rest: ruptured or fast ones slip. Junctions break and pin.
+  !> Contact states after a step under a law without rest: ruptured or fast blocks slip. Junctions break and pin.
   pure subroutine settle_moving(law, nx, n, at, mode, memory, t, soon, u_x, v_x, p, new, margin, loss)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
@@ -326,12 +326,12 @@ contains
     integer(ip), intent(in) :: mode(nx)          !! contact states
     real(dp), intent(inout) :: memory(law%n_memory, nx)
     real(dp), intent(in) :: t                    !! time [s]
-    real(dp), intent(in) :: soon                 !! junctions pin whose time comes so soon [s]
+    real(dp), intent(in) :: soon                 !! junctions that pin within this time pin now [s]
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
     integer(ip), intent(out) :: new(nx)          !! contact states after
-    real(dp), intent(out) :: margin(nx)          !! pinned junctions that may break, or speed missing [m/s], before the block slips
+    real(dp), intent(out) :: margin(nx)          !! number of breaks before the block slips, or v_slip minus its speed [m/s]
     real(dp), intent(inout) :: loss(nx)          !! heat of breaks and of pinning so far [J]
     real(dp) :: along
     integer :: i

@@ -1,9 +1,9 @@
 !> Layout of a row of blocks in memory.
 !>
-!> Inside the core a row is cut into LANES pieces of equal length, interleaved: block i of piece c is element
+!> Inside the core a row is cut into LANES pieces of equal length, which are interleaved. Block i of piece c is element
 !> c + (i - 1) LANES of a row with bounds LB:n+LANES. Neighbours are then LANES elements apart, so that loops over 1:n
-!> work on whole, aligned vectors. Elements LB:0 and n+1: repeat the ends of the next pieces (`close_row`). After the
-!> last block the row is padded with blocks at rest.
+!> work on whole, aligned vectors. Elements below 1 and above n repeat the ends of the neighbouring pieces (`close_row`).
+!> After the last block, the row is padded with blocks at rest.
 module pyfric_layout
   implicit none (type, external)
   private
@@ -23,7 +23,7 @@ contains
     n = LANES*((nx + LANES - 1)/LANES)
   end function padded
 
-  !> Element of block i in a row, for i up to n; those above nx are padding.
+  !> Element of block i in a row, for i up to n. Elements for i above nx are padding.
   pure function elements(n) result(at)
     integer, intent(in) :: n   !! padded length of the row
     integer :: at(n), i, m

@@ -1,14 +1,14 @@
 !> Sub-steps inside a step: contact switches located in time, and the length of adaptive sub-steps.
 !>
-!> A trial sub-step need not cover the whole lattice: `test_substep` needs only the two bottom rows. `complete_substep`
-!> is called when all rows of an accepted sub-step are computed.
+!> `test_substep` needs only the two bottom rows of a trial sub-step. `complete_substep` is called when all rows of an
+!> accepted sub-step are computed.
 !>
-!> Contact states are fixed during a sub-step. Each block has event functions that are positive meanwhile (pyfric_law).
-!> If one is negative at the end, shorter sub-steps are tried until the earliest root is bracketed. The sub-step then ends
-!> just behind the root, contacts switch there, and the next sub-step goes to the end of the step. The stages of a sweep
-!> foresee the root, so that a single trial is left in most cases. If none is negative at the end, a parabola through
-!> start, middle and end is tested for each event function. If it falls below zero, the sub-step is cut there. Signs are
-!> compared, never products.
+!> Contact states are fixed during a sub-step. Each block has event functions that are positive while its contact state
+!> lasts (pyfric_law). If an event function is negative at the end, shorter sub-steps are tried until the earliest root is
+!> bracketed. The sub-step then ends just behind the root, where contacts switch. The next sub-step goes to the end of the
+!> step. The stages of a sweep predict the root, so that one trial suffices in most cases. If no event function is negative
+!> at the end, a parabola through start, middle and end is tested for each. If it falls below zero, the sub-step is cut
+!> there. Event functions are compared by their signs.
 module pyfric_location
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
@@ -26,14 +26,14 @@ module pyfric_location
   public :: step_control_t, new_control, test_substep, complete_substep, max_switches, MAX_QUIET
 
   real(dp), parameter :: ROOT_WIDTH = 2.0_dp**(-40)       !! largest distance of a switch behind its root, over dt
-  real(dp), parameter :: FORESEEN_WIDTH = 2.0_dp**(-30)   !! the same, if the root was foreseen: it is exact in linear motion
+  real(dp), parameter :: FORESEEN_WIDTH = 2.0_dp**(-30)   !! the same for a predicted root, which is exact in linear motion
   real(dp), parameter :: SHORTEST_SUBSTEP = 2.0_dp**(-30) !! shortest adaptive sub-step, over dt
   real(dp), parameter :: DIP_LENGTH = 2.0_dp**(-4)        !! shortest sub-step that is tested for dips, over dt
   real(dp), parameter :: DIP_DEPTH = 2.0_dp**(-20)        !! smallest depth of a dip, over the values at the ends
   real(dp), parameter :: KNOT_WIDTH = 2.0_dp**(-20)       !! distance at which a knot of age or a pinning counts as reached, over dt
-  integer, parameter :: MAX_TRIALS = 60           !! most trials that are foreseen: a bisection at every third one resolves 2^-20
+  integer, parameter :: MAX_TRIALS = 60           !! most trials with prediction; a bisection at every third resolves 2^-20
   integer, parameter :: MAX_QUIET = 64            !! most quiet transitions that one step may log
-  integer, parameter :: ADAPT_ORDER = 4           !! order of the error of an adaptive sub-step in its length
+  integer, parameter :: ADAPT_ORDER = 4           !! power of its length with which the error of an adaptive sub-step grows
   integer, parameter :: WHOLE = 0, CUT = 1, SEARCH = 2
 
   !> Step control: progress within a step.
@@ -41,33 +41,33 @@ module pyfric_location
     logical :: complete = .false.   !! there was enough memory
     logical :: located             !! locate switches; otherwise they occur at the end of the step
     real(dp) :: start = 0.0_dp     !! start of the sub-step, counted from the start of the step [s]
-    real(dp) :: remaining = 0.0_dp !! time from there to the end of the step [s]
+    real(dp) :: remaining = 0.0_dp !! time from the start of the sub-step to the end of the step [s]
     real(dp) :: length = 0.0_dp    !! length of the sub-step that is tried [s]
     real(dp) :: longest = 0.0_dp   !! longest sub-step that the error allows [s]
-    integer :: phase = WHOLE       !! a sub-step of full length, one cut at a dip, a search between a and b
-    logical :: dips_checked = .false.  !! dips have been looked for
-    real(dp) :: a = 0.0_dp         !! no event function is negative at this time, counted from the start of the sub-step [s]
-    real(dp) :: b = 0.0_dp         !! one is negative at this time [s]
+    integer :: phase = WHOLE       !! a sub-step of full length, a sub-step cut at a dip, or a search between a and b
+    logical :: dips_checked = .false.  !! this sub-step was tested for dips
+    real(dp) :: a = 0.0_dp         !! time without negative event functions, counted from the start of the sub-step [s]
+    real(dp) :: b = 0.0_dp         !! time with a negative event function [s]
     integer :: trials = 0          !! sub-steps tried in this search
     integer :: moved = 0           !! end of the search interval that moved last: -1 for a, +1 for b
     integer :: n_instants = 0      !! times in this step at which contacts switched
-    integer :: block = 0           !! first block that switched last, from 1
+    integer :: block = 0           !! first block of the last switches, from 1
     logical :: accepted = .true.   !! the trial sub-step is accepted
     logical :: finished = .true.   !! the trial sub-step ends the step
-    logical :: crossed = .false.   !! an event function is negative at its end
-    real(dp) :: t = 0.0_dp         !! time at its end [s]
+    logical :: crossed = .false.   !! an event function is negative at the end of the trial sub-step
+    real(dp) :: t = 0.0_dp         !! time at the end of the trial sub-step [s]
     real(dp), allocatable :: g_0(:, :)  !! event functions at the start of the sub-step: friction [N] or [m/s], gap [m], knots
-    real(dp), allocatable :: g_a(:, :)  !! at a
-    real(dp), allocatable :: g_b(:, :)  !! at b
-    real(dp), allocatable :: g(:, :)    !! at the end of the sub-step that was tried
-    real(dp), allocatable :: margin(:)  !! strength of a block there minus its load, as if it were stuck [N]
+    real(dp), allocatable :: g_a(:, :)  !! event functions at a
+    real(dp), allocatable :: g_b(:, :)  !! event functions at b
+    real(dp), allocatable :: g(:, :)    !! event functions at the end of the trial sub-step
+    real(dp), allocatable :: margin(:)  !! strength minus load of a block at this end, as if it were stuck [N]
     real(dp), allocatable :: marks(:, :) !! marks of the law at the start of the sub-step, such as the last knots
     type(budget_t) :: works             !! energy budget at the start of the sub-step
   end type step_control_t
 
 contains
 
-  !> Most times in one step at which contacts may switch: twice for each block, or for each junction of each.
+  !> Most times in one step at which contacts may switch: twice for each block, or for each junction.
   pure function max_instants(s) result(n)
     type(model_t), intent(in) :: s
     integer :: n
@@ -124,7 +124,7 @@ contains
     call last_knots(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, q(LB, UX), q(LB, VX), w%p, p_rate, control%marks)
   end subroutine mark_knots
 
-  !> Plans the next sub-step: as long as the error allows, at most to the end of the step or a knot of age.
+  !> Plans the next sub-step. It is as long as the error allows, and ends at the latest at the end of the step or a knot of age.
   pure subroutine plan_substep(s, t, dt, contact, budget, control)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                !! time [s]
@@ -146,18 +146,18 @@ contains
     control%works = budget
   end subroutine plan_substep
 
-  !> Tests a trial sub-step by its bottom rows: it is accepted if its error is small, and no event function crosses zero
-  !> before its end. If it is rejected, another length is tried from the same start.
+  !> Tests a trial sub-step by its bottom rows. It is accepted if its error is small and no event function crosses zero
+  !> before its end. If it is rejected, another length is planned from the same start.
   subroutine test_substep(s, table, step, t0, dt, err, old, new, q, contact, w, control, status)
     type(model_t), intent(in) :: s
     type(table_t), intent(in) :: table
     real(dp), intent(in) :: step                           !! steps made before this one
     real(dp), intent(in) :: t0                             !! time of step 0 [s]
     real(dp), intent(in) :: dt                             !! step [s]
-    real(dp), intent(in) :: err                            !! error over what is allowed
+    real(dp), intent(in) :: err                            !! error over the allowed error
     real(dp), intent(in) :: old(LB:s%n + LANES, 4, s%nz)   !! state at the start of the sub-step
-    real(dp), intent(in) :: new(LB:s%n + LANES, 4, s%nz)   !! state at its end
-    real(dp), intent(in) :: q(LB:s%n + LANES, 4, 0:table%stages, 2:table%stages)  !! its stages, if it was made by a sweep
+    real(dp), intent(in) :: new(LB:s%n + LANES, 4, s%nz)   !! state at the end of the sub-step
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4, 0:table%stages, 2:table%stages)  !! stages, if a sweep made the sub-step
     type(contact_t), intent(in) :: contact
     type(row_t), intent(inout) :: w
     type(step_control_t), intent(inout) :: control
@@ -196,8 +196,8 @@ contains
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: step                           !! steps made before this one
     real(dp), intent(in) :: dt                             !! step [s]
-    real(dp), intent(in) :: err                            !! error over what is allowed
-    real(dp), intent(inout) :: new(LB:s%n + LANES, 4, s%nz) !! state at its end; v_x of blocks that stop is set to zero
+    real(dp), intent(in) :: err                            !! error over the allowed error
+    real(dp), intent(inout) :: new(LB:s%n + LANES, 4, s%nz) !! state at the end; v_x of blocks that stop is set to zero
     type(contact_t), intent(inout) :: contact
     type(budget_t), intent(inout) :: budget
     type(log_t), intent(inout) :: log
@@ -231,7 +231,7 @@ contains
     call plan_substep(s, control%t, dt, contact, budget, control)
   end subroutine complete_substep
 
-  !> Searches within a sub-step that was tried, by its stages, for the length that is tried next.
+  !> Predicts the length to try next from the stages of a sub-step that was tried.
   subroutine foresee(s, table, dt, old, new, q, contact, w, control)
     type(model_t), intent(in) :: s
     type(table_t), intent(in) :: table
@@ -289,7 +289,7 @@ contains
     control%length = min(max(root, control%a) + 0.5_dp*width*dt, control%b)
   end subroutine narrow_search
 
-  !> Cuts the sub-step, at most once, where an event function seems to fall below zero inside.
+  !> Cuts the sub-step, at most once, where an event function seems to fall below zero inside it.
   subroutine check_dips(s, t, dt, old, new, contact, w, control)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                              !! time at the end of the sub-step [s]
@@ -316,8 +316,8 @@ contains
     control%length = x*control%length
   end subroutine check_dips
 
-  !> Switches contacts at the end of a sub-step that an event function has ended, unless the event is a knot. Anchors of
-  !> slipping junctions follow their block at the end of each sub-step.
+  !> Switches contacts at the end of a sub-step that an event function has ended, unless the event is a knot. At the end of
+  !> each sub-step, anchors of slipping junctions follow their block.
   subroutine switch_at_event(s, step, t, soon, new, contact, log, w, control, status)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: step                           !! steps made before this one
@@ -348,7 +348,7 @@ contains
     call evaluate_events(s, t, new(LB, 1, 1), new(LB, 1, min(2, s%nz)), contact, control%marks, w, control%g, control%margin)
   end subroutine switch_at_event
 
-  !> Smallest root of the straight lines from g_a at 0 to g_b at 1, over those that end below zero.
+  !> Smallest root of the straight lines from g_a at 0 to g_b at 1, among lines that end below zero.
   pure function first_root(g_a, g_b) result(x)
     real(dp), intent(in) :: g_a(:, :)
     real(dp), intent(in) :: g_b(:, :)
@@ -368,8 +368,8 @@ contains
     end do
   end function first_root
 
-  !> Position in 0..1 of a minimum below zero of the parabola through g_0, g_m, g_1 at 0, 1/2, 1. It is 2 if there is
-  !> none, or if the end is negative and the root is known.
+  !> Position in 0..1 of a minimum below zero of the parabola through g_0, g_m, g_1 at 0, 1/2, 1. The result is 2 if there
+  !> is no such minimum, or if the end is negative.
   elemental function lowest_point(g_0, g_m, g_1) result(x)
     real(dp), intent(in) :: g_0
     real(dp), intent(in) :: g_m
@@ -385,14 +385,14 @@ contains
     end if
   end function lowest_point
 
-  !> Event functions of the bottom blocks, and their strength minus load as if they were stuck.
+  !> Event functions of the bottom blocks, and strength minus load of each block as if it were stuck.
   subroutine evaluate_events(s, t, q, up, contact, marks, w, g, margin)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                           !! time [s]
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)        !! bottom row
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)       !! the row above
     type(contact_t), intent(in) :: contact
-    real(dp), intent(in) :: marks(N_MARK, s%nx)         !! of the law at the start of the sub-step
+    real(dp), intent(in) :: marks(N_MARK, s%nx)         !! marks of the law at the start of the sub-step
     type(row_t), intent(inout) :: w
     real(dp), intent(out) :: g(:, :)                    !! [N] or [m/s], [m], knots [m] and [m/s]
     real(dp), intent(out) :: margin(s%nx)               !! [N]
@@ -402,7 +402,7 @@ contains
     if (s%law%rests) call other_forces(s, t, q, up, w, fx)
     call event_functions(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, t, fx, w%p, q(LB, UX), heights(s, q(LB, UZ)), &
                          q(LB, VX), g(:N_CONTACT, :), margin)
-    if (s%prescribed) g(2, :) = w%p  ! no gap opens
+    if (s%prescribed) g(2, :) = w%p  ! contact never opens
     if (s%law%kinked) then
       call foundation_rate(s, q(LB, UZ), q(LB, VZ), p_rate)
       call knot_functions(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, marks, q(LB, UX), q(LB, VX), w%p, p_rate, &
@@ -410,10 +410,10 @@ contains
     end if
   end subroutine evaluate_events
 
-  !> The middle of a sub-step by the cubic through its ends.
+  !> A row in the middle of a sub-step, by the cubic through its ends.
   pure subroutine midpoint(s, sub, old, new, mid)
     type(model_t), intent(in) :: s
-    real(dp), intent(in) :: sub                          !! its length [s]
+    real(dp), intent(in) :: sub                          !! length of the sub-step [s]
     real(dp), intent(in) :: old(LB:s%n + LANES, 4)       !! a row at the start
     real(dp), intent(in) :: new(LB:s%n + LANES, 4)       !! the row at the end
     real(dp), intent(out) :: mid(LB:s%n + LANES, 4)      !! the row in the middle

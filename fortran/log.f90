@@ -1,7 +1,7 @@
 !> The log of a run: switches of single blocks, the interface at each start and end of slip, and points of the loading curve.
 !>
-!> If a threshold is given, it also has the passages of single blocks through this speed, and the interface at each start and
-!> end of fast slip, which are bursts. They have the form of switches and of starts and ends of slip.
+!> With a threshold, the log also has crossings: passages of single blocks through this speed, in the form of switches. And it
+!> has bursts: the interface at each start and end of fast slip, in the form of starts and ends of slip.
 module pyfric_log
   use pyfric_kinds, only: dp, ip
   use pyfric_energy, only: N_POINT
@@ -17,15 +17,15 @@ module pyfric_log
     integer(ip), allocatable :: switch_i(:, :)    !! block from 0, old state, new state, corner
     real(dp), allocatable :: switch_r(:, :)       !! step, time [s], u_x [m], p [N]
     integer(ip), allocatable :: quiet_i(:, :)     !! +1 first slip or -1 last stick, then contact states
-    real(dp), allocatable :: quiet_r(:, :)        !! step, time [s], a point as of the loading curve, then u_x [m]
+    real(dp), allocatable :: quiet_r(:, :)        !! step, time [s], a point of the loading curve, then u_x [m]
     integer :: every = 0                          !! steps between two points of the loading curve; 0: none
     integer :: n_point = 0
-    real(dp), allocatable :: points(:, :)         !! after each multiple of `every` steps, see pyfric_energy
-    real(dp) :: threshold = 0.0_dp                !! speed above which a block is fast [m/s]; 0: none is looked for
+    real(dp), allocatable :: points(:, :)         !! points after each multiple of `every` steps, see pyfric_energy
+    real(dp) :: threshold = 0.0_dp                !! speed above which a block is fast [m/s]; 0: no threshold
     integer :: n_crossing = 0
     integer :: n_burst = 0
-    integer(ip), allocatable :: fast(:, :)        !! +1, -1 fast to the right, left, 0 not; 1: it began with almost no contact force
-    real(dp), allocatable :: speeds(:)            !! v_x at the end of the last step; largest sum of them in this burst [m/s]
+    integer(ip), allocatable :: fast(:, :)        !! +1, -1 fast to the right, left, 0 not; 1: began with almost no contact force
+    real(dp), allocatable :: speeds(:)            !! v_x at the end of the last step; largest sum of v_x in this burst [m/s]
     integer(ip), allocatable :: crossing_i(:, :)  !! as switch_i
     real(dp), allocatable :: crossing_r(:, :)     !! as switch_r
     integer(ip), allocatable :: burst_i(:, :)     !! as quiet_i
@@ -37,9 +37,9 @@ contains
   pure function new_log(nx, switches, quiet, every, points) result(log)
     integer, intent(in) :: nx          !! blocks
     integer, intent(in) :: switches    !! room for switches
-    integer, intent(in) :: quiet       !! and for quiet transitions
+    integer, intent(in) :: quiet       !! room for quiet transitions
     integer, intent(in) :: every       !! steps between two points of the loading curve; 0: none
-    integer, intent(in) :: points      !! room for them
+    integer, intent(in) :: points      !! room for points
     type(log_t) :: log
     integer :: failed
 
@@ -49,13 +49,13 @@ contains
     log%complete = failed == 0
   end function new_log
 
-  !> Looks for blocks faster than a threshold from now on.
+  !> Logs blocks faster than a threshold from now on.
   pure subroutine watch_speeds(log, threshold, crossings, bursts, fast, speeds)
     type(log_t), intent(inout) :: log
     real(dp), intent(in) :: threshold    !! [m/s]
     integer, intent(in) :: crossings     !! room for passages of blocks
-    integer, intent(in) :: bursts        !! and for starts and ends of fast slip
-    integer(ip), intent(in) :: fast(:, :)  !! these: see log_t
+    integer, intent(in) :: bursts        !! room for starts and ends of fast slip
+    integer(ip), intent(in) :: fast(:, :)  !! for this and the next, see log_t
     real(dp), intent(in) :: speeds(:)
     integer :: nx, failed
 
@@ -69,11 +69,11 @@ contains
     log%speeds(:) = speeds
   end subroutine watch_speeds
 
-  !> The entries as the plain arrays that Python keeps.
+  !> Copies the entries to the plain arrays of Python.
   pure subroutine save_log(log, n_log, switch_i, switch_r, quiet_i, quiet_r, points)
     type(log_t), intent(in) :: log
     integer(ip), intent(out) :: n_log(5)           !! switches, quiet transitions, points, crossings and bursts
-    integer(ip), intent(inout) :: switch_i(:, :)   !! these: see log_t
+    integer(ip), intent(inout) :: switch_i(:, :)   !! for this and the next ones, see log_t
     real(dp), intent(inout) :: switch_r(:, :)
     integer(ip), intent(inout) :: quiet_i(:, :)
     real(dp), intent(inout) :: quiet_r(:, :)
@@ -87,10 +87,10 @@ contains
     points(:, :n_log(3)) = log%points(:, :n_log(3))
   end subroutine save_log
 
-  !> The same for fast slip.
+  !> Copies the entries of fast slip to the plain arrays of Python.
   pure subroutine save_speeds(log, fast, speeds, crossing_i, crossing_r, burst_i, burst_r)
     type(log_t), intent(in) :: log
-    integer(ip), intent(inout) :: fast(:, :)       !! these: see log_t
+    integer(ip), intent(inout) :: fast(:, :)       !! for this and the next ones, see log_t
     real(dp), intent(inout) :: speeds(:)
     integer(ip), intent(inout) :: crossing_i(:, :)
     real(dp), intent(inout) :: crossing_r(:, :)
@@ -106,7 +106,7 @@ contains
     burst_r(:, :log%n_burst) = log%burst_r(:, :log%n_burst)
   end subroutine save_speeds
 
-  !> True if the log has room for so many more entries.
+  !> True if the log has room for these numbers of entries.
   pure function has_room(log, switches, quiet) result(yes)
     type(log_t), intent(in) :: log
     integer, intent(in) :: switches
@@ -146,7 +146,7 @@ contains
     log%points(:, log%n_point) = point
   end subroutine log_point
 
-  !> Logs that the first block slips, or that the last one has stopped.
+  !> Logs that slip has started or that all slip has ended.
   pure subroutine log_quiet(log, active, mode, step, t, f_t, u_x)
     type(log_t), intent(inout) :: log
     logical, intent(in) :: active       !! a block slips
@@ -164,7 +164,7 @@ contains
     log%quiet_r(3 + N_POINT:, log%n_quiet) = u_x
   end subroutine log_quiet
 
-  !> Adds the energies of a point to the starts and ends of slip after the first n, which were logged without them.
+  !> Adds the energies of a point to all starts and ends of slip after the first n.
   pure subroutine log_budget(log, n, point)
     type(log_t), intent(inout) :: log
     integer, intent(in) :: n
@@ -176,7 +176,7 @@ contains
     end do
   end subroutine log_budget
 
-  !> Logs the blocks that passed the threshold in a step. Their times are interpolated in it. Open blocks count as not fast.
+  !> Logs the blocks that passed the threshold in a step. Times are interpolated within the step. Open blocks are not fast.
   pure subroutine log_speeds(log, mode, step, t, dt, v, u_x, p, p_corner, turned)
     type(log_t), intent(inout) :: log
     integer(ip), intent(in) :: mode(:)   !! contact states
@@ -184,7 +184,7 @@ contains
     real(dp), intent(in) :: t            !! time [s]
     real(dp), intent(in) :: dt           !! step [s]
     real(dp), intent(in) :: v(:)         !! velocities of the bottom row [m/s]
-    real(dp), intent(in) :: u_x(:)       !! its displacements [m]
+    real(dp), intent(in) :: u_x(:)       !! displacements of the bottom row [m]
     real(dp), intent(in) :: p(:)         !! foundation forces [N]
     real(dp), intent(in) :: p_corner     !! foundation force below which slip is corner slip [N]
     logical, intent(out) :: turned       !! fast slip began or ended
@@ -217,7 +217,7 @@ contains
     turned = bursting(log) .neqv. was
   end subroutine log_speeds
 
-  !> True while a block is fast, without corner slip.
+  !> True while a block is fast, corner slip left out.
   pure function bursting(log) result(yes)
     type(log_t), intent(in) :: log
     logical :: yes

@@ -9,7 +9,7 @@ module pyfric_model
   public :: model_t, new_model, S_SERIES, close_left, close_row, close_state, reflected
   public :: FREE, MIRRORED, ABSORBING, HELD, row_share, column_shares, half_side, cut_sides, driven_number, driven_u
 
-  !> Boundary conditions at sides and top. Mirrored: the slider continues half a bond further as its image, with the same u_x
+  !> Boundary conditions at sides and top. Mirrored: half a bond beyond the side begins an image of the slider, with the same u_x
   !> and the opposite u_z. Absorbing: dashpots with the impedances of plane waves. Held: the top row does not move.
   integer, parameter :: FREE = 0, MIRRORED = 1, ABSORBING = 2, HELD = 3
 
@@ -23,26 +23,26 @@ module pyfric_model
     integer(ip) :: finite   !! 1: finite geometry (bonds rotate), 0: linear
     integer(ip) :: rigid    !! 1: top row glued to the rod (setup 1), 0: free (setup 2)
     integer(ip) :: i_h      !! first column of driven blocks, from 1
-    integer(ip) :: i_h_end  !! last one
+    integer(ip) :: i_h_end  !! last column of driven blocks
     integer(ip) :: j_h      !! row of the lowest driven block, from 1
-    integer(ip) :: j_h_top  !! of the highest one
+    integer(ip) :: j_h_top  !! row of the highest driven block
     integer(ip) :: prescribed !! 1: the interface has a given p and no foundation, 0: it has a foundation
-    integer(ip) :: left     !! what is beyond the left side: FREE, MIRRORED or ABSORBING
-    integer(ip) :: right    !! the right side
-    integer(ip) :: top      !! the top, which can also be HELD
+    integer(ip) :: left     !! condition at the left side: FREE, MIRRORED or ABSORBING
+    integer(ip) :: right    !! condition at the right side
+    integer(ip) :: top      !! condition at the top, which can also be HELD
     integer(ip) :: along    !! 1: dashpots act along the bonds only, 0: on the full relative velocity
-    integer(ip) :: law      !! of friction, see pyfric_law
-    integer(ip) :: n_memory !! numbers that are saved of what it remembers of each block
-    integer(ip) :: n_own    !! numbers of its own
+    integer(ip) :: law      !! friction law, see pyfric_law
+    integer(ip) :: n_memory !! saved state variables of the law for each block
+    integer(ip) :: n_own    !! other numbers of the law
     integer(ip) :: n_hold   !! knots of the friction law's tables
     integer(ip) :: n_slide
     integer(ip) :: n_speed
     integer(ip) :: n_age
-    integer(ip) :: keeps    !! 1: slip of the friction law goes on over sticks
+    integer(ip) :: keeps    !! 1: a stick does not reset the slip of the friction law
     integer(ip) :: halved   !! 1: blocks along free edges are half blocks
   end type counts_t
 
-  !> Numbers passed by Python, in this order, with the names of pyfric.core.Constants; `new_model` reads the others.
+  !> Numbers passed by Python, in this order, with the names of pyfric.core.Constants. `new_model` reads all other numbers.
   type :: constants_t
     real(dp) :: l           !! lattice constant [m]
     real(dp) :: k           !! stiffness of nearest-neighbour springs [N/m]; diagonals have k/2
@@ -60,9 +60,9 @@ module pyfric_model
     real(dp) :: u_mean      !! mean u_x of the driven blocks at which F_T = 0 at t = 0 [m]
     real(dp) :: p_corner    !! slip that starts below this p is a corner episode [N]
     real(dp) :: k_top       !! stiffness that holds each block of a free top row at u_x = 0 [N/m]
-    real(dp) :: t_seg       !! begin of the piece of the protocol that is being run [s]
-    real(dp) :: x_drv       !! position of the driver then [m]
-    real(dp) :: a_drv       !! its acceleration [m/s2]
+    real(dp) :: t_seg       !! start of the piece of the protocol that is being run [s]
+    real(dp) :: x_drv       !! position of the driver at t_seg [m]
+    real(dp) :: a_drv       !! acceleration of the driver [m/s2]
     real(dp) :: load_rate   !! rate of F_N over F_N at t_seg [1/s]
     real(dp) :: shear_rate  !! rate of the force on each block of a free top row, along +x [N/s]
     real(dp) :: g           !! gravity, downward [m/s2]
@@ -77,12 +77,12 @@ module pyfric_model
     logical :: finite       !! finite geometry (bonds rotate); else linear
     logical :: rigid        !! top row glued to the rod (setup 1); else free (setup 2)
     integer :: i_h          !! first column of driven blocks
-    integer :: i_h_end      !! last one
+    integer :: i_h_end      !! last column of driven blocks
     integer :: n_driven     !! number of driven blocks
     integer :: j_h          !! row of the lowest driven block
-    integer :: j_h_top      !! of the highest one
-    logical :: prescribed   !! the interface carries `load` as p and has no foundation; else it has one
-    integer :: left         !! these: see FREE
+    integer :: j_h_top      !! row of the highest driven block
+    logical :: prescribed   !! the interface carries `load` as p and has no foundation; else it has a foundation
+    integer :: left         !! for this and the next two, see FREE
     integer :: right
     integer :: top
     logical :: along        !! dashpots act along the bonds only
@@ -92,17 +92,17 @@ module pyfric_model
     real(dp) :: z_p         !! impedance of a block to longitudinal waves, rho c_P times its face [N s/m]
     real(dp) :: z_s         !! the same for shear waves
     type(law_t) :: law      !! friction under the bottom row
-    real(dp) :: series(7, N_BOND) !! of each bond's spring in finite geometry, see `series` [N/m^(2n+1)], n = 1...
+    real(dp) :: series(7, N_BOND) !! coefficients of each bond's spring in finite geometry, see `series` [N/m^(2n+1)], n = 1...
     logical :: sheared      !! shear, its rate or k_top is not zero
     logical :: pushed       !! push or its rate is not zero
-    real(dp), allocatable :: u_drv0(:) !! of the driven blocks, row by row: u_x where their springs are relaxed at t = 0 [m]
+    real(dp), allocatable :: u_drv0(:) !! u_x of the driven blocks, row by row, at which their springs are relaxed at t = 0 [m]
     real(dp), allocatable :: k_f(:)   !! foundation stiffness, 0 under blocks without contact [N/m]
     real(dp), allocatable :: gap(:)   !! height of blocks above the foundation at u_z = 0 [m]
     real(dp), allocatable :: x(:)     !! block positions from the centre [m]
     real(dp), allocatable :: load(:)  !! downward load on a free top row, or prescribed p [N]
     real(dp), allocatable :: shear(:) !! constant force on row j_shear, along +x [N]
     real(dp), allocatable :: push(:)  !! force on the bottom row at t_seg, along +x [N]
-    real(dp), allocatable :: push_rate(:) !! its rate [N/s]
+    real(dp), allocatable :: push_rate(:) !! rate of push [N/s]
   end type model_t
 
 contains
@@ -149,7 +149,7 @@ contains
     s%pushed = any(abs(s%push) > 0.0_dp) .or. any(abs(s%push_rate) > 0.0_dp)
   end function new_model
 
-  !> Rows of N_x numbers: x [m], load, shear and push [N], rate of push [N/s], k_f [N/m], gap [m]; then those of the law.
+  !> Reads rows of N_x numbers: x [m], load, shear and push [N], rate of push [N/s], k_f [N/m], gap [m]; then rows of the law.
   pure subroutine take_rows(numbers, n, s)
     real(dp), contiguous, intent(in) :: numbers(:)
     type(counts_t), intent(in) :: n
@@ -172,7 +172,7 @@ contains
     s%complete = s%law%complete
   end subroutine take_rows
 
-  !> What follows from the constants alone: impedances of a block, and springs in finite geometry.
+  !> Computes constants from others: impedances of a block, and springs in finite geometry.
   pure subroutine derive(s)
     type(model_t), intent(inout) :: s
     integer :: b
@@ -208,7 +208,7 @@ contains
     end do
   end function driven_u
 
-  !> Share of whole blocks in row j: one half at a prescribed interface, at an absorbing top, and at halved edges.
+  !> Share of whole blocks in row j: one half at a prescribed interface, at an absorbing top, and at halved edges; else 1.
   pure function row_share(s, j) result(c)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j  !! row, from 1 at the bottom
@@ -219,7 +219,7 @@ contains
     if (j == s%nz .and. s%nz > 1 .and. (s%top == ABSORBING .or. s%halved .and. s%top /= MIRRORED)) c = 0.5_dp
   end function row_share
 
-  !> Share of whole blocks in each column: one half at absorbing sides and at halved edges.
+  !> Share of whole blocks in each column: one half at absorbing sides and at halved edges; else 1.
   pure function column_shares(s) result(c)
     type(model_t), intent(in) :: s
     real(dp) :: c(s%nx)
@@ -248,11 +248,11 @@ contains
 
   !> Coefficients c_n of k (r - l0)/r = sum of c_n t^n, n = 1..7, in t = r^2 - l0^2 = 2 d.du + |du|^2.
   !>
-  !> With s = t/l0^2, (r - l0)/r = 1 - (1 + s)^(-1/2), whose Taylor coefficients are -(-1)^n (2n-1)!!/(2n)!!. The term
-  !> n = 8 is spread over lower ones by the Chebyshev polynomial T_7(s/S_SERIES), which leaves 1e-17 of the sum.
+  !> With s = t/l0^2, (r - l0)/r = 1 - (1 + s)^(-1/2), whose Taylor coefficients are -(-1)^n (2n-1)!!/(2n)!!. The Chebyshev
+  !> polynomial T_7(s/S_SERIES) replaces the term n = 8 by lower terms. The error is 1e-17 of the sum.
   pure function series(k, l2) result(c)
     real(dp), intent(in) :: k   !! stiffness of the bond [N/m]
-    real(dp), intent(in) :: l2  !! its length squared [m2]
+    real(dp), intent(in) :: l2  !! square of the length of the bond [m2]
     real(dp) :: c(7), taylor(8)
     integer :: n
 
@@ -269,8 +269,8 @@ contains
     end do
   end function series
 
-  !> Repeats the ends of the pieces of a row on its left, or on both sides; zero at the walls. It works element by element,
-  !> because vectors that were just stored can only be read in parts.
+  !> Repeats the ends of the pieces of a row on its left, or on both sides, with zero at the walls. Elements are copied one by
+  !> one, because reading parts of vectors that were just stored is slow.
   pure subroutine close_left(n, q)
     integer, intent(in) :: n                    !! length of a row
     real(dp), intent(inout) :: q(LB:n + LANES)  !! one field of it
@@ -306,7 +306,7 @@ contains
     q = [block(UX), -block(UZ), block(VX), -block(VZ)]
   end function reflected
 
-  !> Closes a row of the state. In finite geometry the padding follows the last block, so that no bond there is strained.
+  !> Closes a row of the state. In finite geometry the padding moves with the last block, so that its bonds are not strained.
   !> Beyond a mirrored side is the image of the last block.
   pure subroutine close_state(s, q)
     type(model_t), intent(in) :: s

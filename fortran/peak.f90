@@ -5,15 +5,15 @@ module pyfric_peak
   private
   public :: additions, WIDTH
 
-  integer, parameter :: WIDTH = 32  !! sums that grow side by side: enough to hide the latency, few enough for registers
+  integer, parameter :: WIDTH = 32  !! independent sums: enough to hide the latency, few enough for registers
 
 contains
 
-  !> Adds to each of WIDTH sums its own step, n times; sums stay in registers.
+  !> Adds to each of WIDTH sums its own step, n times. Sums stay in registers.
   pure subroutine additions(n, steps, total)
     integer, intent(in) :: n                  !! additions to each sum
-    real(dp), intent(in) :: steps(WIDTH)      !! what is added
-    real(dp), intent(out) :: total            !! of all sums
+    real(dp), intent(in) :: steps(WIDTH)      !! number that is added to each sum
+    real(dp), intent(out) :: total            !! total of all sums
     real(dp) :: sums(WIDTH)
     integer :: i, k
 

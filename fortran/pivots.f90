@@ -1,11 +1,11 @@
-!> Contact states on the condensed slider, by pivots of a table: what pyfric.statics.complementarity does, in compiled loops.
+!> Contact states on the condensed slider, by pivots of a table, as in pyfric.statics.complementarity, in compiled loops.
 !>
-!> The table gives u_x, f, u_z and F_T as affine functions of what is given, u_x of the held blocks and the driver:
+!> The table gives u_x, f, u_z and F_T as affine functions of u_x of the held blocks and of the driver's position:
 !>
-!>     (u_x, f, u_z, F_T) = table (u_x, drive, 1) ,   f_i = -sigma_i slide_i p_i of free blocks ,   p = -k_f (u_z + gap) ,
+!>     (u_x, f, u_z, F_T) = table (u_x, drive, 1) ,   f_i = -sigma_i slide_i p_i of free blocks ,   p = -k_f (u_z + gap) .
 !>
-!> with `slide`, the friction over p of a slipping block. A released block exchanges its u_x with f + sigma slide p = 0. With the
-!> pivot a of its row r and the column c of the others,
+!> `slide` is the friction of a slipping block over p. When a block i is released, its u_x is exchanged with
+!> f + sigma slide p = 0. With the pivot a in its row r, and the column c of the other rows,
 !>
 !>     r -> -r/a ,  r_i -> 1/a ,  table -> table + c r .
 !>
@@ -23,22 +23,22 @@ module pyfric_pivots
   public :: make_base, test_definite, BARE, KEPT
 
   integer(ip), parameter :: BARE = 3  !! contact state of a block that touches the foundation without friction
-  integer, parameter :: KEPT = 2      !! tables with all blocks held that are kept, of the last sets of blocks in contact
+  integer, parameter :: KEPT = 2      !! stored tables with all blocks held, for the last sets of blocks in contact
 
   !> The slider condensed onto its interface, and its loads along each route of a protocol.
   type :: slider_t
     logical :: complete = .false.           !! there was enough memory
     integer :: nx                           !! blocks along the interface
-    real(dp) :: k                           !! of bonds [N/m]
+    real(dp) :: k                           !! stiffness of bonds [N/m]
     real(dp) :: k_driver                    !! K of the driver [N/m]
     real(dp) :: unit                        !! F_N/N_x [N]
-    real(dp) :: rounded                     !! violation of conditions that is rounding, over `unit`
+    real(dp) :: rounded                     !! largest violation of conditions by rounding, over `unit`
     real(dp) :: least                       !! normal force below which a block does not stick [N]
-    real(dp) :: lost                        !! violation that is rounding beyond which nothing holds the slider [N]
-    real(dp), allocatable :: s(:, :)        !! stiffness of u_x and u_z, of 2 N_x [N/m]
-    real(dp), allocatable :: drive(:)       !! load on the interface by the driver, of 2 N_x [N/m]
-    real(dp), allocatable :: loads(:, :, :) !! load of 2 N_x, by drive and constant, of each route [N/m, N]
-    real(dp), allocatable :: f_t(:, :)      !! F_T at u = 0 by drive and constant, of each route [N/m, N]
+    real(dp) :: lost                        !! tolerance for rounding above which the slider counts as not held [N]
+    real(dp), allocatable :: s(:, :)        !! stiffness of u_x and u_z, 2 N_x each way [N/m]
+    real(dp), allocatable :: drive(:)       !! load on u_x and u_z of the interface per drive, 2 N_x [N/m]
+    real(dp), allocatable :: loads(:, :, :) !! load per drive and constant load, 2 N_x, of each route [N/m, N]
+    real(dp), allocatable :: f_t(:, :)      !! F_T at u = 0, per drive and constant, of each route [N/m, N]
   end type slider_t
 
   !> The foundation and its friction under each block.
@@ -48,7 +48,7 @@ module pyfric_pivots
     real(dp), allocatable :: k_f(:)         !! [N/m]
     real(dp), allocatable :: gap(:)         !! height of the blocks over the foundation at u_z = 0 [m]
     logical, allocatable :: touches(:)      !! whether a block can touch the foundation
-    logical, allocatable :: rubs(:)         !! and has friction there
+    logical, allocatable :: rubs(:)         !! whether a block has friction on the foundation
   end type ground_t
 
   !> The interface in a static state, or its derivatives by the path length of the driver.
@@ -57,25 +57,25 @@ module pyfric_pivots
     real(dp), allocatable :: f(:)           !! friction force along +x [N]
     real(dp), allocatable :: u_z(:)         !! [m]
     real(dp), allocatable :: p(:)           !! foundation force [N]
-    real(dp) :: f_t = 0.0_dp                !! of the driver [N]
+    real(dp) :: f_t = 0.0_dp                !! force of the driver [N]
   end type values_t
 
   type :: contact_t
     integer(ip) :: status = DONE            !! see pyfric_status
-    integer :: route = 1                    !! of the loads
+    integer :: route = 1                    !! number of the loads
     integer :: way = 1                      !! direction of the driver
-    integer :: base = 1                     !! table with all blocks held that is in use
-    real(dp) :: tol = 0.0_dp                !! violation of conditions that is rounding [N]
+    integer :: base = 1                     !! number of the table with all blocks held that is in use
+    real(dp) :: tol = 0.0_dp                !! largest violation of conditions by rounding [N]
     logical :: known = .false.              !! whether `now` is up to date
     integer :: ends(2) = [1, 0]             !! first and last of the free blocks
     integer(ip), allocatable :: mode(:)     !! 0 stuck, +1 or -1 slips, 2 open, 3 bare
-    logical, allocatable :: free(:)         !! blocks that slip or are open in the table
+    logical, allocatable :: free(:)         !! blocks that are free in the table: slipping, open or bare
     real(dp), allocatable :: column(:)      !! u_x of held blocks [m], drive [m], 1
     real(dp), allocatable :: table(:, :)    !! rows u_x, f, u_z, F_T; columns u_x, drive, 1
-    integer(ip), allocatable :: sets(:, :)  !! 1 for blocks in contact in each kept table; -1: there is none
-    real(dp), allocatable :: bases(:, :, :) !! kept tables
+    integer(ip), allocatable :: sets(:, :)  !! 1 for blocks in contact, for each stored table; -1: no table
+    real(dp), allocatable :: bases(:, :, :) !! stored tables with all blocks held
     real(dp), allocatable :: squares(:, :, :) !! work space
-    real(dp), allocatable :: sides(:, :, :) !! and more of it
+    real(dp), allocatable :: sides(:, :, :) !! work space
     type(values_t) :: now                   !! see `look`
   end type contact_t
 
@@ -84,14 +84,14 @@ contains
   pure subroutine new_values(nx, v, status)
     integer, intent(in) :: nx
     type(values_t), intent(inout) :: v
-    integer(ip), intent(inout) :: status    !! NO_MEMORY if there is none
+    integer(ip), intent(inout) :: status    !! NO_MEMORY without memory
     integer :: failed
 
     allocate (v%u_x(nx), v%f(nx), v%u_z(nx), v%p(nx), stat=failed)
     if (failed /= 0) status = NO_MEMORY
   end subroutine new_values
 
-  !> Room for the contact states of one interface; the status says whether there was memory.
+  !> Room for the contact states of one interface. The status is NO_MEMORY without memory.
   pure function new_contact(nx) result(c)
     integer, intent(in) :: nx
     type(contact_t) :: c
@@ -103,7 +103,7 @@ contains
     call new_values(nx, c%now, c%status)
   end function new_contact
 
-  !> Numbers of the blocks of a set, of which there are n.
+  !> Numbers of the n blocks of a set.
   pure function members(n, set) result(at)
     integer, intent(in) :: n
     logical, intent(in) :: set(:)
@@ -116,7 +116,8 @@ contains
     end do
   end function members
 
-  !> The state that a block gets if it is put into another one: blocks without friction or contact have states of their own.
+  !> The state that a block gets if it is put into a given state. Blocks without friction become bare, blocks that never touch
+  !> the foundation stay open.
   elemental function possible(touches, rubs, mode) result(new)
     logical, intent(in) :: touches
     logical, intent(in) :: rubs
@@ -128,7 +129,7 @@ contains
     if (.not. touches) new = OPEN_GAP
   end function possible
 
-  !> Direction of slip, 0 of blocks that do not slip.
+  !> Direction of slip; 0 for blocks that do not slip.
   elemental function way_of(mode) result(way)
     integer(ip), intent(in) :: mode
     integer(ip) :: way
@@ -138,7 +139,7 @@ contains
 
   ! --- values --------------------------------------------------------------------------------------
 
-  !> Computes the static state at the present position of the driver, if it is not known.
+  !> Computes the static state at the present position of the driver, unless it is up to date.
   pure subroutine look(s, g, c)
     type(slider_t), intent(in) :: s
     type(ground_t), intent(in) :: g
@@ -160,7 +161,7 @@ contains
     c%known = .true.
   end subroutine look
 
-  !> First and last of the free blocks; all others have u_x as given.
+  !> Finds the first and the last free block. Blocks outside this range are held.
   pure subroutine find_ends(c)
     type(contact_t), intent(inout) :: c
 
@@ -199,7 +200,7 @@ contains
 
   ! --- changes -------------------------------------------------------------------------------------
 
-  !> Puts blocks into other states; those that stick are held at u_x.
+  !> Puts blocks into other states. Blocks that stick are held at u_x.
   pure subroutine put(s, g, c, which, mode, u_x)
     type(slider_t), intent(in) :: s
     type(ground_t), intent(in) :: g
@@ -218,7 +219,7 @@ contains
       call renew(s, g, c)
       return
     end if
-    do turn = 1, 2  ! blocks that stick come first: they hold the slider
+    do turn = 1, 2  ! blocks that stick come first, because they hold the slider
       do i = 1, s%nx
         if (which(i) .and. (new(i) == STUCK .eqv. turn == 1) .and. (c%free(i) .eqv. new(i) == STUCK)) then
           call exchange(s, g, c, i, new(i), u_x(i))
@@ -244,7 +245,7 @@ contains
     call put(s, g, c, which, new, c%now%u_x)
   end subroutine change
 
-  !> Releases block i, which is stuck, or holds it at u_x: exchanges its column and row.
+  !> Releases the stuck block i, or holds block i at u_x, by exchanging its column and row.
   pure subroutine exchange(s, g, c, i, mode, u_x)
     type(slider_t), intent(in) :: s
     type(ground_t), intent(in) :: g
@@ -269,7 +270,7 @@ contains
     c%table(:, i) = 0.0_dp
     first = min(c%ends(1), i)
     last = max(c%ends(2), i)
-    do j = 1, s%nx + 2  ! u_x of the blocks outside does not change
+    do j = 1, s%nx + 2  ! u_x of held blocks does not change
       c%table(first:last, j) = c%table(first:last, j) + factor(first:last)*row(j)
       c%table(s%nx + 1:, j) = c%table(s%nx + 1:, j) + factor(s%nx + 1:)*row(j)
     end do
@@ -282,7 +283,7 @@ contains
     call find_ends(c)
   end subroutine exchange
 
-  !> Holds all slipping blocks at their present positions, but for those with negligible p, and computes the table anew.
+  !> Holds all slipping blocks with non-negligible p at their present positions, and computes the table anew.
   pure subroutine hold_all(s, g, c)
     type(slider_t), intent(in) :: s
     type(ground_t), intent(in) :: g
@@ -298,7 +299,7 @@ contains
 
   ! --- the table anew ------------------------------------------------------------------------------
 
-  !> Computes the table anew: that with all blocks held, then free all that are not stuck.
+  !> Computes the table anew: first with all blocks held, then with all blocks that are not stuck free.
   pure subroutine renew(s, g, c)
     type(slider_t), intent(in) :: s
     type(ground_t), intent(in) :: g
@@ -320,7 +321,7 @@ contains
     if (any(c%free)) call set_free(s, g, count(c%free), c)
   end subroutine renew
 
-  !> Frees n blocks at once, in a table with all blocks held.
+  !> Frees n blocks at once in a table with all blocks held.
   pure subroutine set_free(s, g, n, c)
     type(slider_t), intent(in) :: s
     type(ground_t), intent(in) :: g
@@ -349,7 +350,7 @@ contains
     c%column(at) = 0.0_dp
   end subroutine set_free
 
-  !> With A = rows(:, at): rows becomes A^-1 rows, but -A^-1 in these columns.
+  !> With A = rows(:, at), rows becomes A^-1 rows; the columns `at` become -A^-1.
   pure subroutine invert_rows(n, m, at, n_side, rows, a, pivot, status)
     integer, intent(in) :: n                     !! rows
     integer, intent(in) :: m                     !! columns
@@ -374,7 +375,8 @@ contains
     end do
   end subroutine invert_rows
 
-  !> Finds the table with all blocks held for the present set of blocks in contact, or makes it in place of the other one.
+  !> Finds the stored table with all blocks held for the present set of blocks in contact. If there is none, makes it in place of
+  !> the table that is not in use.
   pure subroutine find_base(s, g, c)
     type(slider_t), intent(in) :: s
     type(ground_t), intent(in) :: g
@@ -438,12 +440,12 @@ contains
 
   ! --- uniqueness ----------------------------------------------------------------------------------
 
-  !> Whether the definiteness of the slip operator W is at least `least` (pyfric.statics.contact): (W + W')/2 - least F is
-  !> positive definite, with F the operator without friction. Open blocks move freely.
+  !> Whether the definiteness of the slip operator W is at least `least` (pyfric.statics.contact). This holds if
+  !> (W + W')/2 - least F is positive definite, with F the operator without friction. Open blocks move freely.
   pure subroutine test_definite(s, g, c, least, definite)
     type(slider_t), intent(in) :: s
     type(ground_t), intent(in) :: g
-    type(contact_t), intent(inout) :: c          !! its work space is changed
+    type(contact_t), intent(inout) :: c          !! only its work space changes
     real(dp), intent(in) :: least
     logical, intent(out) :: definite
     integer :: n_open, n_slip
@@ -456,7 +458,7 @@ contains
     if (definite) call cholesky(n_slip, c%squares(:, :, 3), definite)
   end subroutine test_definite
 
-  !> (W + W')/2 - least F of n_slip blocks, with n_open blocks that move freely.
+  !> (W + W')/2 - least F of n_slip blocks, while n_open blocks move freely.
   pure subroutine slip_operator(nx, n_open, n_slip, open_, slip, friction, least, base, f_open, follow, w, f, supported)
     integer, intent(in) :: nx
     integer, intent(in) :: n_open
@@ -467,7 +469,7 @@ contains
     real(dp), intent(in) :: least
     real(dp), intent(in) :: base(3*nx + 1, nx + 2)          !! table with all blocks held
     real(dp), intent(inout) :: f_open(n_open, n_open)       !! work space
-    real(dp), intent(inout) :: follow(n_slip, n_open)       !! work space: how open blocks follow the others
+    real(dp), intent(inout) :: follow(n_slip, n_open)       !! work space: response of open blocks to the others
     real(dp), intent(inout) :: w(n_slip, n_slip)            !! the result [N/m]
     real(dp), intent(inout) :: f(n_slip, n_slip)            !! work space
     logical, intent(out) :: supported

@@ -1,6 +1,6 @@
-!> Random numbers by counter. They do not depend on the number or order of earlier draws.
+!> Random numbers by counter, which are independent of the number and order of earlier draws.
 !>
-!> Philox4x64-10: ten rounds of multiplication mix a counter of four words of 64 bits with a key of two. A word is held as
+!> Philox4x64-10: ten rounds of multiplication mix a counter of four words of 64 bits with a key of two words. A word is held as
 !> four limbs of 16 bits, the lowest first, so that no integer overflows and every compiler gives the same bits.
 !> J. K. Salmon, M. A. Moraes, R. O. Dror, D. E. Shaw, Proc. SC '11 (2011), doi:10.1145/2063384.2063405.
 module pyfric_random
@@ -19,11 +19,11 @@ module pyfric_random
 
 contains
 
-  !> The numbers in [0, 1) that follow a counter: numpy.random.Philox(key=key, counter=counter).random_raw(n) >> 11, times
-  !> 2^-53. As there, the counter goes up by one before each four numbers.
+  !> n numbers in [0, 1): numpy.random.Philox(key=key, counter=counter).random_raw(n) >> 11, times 2^-53. The counter increases
+  !> by one before each four numbers.
   pure function uniforms(key, counter, n) result(u)
     integer(int64), intent(in) :: key(2)          !! bits of unsigned words, the lowest first
-    integer(int64), intent(in) :: counter(WORDS)  !! likewise
+    integer(int64), intent(in) :: counter(WORDS)  !! bits of unsigned words, the lowest first
     integer, intent(in) :: n                      !! numbers
     real(dp) :: u(n)
     integer(int64) :: now(LIMBS*WORDS), mixed(LIMBS, WORDS), of_key(LIMBS, 2)
@@ -66,7 +66,7 @@ contains
     end do
   end function philox
 
-  !> a b, exact.
+  !> The product a b, exact.
   pure function product_of(a, b) result(ab)
     integer(int64), intent(in) :: a(LIMBS)
     integer(int64), intent(in) :: b(LIMBS)

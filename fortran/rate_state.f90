@@ -1,7 +1,7 @@
-!> Rate-and-state friction under a row of blocks: no block rests, and each stage of a step is implicit in its speed.
+!> Rate-and-state friction under a row of blocks: no block rests, and each stage of a step is implicit in the speed of a block.
 !>
-!> At a given speed a stage knows the state of each law (pyfric_evolution), so that the speed is the root of one equation. A
-!> block counts as slipping while |v| >= v_slip. Procedures work on `TOGETHER` blocks at once.
+!> pyfric_evolution gives the state of a block at the end of a stage as a function of its speed. The speed is then the root of
+!> one equation. A block counts as slipping while |v| >= v_slip. Procedures work on `TOGETHER` blocks at once.
 module pyfric_rate_state
   use pyfric_kinds, only: dp
   use pyfric_elementary, only: exponentials, logarithms
@@ -11,7 +11,7 @@ module pyfric_rate_state
   private
   public :: rate_forces, rate_powers, begin_step, implicit_speeds, balanced_speeds
 
-  !> 1 - exp(-2 y) is a polynomial of degree 3 below this y.
+  !> Below this y, 1 - exp(-2 y) is computed by a polynomial of degree 3.
   real(dp), parameter :: SMALL = 1e-5_dp
 
 contains
@@ -47,7 +47,7 @@ contains
     end do
   end subroutine rate_forces
 
-  !> Friction power above a kinetic strength, which there is none of, and power of alpha.
+  !> Friction power above a kinetic strength, which is 0 in this law, and power of alpha.
   pure subroutine rate_powers(of, nx, v, above, viscous)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: nx              !! blocks
@@ -76,12 +76,12 @@ contains
     call add_stress(of, nx, v, bare, x)
   end subroutine begin_step
 
-  !> Velocities, theta and rates of x at the end of an implicit stage, which adds h f(v, x)/m and h dx/dt to their values before:
+  !> Velocities, theta and rates of x at the end of an implicit stage:
   !>
   !>     v + (h/m) (alpha v + p a asinh(...)) = v_0 ,   x by `stage` .
   !>
-  !> The left side grows with |v|, unless weakening is faster than the step. Newton's method in ln(|v|/V*), within bounds that
-  !> it narrows; a block that has its root waits for the others.
+  !> The left side grows with |v|, unless friction weakens faster than the step resolves. The root is found by Newton's method in
+  !> ln(|v|/V*), within bounds that become narrower. Blocks whose roots are found wait for the others.
   pure subroutine implicit_speeds(of, nx, h, m, p, x_0, near, v, theta, rate)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: nx            !! blocks
@@ -131,7 +131,7 @@ contains
     end do
   end subroutine implicit_speeds
 
-  !> |v| from eta = ln(|v|/V*).
+  !> Speed |v| from eta = ln(|v|/V*).
   pure subroutine speeds_at(of, n, eta, speed)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: n
@@ -143,7 +143,7 @@ contains
     speed = of%v_ref*speed
   end subroutine speeds_at
 
-  !> Roots of `balance` = w, from eta on, below `high`.
+  !> Roots of `balance` = w, from a first guess eta, below `high`.
   pure subroutine find_roots(of, from, n, h, c, inertia, x_0, w, high, eta)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
@@ -175,7 +175,7 @@ contains
     end do
   end subroutine find_roots
 
-  !> ln(|v|/V*), slightly above that at which friction alone balances w.
+  !> ln(|v|/V*), slightly above the value at which friction alone balances w.
   pure subroutine speed_by_friction(of, from, n, h, c, x_0, w, eta)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
@@ -208,7 +208,7 @@ contains
     end do
   end subroutine speed_by_friction
 
-  !> The left side of the equation of `implicit_speeds`, and its derivative by eta = ln(|v|/V*).
+  !> Left side of the equation of `implicit_speeds`, and its derivative by eta = ln(|v|/V*).
   pure subroutine balance(of, from, n, h, c, inertia, x_0, eta, left, grows)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
@@ -303,12 +303,12 @@ contains
     end do
   end subroutine balanced_speeds
 
-  !> (f* + b psi)/a, and the slope of psi by x, where friction bears w.
+  !> (f* + b psi)/a, and the slope of psi by x, if friction balances w.
   pure subroutine resistance(of, from, n, x, w, p, kappa, slope)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
     integer, intent(in) :: n
-    real(dp), intent(in) :: x(n)      !! with a share of stress where its rate is in the law
+    real(dp), intent(in) :: x(n)      !! includes a share of stress if the law has a rate of stress
     real(dp), intent(in) :: w(n)      !! [N]
     real(dp), intent(in) :: p(n)      !! [N]
     real(dp), intent(out) :: kappa(n)
@@ -330,7 +330,7 @@ contains
     end do
   end subroutine resistance
 
-  !> ln(|v|/V*) + (f* + b psi)/a from p a asinh(...) = w.
+  !> ln(|v|/V*) + (f* + b psi)/a, as the root of p a asinh(...) = w.
   pure subroutine speed_without_damping(of, from, n, w, p, q)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
@@ -356,7 +356,7 @@ contains
     end do
   end subroutine speed_without_damping
 
-  !> eta = ln(|v|/V*) from that without damping, which is above: Newton's method on a convex function.
+  !> eta = ln(|v|/V*) with damping, by Newton's method from the larger value without damping. The function is convex.
   pure subroutine damp(of, from, n, p, x, w, eta)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from

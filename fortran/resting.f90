@@ -1,13 +1,13 @@
-!> Friction under which blocks come to rest: they stick up to a strength, and slip above it.
+!> Friction under which blocks come to rest: they stick up to a strength, and slip above this strength.
 !>
-!> A law is data: Python evaluates it at the knots of tables, and it is linear between them. For block i, with slip s and age a
-!> (time since it stuck or slipped),
+!> A law consists of tables, which Python computes, and is linear between their knots. For block i, with slip s and age a (time
+!> since it stuck or began to slip),
 !>
 !>     stuck      |f| <= (mu_s + hold(a)) p
 !>     slipping   f = -(+-1) (mu_k + (mu_s - mu_k) slide(s/d_c)) speed(|v|) age(a) p - alpha v
 !>
-!> A limit, linear in time within a piece of the protocols, bounds all factors of p in both lines. Without tables it is
-!> Amontons-Coulomb: hold = slide = 0, speed = age = 1.
+!> A limit, linear in time within a piece of the protocols, bounds the factor of p in both lines. Without tables the law is
+!> Amontons-Coulomb friction: hold = slide = 0, speed = age = 1.
 module pyfric_resting
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: LB, LANES
@@ -18,33 +18,34 @@ module pyfric_resting
   public :: stop_reversed, next_states, remember
   public :: STUCK, OPEN_GAP, N_CONTACT, N_KNOT, N_MARK, N_TABLES, N_FIELDS
 
-  !> Contact states; slipping blocks have the sign of their motion, +1 or -1. On junctions a block counts as stuck while
-  !> enough of them are pinned, with rate-and-state friction while it is slow. When it ruptures, the sign is that of its
-  !> velocity.
+  !> Contact states. Slipping blocks have the sign of their motion, +1 or -1. On junctions, a block counts as stuck while enough
+  !> junctions are pinned; when it ruptures, it gets the sign of its velocity. With rate-and-state friction, a block counts as
+  !> stuck while it is slow.
   integer(ip), parameter :: STUCK = 0, OPEN_GAP = 2
-  !> Event functions of a contact state; those of knots, and what is marked of knots at the start of a sub-step.
+  !> Numbers for each block: event functions of a contact state, event functions of knots, and marks of knots at the start of a
+  !> sub-step.
   integer, parameter :: N_CONTACT = 2, N_KNOT = 3, N_MARK = 4
-  !> Tables and fields of N_x numbers, in the order in which Python passes them.
+  !> Numbers of tables, and of fields of N_x numbers, that Python passes.
   integer, parameter :: N_TABLES = 4, N_FIELDS = 7
   !> State variables of a block: s_0, see `slip_of` [m]; time at which it stuck or began to slip [s].
   integer, parameter :: SLIP = 1, SINCE = 2, N_MEMORY = 2
 
   type :: resting_t
     logical :: complete = .false.      !! there was enough memory
-    logical :: simple = .false.        !! no tables, viscosity and limit
+    logical :: simple = .false.        !! no tables, no viscosity, no limit
     logical :: kinked = .false.        !! friction has corners over slip or speed
     logical :: keeps = .false.         !! a stick does not end a slip
     logical :: limited = .false.       !! some blocks have a limit
     real(dp) :: t_0 = 0.0_dp           !! time of the limits [s]
     real(dp), allocatable :: mu_s(:)   !! static friction coefficient [-]
     real(dp), allocatable :: mu_k(:)   !! kinetic friction coefficient [-]
-    real(dp), allocatable :: d_c(:)    !! unit of slip of the table, 0 for at once [m]
+    real(dp), allocatable :: d_c(:)    !! unit of slip in the table; 0: friction drops at once [m]
     real(dp), allocatable :: alpha(:)  !! viscosity of slip [N s/m]
-    logical, allocatable :: bare(:)    !! no friction, also in contact: such a block counts as open
+    logical, allocatable :: bare(:)    !! no friction in contact; the contact state is then open
     real(dp), allocatable :: limit(:)  !! largest friction coefficient at t_0 [-]
-    real(dp), allocatable :: limit_rate(:) !! its rate [1/s]
+    real(dp), allocatable :: limit_rate(:) !! rate of the limit [1/s]
     type(curve_t) :: hold              !! gain of mu_s, over time since the block stuck [s]
-    type(curve_t) :: slide             !! share of mu_s - mu_k that is left, over slip/d_c
+    type(curve_t) :: slide             !! remaining share of mu_s - mu_k, over slip/d_c
     type(curve_t) :: speed             !! factor, over abs(v) [m/s]
     type(curve_t) :: age               !! factor, over time since slip began [s]
   end type resting_t
@@ -81,7 +82,7 @@ contains
     of%simple = all(tables%n == 0) .and. all(of%alpha <= 0.0_dp) .and. .not. of%limited
   end function new_resting
 
-  !> Stuck: f balances all other horizontal forces. Slipping: mu p against the motion, and -alpha v. Open: none.
+  !> Friction forces. Stuck: f balances all other horizontal forces. Slipping: mu p against the motion, and -alpha v. Open: none.
   pure subroutine forces(of, nx, n, at, mode, memory, t, u_x, v_x, other, p, f)
     type(resting_t), intent(in) :: of
     integer, intent(in) :: nx                    !! blocks
@@ -117,7 +118,7 @@ contains
     end do
   end subroutine forces
 
-  !> mu of a block that slips, from its slip [m], velocity [m/s] and the time since it began [s].
+  !> mu of a slipping block, from its slip [m], its velocity [m/s] and the time since slip began [s].
   pure function sliding(of, i, path, v, age) result(mu)
     type(resting_t), intent(in) :: of
     integer, intent(in) :: i
@@ -171,12 +172,12 @@ contains
     end do
   end subroutine powers
 
-  !> Strength of a stuck block [N]; a block that has just stopped has age 0.
+  !> Strength of a stuck block [N]. A block that has just stopped has age 0.
   pure function static_strength(of, i, mode, t_stuck, t, p) result(strength)
     type(resting_t), intent(in) :: of
     integer, intent(in) :: i
     integer(ip), intent(in) :: mode  !! contact state
-    real(dp), intent(in) :: t_stuck  !! when it stuck [s]
+    real(dp), intent(in) :: t_stuck  !! time at which the block stuck [s]
     real(dp), intent(in) :: t        !! time [s]
     real(dp), intent(in) :: p        !! foundation force [N]
     real(dp) :: strength
@@ -189,10 +190,10 @@ contains
     if (of%limited) strength = min(strength, limit_at(of, i, t)*p)
   end function static_strength
 
-  !> Slip since the last stick, s = s_0 +- u_x; within a step it follows the displacement of each stage.
+  !> Slip since the last stick, s = s_0 +- u_x. Within a step it follows the displacement of each stage.
   pure elemental function slip_of(mode, s_0, u_x) result(path)
     integer(ip), intent(in) :: mode  !! contact state
-    real(dp), intent(in) :: s_0      !! set when the contact state changes; the slip itself while the block is open [m]
+    real(dp), intent(in) :: s_0      !! set when the contact state changes; equal to the slip while the block is open [m]
     real(dp), intent(in) :: u_x      !! displacement [m]
     real(dp) :: path
 
@@ -200,8 +201,8 @@ contains
     if (abs(mode) == 1) path = s_0 + real(mode, dp)*u_x
   end function slip_of
 
-  !> Changes the state variables of a block at a switch. After a stick, slip and time start at 0; otherwise they go on. Slip
-  !> always goes on if the law keeps it.
+  !> Changes the state variables of a block at a switch. After a stick, slip and time start at 0; otherwise they go on. With
+  !> `keeps`, slip always goes on.
   pure subroutine remember(of, old, new, t, u_x, memory)
     type(resting_t), intent(in) :: of
     integer(ip), intent(in) :: old   !! contact state before
@@ -216,8 +217,8 @@ contains
     if (old == STUCK .or. new == STUCK) memory(SINCE) = t
   end subroutine remember
 
-  !> Event functions, positive while a contact state lasts. Stuck: strength minus |f|; slipping: velocity along the slip;
-  !> both: the depth. Open: the height, twice. Bare: none.
+  !> Event functions, which are positive while a contact state lasts. Stuck: strength minus |f|, and the depth. Slipping: velocity
+  !> along the slip, and the depth. Open: the height, twice. Bare: none.
   pure subroutine event_functions(of, nx, n, at, mode, memory, t, other, p, z, v_x, g, margin)
     type(resting_t), intent(in) :: of
     integer, intent(in) :: nx                    !! blocks
@@ -230,8 +231,8 @@ contains
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
     real(dp), intent(in) :: z(nx)                !! heights above the foundation [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
-    real(dp), intent(out) :: g(N_CONTACT, nx)    !! of friction [N] or [m/s], and of the gap [m]
-    real(dp), intent(out) :: margin(nx)          !! of friction if the block were stuck [N]
+    real(dp), intent(out) :: g(N_CONTACT, nx)    !! event functions of friction [N] or [m/s], and of the gap [m]
+    real(dp), intent(out) :: margin(nx)          !! strength minus load if the block were stuck [N]
     integer :: i
 
     do i = 1, nx
@@ -269,8 +270,8 @@ contains
     end do
   end subroutine last_knots
 
-  !> Distances of slipping blocks to the next knot of slip [m], and to the next and last ones of speed [m/s]. Steps end
-  !> there, because a stepper keeps its order only where forces are smooth.
+  !> Distances of slipping blocks to the next knot of slip [m], and to the next and the last knot of speed [m/s]. Steps end at
+  !> knots, because a stepper keeps its order only if forces are smooth.
   pure subroutine knot_functions(of, nx, n, at, mode, memory, marks, u_x, v_x, g)
     type(resting_t), intent(in) :: of
     integer, intent(in) :: nx                    !! blocks
@@ -278,7 +279,7 @@ contains
     integer, intent(in) :: at(n)                 !! element of each block in a row
     integer(ip), intent(in) :: mode(nx)          !! contact states
     real(dp), intent(in) :: memory(N_MEMORY, nx)
-    real(dp), intent(in) :: marks(N_MARK, nx)    !! of `last_knots` at the start of the step
+    real(dp), intent(in) :: marks(N_MARK, nx)    !! from `last_knots` at the start of the step
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     real(dp), intent(out) :: g(N_KNOT, nx)
@@ -316,7 +317,7 @@ contains
     end do
   end function time_to_knot
 
-  !> Stops blocks that no longer move in their direction of slip; their kinetic energy is the switching loss.
+  !> Stops blocks that no longer move in their direction of slip. Their kinetic energy is added to the switching loss.
   pure elemental subroutine stop_reversed(m, p, mode, v_x, loss)
     real(dp), intent(in) :: m        !! block mass [kg]
     real(dp), intent(in) :: p        !! foundation force [N]
@@ -358,7 +359,7 @@ contains
   !> The paper's rule for one block. A block at rest sticks up to its strength. Above it, the block slips
   !> in the direction of the other forces. A block that lands slips along its velocity.
   pure elemental function next_state(strength, other, p, mode, v_x) result(new)
-    real(dp), intent(in) :: strength !! what it bears if stuck [N]
+    real(dp), intent(in) :: strength !! strength of the block if stuck [N]
     real(dp), intent(in) :: other    !! all other horizontal forces [N]
     real(dp), intent(in) :: p        !! foundation force [N]
     integer(ip), intent(in) :: mode  !! contact state

@@ -1,4 +1,4 @@
-!> All forces on one row of blocks, and the powers that go with them.
+!> All forces on one row of blocks, and their powers.
 module pyfric_rows
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
@@ -14,7 +14,7 @@ module pyfric_rows
   private
   public :: row_t, new_row, other_forces, row_forces, row_powers, take_shared, budget_t, new_budget, save_budget
 
-  !> Work space of one row. Forces on the blocks and bonds lie elsewhere, on vectors.
+  !> Work space of one row, except forces on blocks and bonds, which are in aligned arrays.
   type :: row_t
     logical :: complete = .false.   !! there was enough memory
     real(dp), allocatable :: zeros(:, :)  !! zeros, in place of a row that does not exist (:, 4)
@@ -27,15 +27,15 @@ module pyfric_rows
   !> Works and dissipations since the start [J].
   type :: budget_t
     logical :: complete = .true.    !! there was enough memory
-    real(dp), allocatable :: dissipated(:)  !! in the bonds that start in each row, and by absorbing walls
-    real(dp), allocatable :: radiated(:)    !! of it by absorbing walls, in each row
-    real(dp), allocatable :: heat(:)        !! by friction under each bottom block
-    real(dp), allocatable :: above(:)       !! of it by what is above the kinetic strength; on junctions that of dragging
-    real(dp), allocatable :: viscous(:)     !! of it by alpha; on junctions the work of their stiffness
-    real(dp) :: work(2)                     !! of the driver, of the forces on the top and of pushes
-    real(dp) :: pushed = 0.0_dp             !! of pushes in this step: another thread may have the top, see `take_shared`
-    real(dp), allocatable :: driven(:)      !! of a driver on several blocks in this step, by row: likewise; else not allocated
-    real(dp), allocatable :: fallen(:)      !! of gravity in this step, by row: likewise
+    real(dp), allocatable :: dissipated(:)  !! heat of the bonds that start in each row, and energy to absorbing walls
+    real(dp), allocatable :: radiated(:)    !! part of `dissipated` by absorbing walls
+    real(dp), allocatable :: heat(:)        !! friction heat under each bottom block
+    real(dp), allocatable :: above(:)       !! part of heat above the kinetic strength; on junctions heat of dragging
+    real(dp), allocatable :: viscous(:)     !! part of heat by alpha; on junctions work of their stiffness
+    real(dp) :: work(2)                     !! work of the driver; work of the forces on the top and of pushes
+    real(dp) :: pushed = 0.0_dp             !! work of pushes in this step, which `take_shared` adds to work
+    real(dp), allocatable :: driven(:)      !! the same for a driver on several blocks, by row; else not allocated
+    real(dp), allocatable :: fallen(:)      !! the same for gravity, by row
   end type budget_t
 
 contains
@@ -54,10 +54,10 @@ contains
     w%f_t = 0.0_dp
   end function new_row
 
-  !> The works and dissipations as the plain arrays that Python keeps.
+  !> Copies works and dissipations to the plain arrays of Python.
   pure subroutine save_budget(budget, dissipated, radiated, heat, above, viscous, work)
     type(budget_t), intent(in) :: budget
-    real(dp), intent(out) :: dissipated(:)   !! these: see budget_t
+    real(dp), intent(out) :: dissipated(:)   !! for this and the next ones, see budget_t
     real(dp), intent(out) :: radiated(:)
     real(dp), intent(out) :: heat(:)
     real(dp), intent(out) :: above(:)
@@ -72,10 +72,10 @@ contains
     work = budget%work
   end subroutine save_budget
 
-  !> The works and dissipations that Python passes.
+  !> Works and dissipations from the plain arrays of Python.
   pure function new_budget(s, dissipated, radiated, heat, above, viscous, work) result(budget)
     type(model_t), intent(in) :: s
-    real(dp), intent(in) :: dissipated(:)   !! these: see budget_t
+    real(dp), intent(in) :: dissipated(:)   !! for this and the next ones, see budget_t
     real(dp), intent(in) :: radiated(:)
     real(dp), intent(in) :: heat(:)
     real(dp), intent(in) :: above(:)
@@ -97,7 +97,7 @@ contains
     end if
   end function new_budget
 
-  !> Forces of all springs and dashpots on row j. In finite geometry, carry is that from the row below, on return that for
+  !> Forces of all springs and dashpots on row j. In finite geometry, carry has forces from the row below; on return, forces on
   !> the row above.
   pure subroutine bond_forces(s, j, dn, q, up, carry, b, fx, fz, w)
     type(model_t), intent(in) :: s
@@ -114,7 +114,7 @@ contains
 
     if (s%finite) call forces_finite(s, j < s%nz, q, up, b, carry, fx, fz)
     if (s%finite .and. s%along) then
-      continue  ! its dashpots go with the springs
+      continue  ! dashpots were added with the springs
     else if (j == s%nz .and. s%top == MIRRORED) then
       call gather_forces(s, around_t(2.0_dp, 0.0_dp), dn, q, reflected_row(s, q), fx, fz)
     else if (j > 1 .and. j < s%nz) then
@@ -152,7 +152,7 @@ contains
     end if
   end subroutine halve_cuts
 
-  !> Divides the forces on row j by the share of its blocks, because the rest of a step uses the mass of whole blocks.
+  !> Divides the forces on row j by the shares of its blocks, because the stepper uses the mass of whole blocks.
   pure subroutine weigh(s, j, fx, fz)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                         !! row, from 1 at the bottom
@@ -170,8 +170,8 @@ contains
     fz(s%at([1, s%nx])) = fz(s%at([1, s%nx]))/c([1, s%nx])
   end subroutine weigh
 
-  !> Adds the external forces on row j: driver, pushes on the bottom row, shear, weight, absorbing sides and top, and on a free
-  !> top row the load and -k_top u_x.
+  !> Adds the external forces on row j: driver, pushes on the bottom row, shear, weight, absorbing sides and top. On a free top
+  !> row it also adds the load and -k_top u_x.
   pure subroutine outer_forces(s, j, t, q, fx, fz, f_t)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                        !! row, from 1 at the bottom
@@ -228,8 +228,8 @@ contains
     call outer_forces(s, 1, t, q, fx, fz, w%f_t)
   end subroutine other_forces
 
-  !> Forces on row j including friction, at fixed contact states; the carry of the bonds moves up one row (finite geometry).
-  !> Forces on half blocks are doubled, because of their mass.
+  !> Forces on row j including friction, at fixed contact states. In finite geometry, the carry of the bonds moves up one row.
+  !> Forces on half blocks are doubled, because the stepper uses the mass of whole blocks.
   pure subroutine row_forces(s, j, t, dn, q, up, mode, memory, carry, b, fx, fz, w)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                  !! row, from 1 at the bottom
@@ -266,7 +266,7 @@ contains
     if (s%has_halves .and. .not. (s%rigid .and. j == s%nz)) call weigh(s, j, fx, fz)
   end subroutine row_forces
 
-  !> Adds c times the powers that row j owns to the budget; row_forces has just been called.
+  !> Adds c times the powers of row j to the budget. row_forces has to be called before.
   pure subroutine row_powers(s, j, t, c, mode, memory, q, up, v_rod, w, budget)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                !! row
@@ -315,7 +315,7 @@ contains
                      + c*mirror_sum(s%nx, (s%shear + s%shear_rate*(t - s%t_seg))*q(s%at(:s%nx), VX))
   end subroutine row_powers
 
-  !> Adds the work that involves several rows, after all rows: that of a driver on several blocks, of gravity and of pushes.
+  !> Adds works that involve several rows, after all rows: of a driver on several blocks, of gravity and of pushes.
   pure subroutine take_shared(budget)
     type(budget_t), intent(inout) :: budget
 
@@ -331,7 +331,7 @@ contains
     budget%pushed = 0.0_dp
   end subroutine take_shared
 
-  !> Adds the parts of the friction heat: above the final friction, and viscous. Its arrays are allocated only if needed.
+  !> Adds the parts of the friction heat: above the kinetic strength, and viscous. Arrays are allocated only if needed.
   pure subroutine parts_of_heat(s, c, mode, memory, q, w, budget)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: c               !! weight of this evaluation [s]

@@ -1,14 +1,14 @@
-!> Quasi-static sequences of events: what pyfric.engines.quasistatic does, in compiled loops, for many runs at a time.
+!> Quasi-static sequences of events, as in pyfric.engines.quasistatic, in compiled loops for many runs at a time.
 !>
-!> A run goes along the legs of a protocol. Between events all forces are linear in the position of the driver, so that the next
-!> change follows from their rates. In an event the driver rests; contact states change until all conditions are met. These are
-!> checked in the order of pyfric.statics.contact: blocks on the wrong side of the foundation open or land; blocks that moved along
-!> their friction force stick again; the block with the largest |f| - hold p is released. Blocks whose violations are equal within
-!> rounding change together. Where friction does not fall, slip grows: the signs of the rates decide which blocks at their
-!> threshold slip.
+!> A run follows the legs of a protocol. Between events all forces are linear in the position of the driver, so that the next
+!> change follows from their rates. In an event the driver rests, and contact states change until all conditions are met.
+!> Conditions are checked in the order of pyfric.statics.contact: blocks on the wrong side of the foundation open or land; blocks
+!> that moved along their friction force stick again; the block with the largest |f| - hold p is released. Blocks whose violations
+!> are equal within rounding change together. If friction does not weaken, slip grows continuously. The signs of the rates then
+!> decide which blocks at their threshold slip.
 !>
-!> A run is a machine of few phases. Each call of `act` makes at most one change, so that a run may stop after any of them and go
-!> on later with the same bits.
+!> A run is a state machine. Each call of `act` makes at most one change. A run may therefore stop after any change, and go on
+!> later with the same bits.
 !>
 !> Source: PRL 107, 074301 (2011), for the model.
 module pyfric_sequence
@@ -21,8 +21,8 @@ module pyfric_sequence
   private
   public :: rules_t, leg_t, log_t, run_t, new_log, go_on
 
-  !> What a run does next: begin a leg; find the next change and make it; change states in an event; the same while slip grows,
-  !> and look for the next change; end a leg.
+  !> Next action of a run: begin a leg; find the next change; make it; change states in an event; change states while slip grows;
+  !> find the next change while slip grows; end a leg.
   integer, parameter :: BEGINS = 0, SEEKS = 1, MOVES = 2, SETTLES = 3, FOLLOWS = 4, PASSES = 5, ENDS = 6
 
   !> Limits, with their values in Python.
@@ -30,7 +30,7 @@ module pyfric_sequence
     integer :: changes     !! most changes of contact state in one event
     integer :: idle        !! most successive changes without motion of the driver
     integer :: growth      !! most changes while slip grows, in one leg
-    real(dp) :: rate       !! rate of a force over stiffness times rate of displacement that is rounding
+    real(dp) :: rate       !! rate of a force, over stiffness times rate of displacement, below which it is rounding
     real(dp) :: definite   !! definiteness below which slip may not be unique
     real(dp) :: p_corner   !! p below which slip begins as a corner episode [N]
     logical :: stops       !! whether to stop before each change between events
@@ -41,12 +41,12 @@ module pyfric_sequence
     real(dp) :: t          !! beginning [s]
     real(dp) :: t_end      !! end, may be infinite [s]
     real(dp) :: first      !! integral of the driver's speed, or the parameter of a route, at t [m]
-    real(dp) :: last       !! and at t_end [m]
+    real(dp) :: last       !! the same at t_end [m]
     real(dp) :: value      !! speed at t [m/s]
-    real(dp) :: slope      !! and its rate [m/s2]
-    real(dp) :: offset     !! drive less the integral, and less the offset of the run [m]
+    real(dp) :: slope      !! rate of the speed [m/s2]
+    real(dp) :: offset     !! drive minus `first`, and minus the offset of the run [m]
     integer :: way         !! +1 or -1, 0 if the driver rests
-    integer :: route       !! of the loads; 0: as before
+    integer :: route       !! number of the loads; 0: as before
   end type leg_t
 
   type :: log_t
@@ -70,15 +70,15 @@ module pyfric_sequence
     integer :: rests = 0                        !! changes since the driver moved
     integer :: grown = 0                        !! changes while slip grows, in this leg
     integer :: events = 0
-    integer :: starts = 0                       !! of slip, without corner slip
+    integer :: starts = 0                       !! starts of slip, corner slip left out
     integer :: releases = 0
-    integer :: block = 0                        !! that changes next
-    integer :: new = STUCK                      !! into this state
-    logical :: slips = .false.                  !! a block slips, without corner slip
-    logical :: gradual = .false.                !! friction does not fall: slip grows
+    integer :: block = 0                        !! block that changes next
+    integer :: new = STUCK                      !! its new state
+    logical :: slips = .false.                  !! a block slips, corner slip left out
+    logical :: gradual = .false.                !! friction does not weaken: slip grows continuously
     real(dp) :: ahead = 0.0_dp                  !! drive at the next change [m]
-    real(dp) :: little = 0.0_dp                 !! motion of the driver that is rounding [m]
-    real(dp) :: offset = 0.0_dp                 !! of the drive in all legs [m]
+    real(dp) :: little = 0.0_dp                 !! largest motion of the driver by rounding [m]
+    real(dp) :: offset = 0.0_dp                 !! offset of the drive in all legs [m]
     real(dp), allocatable :: home(:)            !! u_x at the last release [m]
     integer(ip), allocatable :: corner(:)       !! 1: slip of the block began with p < p_corner
     integer(ip), allocatable :: mode(:)         !! states as logged
@@ -90,7 +90,7 @@ contains
 
   pure function new_log(nx, switches, quiet, points) result(log)
     integer, intent(in) :: nx
-    integer, intent(in) :: switches             !! room for them
+    integer, intent(in) :: switches             !! room for switches
     integer, intent(in) :: quiet
     integer, intent(in) :: points
     type(log_t) :: log
@@ -101,7 +101,7 @@ contains
     log%complete = failed == 0
   end function new_log
 
-  !> Follows a run to the end of its legs, or to one of its stops.
+  !> Follows a run to the end of its legs, or until it stops.
   pure subroutine go_on(s, rules, legs, max_changes, g, c, run, log)
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules
@@ -125,7 +125,7 @@ contains
     if (run%leg <= size(legs)) run%status = PAUSED
   end subroutine go_on
 
-  !> True if the log has room for what one change may add.
+  !> True if the log has room for the entries of one change.
   pure function has_room(s, log) result(yes)
     type(slider_t), intent(in) :: s
     type(log_t), intent(in) :: log
@@ -165,7 +165,7 @@ contains
 
   ! --- legs ----------------------------------------------------------------------------------------
 
-  !> Where the driver turns or loads change, all slip stops.
+  !> Begins a leg. If the driver turns or loads change, all slip stops.
   pure subroutine begin_leg(s, rules, leg, g, c, run, log)
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules
@@ -213,7 +213,7 @@ contains
     call log_point(s, leg%t_end, g, c, run, log)
   end subroutine end_leg
 
-  !> Whether there is no change before the end of a leg.
+  !> Whether the leg ends before the next change.
   pure function beyond(leg, way, run) result(yes)
     type(leg_t), intent(in) :: leg
     integer, intent(in) :: way
@@ -223,7 +223,7 @@ contains
     yes = abs(run%ahead) >= huge(run%ahead) .or. .not. way*(run%ahead - ((run%offset + leg%offset) + leg%last)) <= 0.0_dp
   end function beyond
 
-  !> Time at which the driver is at a place [s].
+  !> Time at which the driver is at a position [s].
   pure function time_at(leg, offset, drive) result(t)
     type(leg_t), intent(in) :: leg
     real(dp), intent(in) :: offset             !! of the run [m]
@@ -239,7 +239,7 @@ contains
 
   ! --- events --------------------------------------------------------------------------------------
 
-  !> Finds the next change; the leg ends if there is none.
+  !> Finds the next change. The leg ends if there is none.
   pure subroutine seek(s, rules, leg, g, c, run)
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules
@@ -259,7 +259,7 @@ contains
     if (run%status == DONE .and. rules%stops) run%status = PAUSED
   end subroutine seek
 
-  !> Moves the driver to the next change and makes it; the release of a block begins an event.
+  !> Moves the driver to the next change and makes this change. The release of a block begins an event.
   pure subroutine move(s, rules, leg, g, c, run, log)
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules
@@ -291,7 +291,7 @@ contains
     run%home = run%before%u_x
   end subroutine move
 
-  !> One change in an event, or its end, at which all blocks stick.
+  !> Makes one change in an event, or ends the event, so that all blocks stick.
   pure subroutine settle(s, rules, leg, g, c, run, log)
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules
@@ -324,14 +324,14 @@ contains
     if (.not. unmet) call log_point(s, t, g, c, run, log)
   end subroutine settle
 
-  !> Blocks that change: those of the largest violation within rounding. In the second half of all changes, the first block that
-  !> violates a condition, which ends cycles.
+  !> Blocks that change: the blocks with the largest violation within rounding. In the second half of all allowed changes, the
+  !> first block that violates a condition changes, which ends cycles.
   pure function chosen(nx, rules, tried, by, least) result(which)
     integer, intent(in) :: nx
     type(rules_t), intent(in) :: rules
     integer, intent(in) :: tried
     real(dp), intent(in) :: by(nx)              !! violations [N]
-    real(dp), intent(in) :: least               !! those that are rounding [N]
+    real(dp), intent(in) :: least               !! largest violation by rounding [N]
     logical :: which(nx)
     integer :: first
 
@@ -342,12 +342,12 @@ contains
     which(first) = .true.
   end function chosen
 
-  !> Conditions that are not met in an event, in their order.
+  !> The first condition in order that is not met in an event.
   pure subroutine unmet_in_event(s, g, c, home, by, new, u_x, unmet)
     type(slider_t), intent(in) :: s
     type(ground_t), intent(in) :: g
     type(contact_t), intent(in) :: c
-    real(dp), intent(inout) :: home(s%nx)       !! where blocks that move back stick; the present places before a release [m]
+    real(dp), intent(inout) :: home(s%nx)       !! where blocks that move back stick; set to present positions at a release [m]
     real(dp), intent(out) :: by(s%nx)           !! violation of the condition of each block [N]
     integer(ip), intent(out) :: new(s%nx)       !! its new state
     real(dp), intent(out) :: u_x(s%nx)          !! where it is held if it sticks [m]
@@ -372,8 +372,8 @@ contains
     unmet = maxval(by) > c%tol
   end subroutine unmet_in_event
 
-  !> The next change of contact state as the driver moves: its drive (huge if there is none), block and new state. A slipping
-  !> block with negligible p sticks once p grows again, if it may (`reload`).
+  !> The next change of contact state as the driver moves: its drive (huge if there is none), block and new state. With `reload`,
+  !> a slipping block with negligible p sticks as soon as p grows again.
   pure subroutine next_change(s, rules, g, c, reload, run)
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules
@@ -403,7 +403,7 @@ contains
     run%ahead = c%way*best
   end subroutine next_change
 
-  !> Takes the first block whose margin falls to zero, if it is the first of all so far.
+  !> The block whose margin falls to zero first becomes the next change, if it precedes the change found before.
   pure subroutine sooner(nx, at, new, margin, slope, which, small, best, run)
     integer, intent(in) :: nx
     real(dp), intent(in) :: at                !! path of the driver [m]
@@ -411,7 +411,7 @@ contains
     real(dp), intent(in) :: margin(nx)        !! [N]
     real(dp), intent(in) :: slope(nx)         !! its rate [N/m]
     logical, intent(in) :: which(nx)
-    real(dp), intent(in) :: small             !! rate that is rounding [N/m]
+    real(dp), intent(in) :: small             !! largest rate by rounding [N/m]
     real(dp), intent(inout) :: best           !! path of the driver at the first change [m]
     type(run_t), intent(inout) :: run
     real(dp) :: far, nearest
@@ -443,7 +443,7 @@ contains
 
   ! --- slip that grows -----------------------------------------------------------------------------
 
-  !> One change of the blocks that slip as the driver moves on, or what follows when no rate violates its condition.
+  !> Lets blocks stick or slip as the rates under motion of the driver require. If all conditions hold, logs the state and goes on.
   pure subroutine grow(s, rules, leg, g, c, run, log)
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules
@@ -476,8 +476,8 @@ contains
     if (run%phase == PASSES .and. rules%stops) run%status = PAUSED
   end subroutine grow
 
-  !> Slipping blocks that would move back stick. Stuck blocks at their threshold that would exceed it slip; if a block has just
-  !> landed, f is zero within rounding, and the sign of its rate gives the direction.
+  !> A slipping block that would move back sticks. A stuck block at its threshold slips if it would exceed the threshold. If a
+  !> block has just landed, f is zero within rounding, and the sign of the rate of f gives the direction.
   pure subroutine unmet_in_rates(s, rules, g, c, rate, by, new, small, unmet)
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules
@@ -486,7 +486,7 @@ contains
     type(values_t), intent(inout) :: rate       !! derivatives of the state
     real(dp), intent(out) :: by(s%nx)           !! violation of the condition of each block [N/m]
     integer(ip), intent(out) :: new(s%nx)       !! its new state
-    real(dp), intent(out) :: small              !! violation that is rounding [N/m]
+    real(dp), intent(out) :: small              !! largest violation by rounding [N/m]
     logical, intent(out) :: unmet
     integer(ip) :: slip, way
     integer :: i
@@ -506,7 +506,7 @@ contains
     unmet = maxval(by) > small
   end subroutine unmet_in_rates
 
-  !> Moves the driver to the next change and makes it, if the present state is unique.
+  !> Moves the driver to the next change and makes this change, if the present state is unique.
   pure subroutine pass(s, rules, leg, g, c, run)
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules
@@ -534,7 +534,7 @@ contains
 
   ! --- logs ----------------------------------------------------------------------------------------
 
-  !> Logs the blocks whose state has changed; slip starts at the values `before` the change.
+  !> Logs the blocks whose state has changed. Slip starts at the values `before` the change.
   pure subroutine log_changes(s, rules, t, c, before, run, log)
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules
@@ -573,7 +573,7 @@ contains
     integer, intent(in) :: i                    !! block, from 1
     integer(ip), intent(in) :: new              !! its state after the change
     real(dp), intent(in) :: t                   !! [s]
-    type(values_t), intent(in) :: at            !! of which u_x and p are logged
+    type(values_t), intent(in) :: at            !! values, of which u_x and p are logged
     type(run_t), intent(inout) :: run
     type(log_t), intent(inout) :: log
 

@@ -1,7 +1,7 @@
-!> Quasi-static sequences of many runs over threads, and each as the plain arrays that Python keeps.
+!> Quasi-static sequences of many runs on threads, each stored in plain arrays of Python.
 !>
-!> Runs share the slider and the protocol and differ in their interface. One thread makes a run, so that it has the same bits as
-!> alone.
+!> Runs share the slider and the protocol, and differ in their interface. Each run is made by one thread, so that its bits do not
+!> depend on other runs.
 module pyfric_sequences
   use pyfric_kinds, only: dp, ip
   use pyfric_law, only: STUCK, OPEN_GAP
@@ -13,21 +13,21 @@ module pyfric_sequences
   public :: new_slider, new_rules, new_leg, follow_all, N_SCALES, N_RULES, N_LEG, N_FIELDS, N_STATES, N_COUNTS, N_NUMBERS
 
   integer, parameter :: N_SCALES = 6           !! numbers of a slider
-  integer, parameter :: N_RULES = 7            !! and of rules
-  integer, parameter :: N_LEG = 9              !! and of a leg
+  integer, parameter :: N_RULES = 7            !! numbers of rules
+  integer, parameter :: N_LEG = 9              !! numbers of a leg
   integer, parameter :: N_FIELDS = 4           !! fields of the interface: hold, slide, k_f [N/m], gap [m]
-  integer, parameter :: N_STATES = 3 + KEPT    !! integers of a block that a run keeps
-  integer, parameter :: N_COUNTS = 15          !! and of the run
-  integer, parameter :: N_NUMBERS = 4          !! and its numbers
+  integer, parameter :: N_STATES = 3 + KEPT    !! stored integers of a block
+  integer, parameter :: N_COUNTS = 15          !! stored integers of a run
+  integer, parameter :: N_NUMBERS = 4          !! stored numbers of a run
 
-  !> What a thread needs to make a run.
+  !> Work space of a thread for a run.
   type :: work_t
     type(ground_t) :: ground
     type(contact_t) :: contact
     type(run_t) :: run
     type(log_t) :: log
     logical :: complete = .false.              !! there was enough memory
-    logical :: shares = .false.                !! it has a table that other runs begin with
+    logical :: shares = .false.                !! it has a table with which other runs begin
   end type work_t
 
 contains
@@ -60,7 +60,7 @@ contains
   end function new_slider
 
   pure function new_rules(numbers, nx, stops) result(rules)
-    real(dp), intent(in) :: numbers(N_RULES - 1)        !! see rules_t; limits are over N_x, but that of idle changes
+    real(dp), intent(in) :: numbers(N_RULES - 1)        !! see rules_t; limits of changes and growth are over N_x
     integer, intent(in) :: nx
     logical, intent(in) :: stops
     type(rules_t) :: rules
@@ -76,7 +76,7 @@ contains
                 nint(numbers(9)))
   end function new_leg
 
-  !> Follows all runs; each ends with a status of its own.
+  !> Follows all runs. Each ends with its own status.
   subroutine follow_all(s, rules, legs, max_changes, threads, n, rooms, fields, kinds, states, columns, tables, counts, &
                         numbers, switch_i, switch_r, quiet_i, quiet_r, points, logged, status)
     type(slider_t), intent(in) :: s
@@ -87,13 +87,13 @@ contains
     integer, intent(in) :: n                            !! runs
     integer, intent(in) :: rooms(3)                     !! room for switches, starts and ends of slip, points
     real(dp), intent(in) :: fields(s%nx, N_FIELDS, n)   !! of the interface
-    integer(ip), intent(in) :: kinds(s%nx, n)           !! 0 never touches, 1 touches without friction, 2 rubs
-    integer(ip), intent(inout) :: states(s%nx, N_STATES, n)  !! see `restore`; so are the next four
+    integer(ip), intent(in) :: kinds(s%nx, n)           !! 0 never touches, 1 touches without friction, 2 with friction
+    integer(ip), intent(inout) :: states(s%nx, N_STATES, n)  !! for this and the next four, see `restore`
     real(dp), intent(inout) :: columns(s%nx + 2, 2, n)
     real(dp), intent(inout) :: tables(3*s%nx + 1, s%nx + 2, 1 + KEPT, n)
     integer(ip), intent(inout) :: counts(N_COUNTS, n)
     real(dp), intent(inout) :: numbers(N_NUMBERS, n)
-    integer(ip), intent(inout) :: switch_i(4, rooms(1), n)   !! see log_t; so are the next four
+    integer(ip), intent(inout) :: switch_i(4, rooms(1), n)   !! for this and the next four, see log_t
     real(dp), intent(inout) :: switch_r(4, rooms(1), n)
     integer(ip), intent(inout) :: quiet_i(s%nx + 1, rooms(2), n)
     real(dp), intent(inout) :: quiet_r(3*s%nx + 3, rooms(2), n)
@@ -156,7 +156,7 @@ contains
     ground%rubs = kinds > 1
   end subroutine take_ground
 
-  !> The table with all blocks held of the first run, which others begin with if their foundation is the same.
+  !> The table of the first run with all blocks held. Runs with the same foundation begin with this table.
   pure subroutine share(s, fields, kinds, mode, first)
     type(slider_t), intent(in) :: s
     real(dp), intent(in) :: fields(s%nx, N_FIELDS)
@@ -173,14 +173,14 @@ contains
     end associate
   end subroutine share
 
-  !> A run as it was left, or at its beginning.
+  !> A run as stored by `save`, or at its beginning.
   pure subroutine restore(s, fields, kinds, states, columns, tables, counts, numbers, first, w)
     type(slider_t), intent(in) :: s
     real(dp), intent(in) :: fields(s%nx, N_FIELDS)
     integer(ip), intent(in) :: kinds(s%nx)
-    integer(ip), intent(in) :: states(s%nx, N_STATES)   !! contact state, corner slip, state as logged, blocks of kept tables
-    real(dp), intent(in) :: columns(s%nx + 2, 2)        !! what is given of the table; u_x at the last release, last two unused
-    real(dp), intent(in) :: tables(3*s%nx + 1, s%nx + 2, 1 + KEPT)  !! the table, and kept ones
+    integer(ip), intent(in) :: states(s%nx, N_STATES)   !! contact state, corner slip, state as logged, blocks of stored tables
+    real(dp), intent(in) :: columns(s%nx + 2, 2)        !! given values of the table; u_x at the last release, last two unused
+    real(dp), intent(in) :: tables(3*s%nx + 1, s%nx + 2, 1 + KEPT)  !! the table, and tables with all blocks held
     integer(ip), intent(in) :: counts(N_COUNTS)         !! see `save`
     real(dp), intent(in) :: numbers(N_NUMBERS)          !! drive at the next change, `little` [m], tol [N], offset [m]
     type(work_t), intent(in) :: first
@@ -239,7 +239,7 @@ contains
     yes = all(abs(a%k_f - b%k_f) <= 0.0_dp) .and. all(abs(a%gap - b%gap) <= 0.0_dp)
   end function alike
 
-  !> Keeps a run. Its tables are kept if it may go on.
+  !> Stores a run. Its tables are stored only if the run may go on.
   pure subroutine save(s, w, states, columns, tables, counts, numbers)
     type(slider_t), intent(in) :: s
     type(work_t), intent(in) :: w

@@ -1,15 +1,18 @@
-!> Slip without inertia under rate-and-state friction: 2 N_x equations, with u since the beginning and y = ln(theta), or
-!> ln(theta) with a share of stress where its rate is in the law (pyfric_evolution),
+!> Slip without inertia under rate-and-state friction.
 !>
-!>     du/dt = v(load, p, y) ,   dy/dt = X(v, y) ,   load = load_0 + load_1 t + load_2 t^2/2 + load_u u + load_v v ,   p alike ,
+!> There are 2 N_x equations for the displacements u since the beginning and y = ln(theta). If the law has a rate of stress, y
+!> includes a share of stress (pyfric_evolution).
 !>
-!> with v from `balanced_speeds`, by turns: each block takes the speeds of the others in load_v v, the viscosity of bonds, as they
-!> are. Where slip is steady they are stiff: a block relaxes over a slip of p a/(dload/du). So each step
-!> solves linear equations with the Jacobian, by a Rosenbrock method of order 5 with an embedded one of order 4 and polynomials
-!> of order 4 inside the step. y is eliminated, so the matrix is one of N_x x N_x numbers.
+!>     du/dt = v(load, p, y) ,   dy/dt = X(v, y) ,   load = load_0 + load_1 t + load_2 t^2/2 + load_u u + load_v v .
 !>
-!> Source of the method: G. Steinebach, BIT Numer. Math. 63, 27 (2023), Rodas5P; its form without products by the Jacobian:
-!> E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, section IV.7.
+!> The normal force p has the same form as the load.
+!> v follows from `balanced_speeds`. The term load_v v, by viscosity of bonds, couples the speeds of blocks. It is found by
+!> iterations (turns). In steady slip the equations are stiff: a block relaxes over a slip of p a/(dload/du). Each step therefore
+!> solves linear equations with the Jacobian. The method is a Rosenbrock method of order 5, with an embedded method of order 4 and
+!> polynomials of order 4 inside the step. y is eliminated, which leaves a matrix of N_x x N_x numbers.
+!>
+!> Source: G. Steinebach, BIT Numer. Math. 63, 27 (2023), for the method, Rodas5P; E. Hairer, G. Wanner, Solving Ordinary
+!> Differential Equations II, section IV.7, for its form without products by the Jacobian.
 module pyfric_slow_slip
   use pyfric_kinds, only: dp, ip
   use pyfric_elementary, only: exponentials, logarithms
@@ -21,20 +24,21 @@ module pyfric_slow_slip
             end_phase
   public :: GOES_ON, FINISHED, FAST, ABRUPT, SHORT
 
-  !> Why steps ended: their number, the end of the phase, a limit was reached, the error of a shortest step is too large, steps
-  !> are too short.
+  !> Reasons why steps ended: the most steps were made, the phase ended, a limit was reached, the error of a shortest step is too
+  !> large, steps are too short.
   integer(ip), parameter :: GOES_ON = 0, FINISHED = 1, FAST = 2, ABRUPT = 3, SHORT = 4
 
   integer, parameter :: STAGES = 8, U = 1, Y = 2
   real(dp), parameter :: GAMMA = 0.21193756319429014_dp
-  !> Time of a stage, and its part of the derivative by time.
+  !> Time of each stage, and its coefficient of the derivative by time.
   real(dp), parameter :: AT(STAGES) = [ &
                          0.0_dp, 0.6358126895828704_dp, 0.4095798393397535_dp, 0.9769306725060716_dp, 0.4288403609558664_dp, &
                          1.0_dp, 1.0_dp, 1.0_dp]
   real(dp), parameter :: BY_TIME(STAGES) = [ &
                          GAMMA, -0.42387512638858027_dp, -0.3384627126235924_dp, 1.8046452872882734_dp, &
                          2.325825639765069_dp, 0.0_dp, 0.0_dp, 0.0_dp]
-  !> Column i: increments of earlier stages in stage i. The last two and the end of the step add one increment each.
+  !> Column i: weights of increments of earlier stages in stage i. The last two stages and the end of the step add one increment
+  !> each.
   real(dp), parameter :: A(5, 2:6) = reshape([ &
                          3.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, &
                          2.849394379747939_dp, 0.45842242204463923_dp, 0.0_dp, 0.0_dp, 0.0_dp, &
@@ -55,7 +59,7 @@ module pyfric_slow_slip
                          -19.097331116725623_dp, -28.087943162872662_dp, 0.0_dp, &
                          37.80277123390563_dp, -3.2571969029072276_dp, 112.26918849496327_dp, 66.9347231244047_dp, &
                          -40.06618937091002_dp, -54.66780262877968_dp, -9.48861652309627_dp], [7, STAGES])
-  !> Inside the step.
+  !> Coefficients of the polynomials inside the step.
   real(dp), parameter :: INSIDE(STAGES, 3) = reshape([ &
                          25.948786856663858_dp, -2.5579724845846235_dp, 10.433815404888879_dp, -2.3679251022685204_dp, &
                          0.524948541321073_dp, 1.1241088310450404_dp, 0.4272876194431874_dp, -0.17202221070155493_dp, &
@@ -64,9 +68,9 @@ module pyfric_slow_slip
                          11.419903575922262_dp, 2.8879645146136994_dp, 72.92137995996029_dp, 80.12511834622643_dp, &
                          -52.072871366152654_dp, -59.78993625266729_dp, -0.15582684282751913_dp, 4.883087185713722_dp], [STAGES, 3])
 
-  !> Step control: safety, least and largest change of the step; halvings that locate a limit; most steps to a passage.
-  !> Turns for v with viscosity at most, and the change of v, over the largest one, after which there are no more. Where a turn
-  !> changes v by more than this part of what the last one did, the next ones are those of Newton's method.
+  !> Step control: safety factor, least and largest change of the step. Halvings that locate a limit. Most iterations for a
+  !> passage. Most turns for v. TURNED: turns end when the change of v is below this part of the largest change. SLOWLY: if a turn
+  !> changes v by more than this part of the change in the last turn, Newton's method makes the next turns.
   real(dp), parameter :: SAFE = 0.9_dp, SHORTER = 0.2_dp, LONGER = 6.0_dp
   integer, parameter :: HALVINGS = 40, MOST = 100, TURNS = 200
   real(dp), parameter :: TURNED = 1e-12_dp, SLOWLY = 0.05_dp
@@ -76,12 +80,12 @@ module pyfric_slow_slip
     integer :: nx
     type(law_t) :: law
     logical, allocatable :: closed(:)     !! in contact
-    real(dp), allocatable :: unit(:)      !! ln(D_c/V*): the error of y is one beside y without it, in whatever units
-    real(dp), allocatable :: load(:, :)   !! on each block along +x: value, rate, its rate [N, N/s, N/s2]
-    real(dp), allocatable :: load_u(:, :) !! by the displacements [N/m]
-    real(dp), allocatable :: load_v(:, :) !! by the velocities of other blocks [N s/m]; its own one counts in alpha of the law
-    real(dp), allocatable :: load_a(:, :) !! by the accelerations [kg]
-    real(dp), allocatable :: p(:, :)      !! normal force, alike
+    real(dp), allocatable :: unit(:)      !! ln(D_c/V*), subtracted from y for its relative error
+    real(dp), allocatable :: load(:, :)   !! on each block along +x: value, first, second time derivative [N, N/s, N/s2]
+    real(dp), allocatable :: load_u(:, :) !! derivatives by displacements [N/m]
+    real(dp), allocatable :: load_v(:, :) !! by velocities of other blocks [N s/m]; alpha of the law includes its own velocity
+    real(dp), allocatable :: load_a(:, :) !! by accelerations [kg]
+    real(dp), allocatable :: p(:, :)      !! the same for the normal force
     real(dp), allocatable :: p_u(:, :)
     real(dp), allocatable :: p_v(:, :)
     real(dp), allocatable :: p_a(:, :)
@@ -90,14 +94,14 @@ module pyfric_slow_slip
   end type condensed_t
 
   type :: limits_t
-    real(dp) :: end             !! end of the phase: its last step is shortened [s]
-    real(dp) :: dt              !! grid of times, and the shortest step that is tried again [s]
-    real(dp) :: relative        !! error of a step over u and y
-    real(dp) :: absolute(2)     !! and in addition: of u [m], of y
+    real(dp) :: end             !! end of the phase, to which the last step is shortened [s]
+    real(dp) :: dt              !! spacing of the time grid, and the shortest step that is tried again [s]
+    real(dp) :: relative        !! relative error of a step in u and y
+    real(dp) :: absolute(2)     !! additional absolute errors of u [m] and of y
     real(dp) :: inertia         !! largest sum of loads by inertia [N]
     real(dp) :: speed           !! largest speed [m/s]
-    real(dp) :: least           !! shortest step that is worth its work, unless the next one is longer [s]
-    real(dp) :: last            !! time at which the state is asked for: steps end with the first that reaches it [s]
+    real(dp) :: least           !! steps end if they are shorter than this and do not grow [s]
+    real(dp) :: last            !! time at which the state is wanted; the first step that reaches it is the last [s]
     integer :: steps            !! most steps
   end type limits_t
 
@@ -116,19 +120,19 @@ module pyfric_slow_slip
     real(dp) :: threshold                !! [m/s]
     integer :: n = 0                     !! passages found
     integer(ip), allocatable :: fast(:)  !! 1 or -1 for blocks that are fast to the right or left, 0 for others
-    integer(ip), allocatable :: of(:, :) !! block from 0 and what it then is in `fast`, of each passage
+    integer(ip), allocatable :: of(:, :) !! block of each passage, from 0, and its new value in `fast`
     real(dp), allocatable :: at(:, :)    !! time since the beginning [s], p of the block [N], and u of all [m]
     real(dp), allocatable :: sums(:, :)  !! ends of the first steps: time [s], |sum of v| [m/s]
   end type passages_t
 
   type :: slopes_t
-    real(dp), allocatable :: by_load(:)  !! of v, see `balanced_speeds`
+    real(dp), allocatable :: by_load(:)  !! derivatives of v, see `balanced_speeds`
     real(dp), allocatable :: by_p(:)
     real(dp), allocatable :: by_y(:)
-    real(dp), allocatable :: x_v(:)      !! of X, see `log_rates`
+    real(dp), allocatable :: x_v(:)      !! derivatives of X, see `log_rates`
     real(dp), allocatable :: x_y(:)
-    real(dp), allocatable :: by_t(:)     !! of v by time
-    logical :: factored                  !! the next two are those of the equations of `turn`, at slopes nearby
+    real(dp), allocatable :: by_t(:)     !! derivative of v by time
+    logical :: factored                  !! the next two hold factors of the equations of `turn`, at nearby slopes
     real(dp), allocatable :: lu(:, :)
     integer, allocatable :: pivot(:)
   end type slopes_t
@@ -146,9 +150,9 @@ module pyfric_slow_slip
 
 contains
 
-  !> Rates of u and y, and their derivatives at the same load and p. Without an end of turns v is huge.
+  !> Rates of u and y, and their derivatives at fixed load and p. If turns do not converge, v is huge.
   !>
-  !> Inertia acts to first order: accelerations are those without it, and make loads.
+  !> Inertia acts to first order: its loads follow from accelerations without inertia.
   pure subroutine rates_at(s, t, q, f, slopes, p, inertia)
     type(condensed_t), intent(in) :: s
     real(dp), intent(in) :: t                 !! [s]
@@ -176,7 +180,7 @@ contains
     end do
   end subroutine rates_at
 
-  !> The same under a load and normal force without viscosity.
+  !> Rates of u and y, and their derivatives, from load and normal force without viscosity.
   pure subroutine rates_under(s, t, q, load_0, p_0, f, slopes, p)
     type(condensed_t), intent(in) :: s
     real(dp), intent(in) :: t                 !! [s]
@@ -210,7 +214,7 @@ contains
     call damp(s, slopes, slopes%by_t)
   end subroutine rates_under
 
-  !> What viscosity takes from changes of v: (by_load load_v + by_p p_v) x.
+  !> Change of v by viscosity, (by_load load_v + by_p p_v) x, due to a change x of v.
   pure function resisted(s, slopes, x) result(y)
     type(condensed_t), intent(in) :: s
     type(slopes_t), intent(in) :: slopes
@@ -221,7 +225,7 @@ contains
     if (s%viscous) y = slopes%by_load*applied(s%nx, s%load_v, x) + slopes%by_p*applied(s%nx, s%p_v, x)
   end function resisted
 
-  !> Changes x of v with viscosity from those without: x = free + `resisted` x, by turns.
+  !> Changes x of v with viscosity, by turns, from changes without viscosity: x = free + `resisted` x.
   pure subroutine damp(s, slopes, x)
     type(condensed_t), intent(in) :: s
     type(slopes_t), intent(inout) :: slopes
@@ -239,12 +243,12 @@ contains
     end do
   end subroutine damp
 
-  !> The change of v or its rate in the next turn, from that which is still left. If turns are slow it follows from linear
-  !> equations, whose factors serve until turns are slow again.
+  !> The change of v, or of its rate, in the next turn, from the remaining change. If turns converge slowly, the change follows
+  !> from linear equations. Their factors are kept until turns are slow again.
   pure subroutine turn(s, slopes, before, change)
     type(condensed_t), intent(in) :: s
     type(slopes_t), intent(inout) :: slopes
-    real(dp), intent(inout) :: before          !! largest change that was left at the last turn
+    real(dp), intent(inout) :: before          !! largest remaining change at the last turn
     real(dp), intent(inout) :: change(s%nx)    !! [m/s] or its rates
     real(dp) :: largest
     integer :: i
@@ -275,7 +279,7 @@ contains
     acceleration = acceleration + slopes%by_t
   end subroutine accelerate
 
-  !> Whether inertia, speeds and contacts allow that a phase goes on.
+  !> Whether inertia, speeds and contacts are within the limits of a phase.
   pure subroutine look(s, limits, t, q, slopes, within)
     type(condensed_t), intent(in) :: s
     type(limits_t), intent(in) :: limits
@@ -352,7 +356,8 @@ contains
     s%viscous = any(abs(load_v) > 0.0_dp) .or. any(abs(p_v) > 0.0_dp)
   end function new_condensed
 
-  !> y of a law with a rate of stress, from ln(theta) and velocities; where these are not numbers, those that balance the loads.
+  !> y of a law with a rate of stress, from ln(theta) and velocities. Velocities that are NaN are replaced by those that balance
+  !> the loads.
   pure subroutine begin_phase(s, w, v, q)
     type(condensed_t), intent(inout) :: s
     type(work_t), intent(inout) :: w
@@ -371,7 +376,7 @@ contains
     call add_stress(s%law%rate_state, s%nx, v, x, q(:, Y))
   end subroutine begin_phase
 
-  !> Velocities [m/s] and accelerations [m/s2] at the end of a phase and at points; y becomes ln(theta).
+  !> Velocities [m/s] and accelerations [m/s2] at the end of a phase and at points. y becomes ln(theta).
   pure subroutine end_phase(s, t, w, q, v, acceleration)
     type(condensed_t), intent(in) :: s
     real(dp), intent(in) :: t                 !! [s]
@@ -399,7 +404,7 @@ contains
     if (present(acceleration)) call accelerate(s, f, w%others, acceleration)
   end subroutine velocities
 
-  !> The matrix of a step, decomposed: that for the increments of u, after those of y are eliminated.
+  !> The decomposed matrix of a step, for increments of u, with increments of y eliminated.
   pure subroutine prepare(s, inverse, slopes, lu, pivot)
     type(condensed_t), intent(in) :: s
     real(dp), intent(in) :: inverse             !! 1/(gamma h) [1/s]
@@ -433,7 +438,7 @@ contains
     k(:, Y) = rest + slopes%x_v*inverse/(inverse - slopes%x_y)*k(:, U)
   end subroutine increments
 
-  !> One step: the state at its end, polynomials inside it, and its error over the one allowed.
+  !> One step: the state at its end, polynomials inside the step, and the error over the allowed error.
   pure subroutine step(s, limits, t, h, q, w, error)
     type(condensed_t), intent(in) :: s
     type(limits_t), intent(in) :: limits
@@ -471,7 +476,7 @@ contains
     error = over_allowed(s, limits, q, w%q_new, w%k(:, :, STAGES))
   end subroutine step
 
-  !> The state at a stage, from the one before and the increments of earlier stages.
+  !> The state at a stage, from the state before the step and the increments of earlier stages.
   pure subroutine stage_state(nx, i, q, k, q_stage)
     integer, intent(in) :: nx
     integer, intent(in) :: i                       !! stage
@@ -490,7 +495,7 @@ contains
     end do
   end subroutine stage_state
 
-  !> Root mean square of errors over the allowed ones.
+  !> Root mean square of errors over allowed errors.
   pure function over_allowed(s, limits, q, q_new, errors) result(error)
     type(condensed_t), intent(in) :: s
     type(limits_t), intent(in) :: limits
@@ -524,10 +529,10 @@ contains
     at_share = other*q + share*(q_new + other*(poly(:, :, 1) + share*(poly(:, :, 2) + share*poly(:, :, 3))))
   end function inside_step
 
-  !> The next step after one of length h with this error.
+  !> Length of the next step, after a step of length h with this error.
   pure function next_length(h, error) result(next)
     real(dp), intent(in) :: h              !! [s]
-    real(dp), intent(in) :: error          !! over the one allowed
+    real(dp), intent(in) :: error          !! over the allowed error
     real(dp) :: next, change(1)
 
     change = min(max(error, 1e-10_dp), 1e10_dp)
@@ -537,7 +542,7 @@ contains
     next = h*min(max(SAFE*change(1), SHORTER), LONGER)
   end function next_length
 
-  !> Makes steps until a limit is reached or passages have no more room, and fills points and passages.
+  !> Makes steps until a limit is reached or there is no room for more passages. Fills points and passages.
   pure subroutine advance_phase(s, limits, n_points, times, w, phase, points, passages, status)
     type(condensed_t), intent(in) :: s
     type(limits_t), intent(in) :: limits
@@ -642,7 +647,7 @@ contains
     if (phase%steps <= size(passages%sums, 2)) passages%sums(:, phase%steps) = [phase%t + share*h, abs(total)]
   end subroutine find_passages
 
-  !> The share of a step at which a block has this speed: regula falsi, with the end that stays weighted less each time.
+  !> The share of a step at which a block has this speed, by regula falsi; an end that stays loses weight each time.
   pure subroutine pass(s, phase, h, share, i, threshold, speeds, w, at)
     type(condensed_t), intent(in) :: s
     type(phase_t), intent(in) :: phase         !! at the beginning of the step
@@ -689,7 +694,7 @@ contains
     end do
   end function normal_force
 
-  !> Takes over a share of a step: points up to there, the last time on the grid, and the state.
+  !> Stores a share of a step: points in it, the last time on the grid, and the state at its end.
   pure subroutine take(nx, limits, h, share, q_new, poly, at_end, phase, n_points, times, points)
     integer, intent(in) :: nx
     type(limits_t), intent(in) :: limits

@@ -1,4 +1,4 @@
-!> Codes that leave the core. The same list, with its messages, is pyfric.core.Status.
+!> Status codes of the core, as in pyfric.core.Status.
 module pyfric_status
   use pyfric_kinds, only: ip
   implicit none (type, external)
@@ -8,13 +8,13 @@ module pyfric_status
 
   integer(ip), parameter :: DONE = 0       !! all steps were made
   integer(ip), parameter :: LOG_FULL = 1   !! stopped early: the log has no room for one more step
-  integer(ip), parameter :: ENDLESS = 2    !! stopped inside a step: contacts switch too often in it
-  integer(ip), parameter :: TOO_SHORT = 3  !! stopped inside a step: its error stays too large
-  integer(ip), parameter :: NO_MEMORY = 4  !! nothing was done: its memory could not be allocated
+  integer(ip), parameter :: ENDLESS = 2    !! stopped inside a step: contacts switch too often in this step
+  integer(ip), parameter :: TOO_SHORT = 3  !! stopped inside a step: the error of this step stays too large
+  integer(ip), parameter :: NO_MEMORY = 4  !! nothing was done: memory could not be allocated
   integer(ip), parameter :: STRAINED = 5   !! stopped early, after a step: a cell may be turned inside out
   integer(ip), parameter :: UNKNOWN_LAW = 13 !! nothing was done: the friction law is not known
-  !> Of sequences of static states, which have DONE, LOG_FULL and NO_MEMORY, too.
-  integer(ip), parameter :: PAUSED = 6       !! stopped early: as many changes as asked for
+  !> Codes of sequences of static states, which also have DONE, LOG_FULL and NO_MEMORY.
+  integer(ip), parameter :: PAUSED = 6       !! stopped early: the number of changes asked for was made
   integer(ip), parameter :: UNSETTLED = 7    !! contact states do not settle
   integer(ip), parameter :: IDLE = 8         !! slip goes on without end, in events of no length
   integer(ip), parameter :: GROWS = 9        !! the growth of the slipping zone does not end

@@ -1,4 +1,4 @@
-!> Many steps, with contact states switched between or inside them, on one or more threads.
+!> Many steps on one or more threads, with contact states switched at the end of steps or inside them.
 module pyfric_stepping
   use, intrinsic :: iso_c_binding, only: c_int64_t
   use pyfric_kinds, only: dp, ip
@@ -23,7 +23,7 @@ module pyfric_stepping
   type :: method_t
     type(table_t) :: table       !! the stepper
     logical :: located           !! locate switches inside the step; otherwise they occur at its end
-    real(dp) :: rtol             !! adaptive: error of a sub-step over that of F_N/N_x on the stiffest spring
+    real(dp) :: rtol             !! adaptive: error of a sub-step, over the effect of F_N/N_x on the stiffest spring
     real(dp) :: t0               !! time of step 0 [s]
     real(dp) :: dt               !! step [s]
     integer :: n_steps           !! steps to make
@@ -31,11 +31,11 @@ module pyfric_stepping
     logical :: keep_budget       !! whether to integrate work and dissipation
   end type method_t
 
-  !> Progress of the steps; shared by all threads, changed only by the first thread between steps.
+  !> Progress of the steps. All threads share it. Only the first thread changes it, between steps.
   type :: run_t
     real(dp) :: step                     !! steps made since step 0
     real(dp) :: sub                      !! length of the step or sub-step; adaptive: the longest that the error allows [s]
-    real(dp) :: t = 0.0_dp               !! start of the step; after a failure, its time [s]
+    real(dp) :: t = 0.0_dp               !! start of the step; after a failure, time of the failure [s]
     real(dp) :: tried = 0.0_dp           !! steps and sub-steps computed; a rejected one counts by the share of rows computed
     real(dp) :: tested_share = 1.0_dp    !! share of the rows of a step that are computed before its test
     integer :: block = 0                 !! block of a failure, counted from 1
@@ -43,8 +43,8 @@ module pyfric_stepping
     real(dp) :: end_step = 0.0_dp        !! step at which to end
     logical :: goes_on = .false.         !! make one more step
     logical :: no_substeps = .false.     !! steps are made in one piece
-    logical :: bottom_first = .false.    !! compute the bottom rows of a sub-step first, the others if it is accepted
-    integer :: current = 1               !! which of the two states is the present one
+    logical :: bottom_first = .false.    !! compute the bottom rows of a sub-step first, the others only if it is accepted
+    integer :: current = 1               !! number of the present state, 1 or 2
     real(dp), allocatable :: err(:, :)   !! errors of u [m] and v [m/s] in each thread's rows
     real(dp) :: error = 0.0_dp           !! largest error over the allowed one
     real(dp) :: allowed(2) = 0.0_dp      !! allowed errors of u [m] and v [m/s]
@@ -54,7 +54,7 @@ module pyfric_stepping
 
 contains
 
-  !> Makes steps from step number `step` on; stops early if the log could overflow or a step cannot be made.
+  !> Makes steps from step number `step` on. Stops early if the log could overflow or a step fails.
   subroutine advance_steps(s, method, run, y, rod, contact, budget, log)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method
@@ -70,7 +70,7 @@ contains
     complete = .true.
     call reserve(s, 8*s%nz, 1, states, complete)
     call reserve(s, 4*s%nz, 1, stage, complete)
-    call reserve(s, 2*MAX_STAGES*s%nz, 1, forces, complete)  ! memory that a stepper does not touch costs nothing
+    call reserve(s, 2*MAX_STAGES*s%nz, 1, forces, complete)  ! untouched memory costs nothing
     call reserve(s, COLUMNS, method%n_threads, work, complete)
     if (.not. complete) run%status = NO_MEMORY
     if (.not. complete) return
@@ -84,7 +84,7 @@ contains
     if (run%status /= NO_MEMORY .and. .not. run%no_substeps) run%sub = run%control%longest
   end subroutine advance_steps
 
-  !> The same with rows of bounds LB:n+LANES. Each step reads one of two states and writes the other.
+  !> Makes the steps with rows of bounds LB:n+LANES. Each step reads one of two states and writes the other.
   subroutine steps(s, method, run, narrow_y, y, stage, forces, n_work, work, rod, contact, budget, log)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method
@@ -155,7 +155,7 @@ contains
     run%goes_on = run%step < run%end_step .and. log_has_room(s, method, log)
   end subroutine prepare
 
-  !> Makes the steps of the rows that one thread owns; the first thread also switches the contacts.
+  !> Makes the steps of the rows that one thread owns. The first thread also switches the contacts.
   subroutine thread_steps(s, method, run, y, stage, forces, n_work, work, w, rods, contact, budget, log)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method
@@ -248,14 +248,14 @@ contains
     end if
   end subroutine advance_rows
 
-  !> Whether the sub-step from old to new is accepted; its bottom rows decide.
+  !> Whether the sub-step from old to new is accepted, by its bottom rows.
   subroutine test_step(s, method, run, old, new, work, contact)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method
     type(run_t), intent(inout) :: run
     real(dp), intent(in) :: old(LB:s%n + LANES, 4, s%nz)       !! state at the start
     real(dp), intent(in) :: new(LB:s%n + LANES, 4, s%nz)       !! state at the end
-    real(dp), intent(in) :: work(LB:s%n + LANES, COLUMNS)      !! of the thread that made its bottom rows
+    real(dp), intent(in) :: work(LB:s%n + LANES, COLUMNS)      !! work space of the thread that made its bottom rows
     type(contact_t), intent(in) :: contact
 
     if (run%no_substeps) return
@@ -264,7 +264,7 @@ contains
                       run%bottom_row, run%control, run%status)
   end subroutine test_step
 
-  !> Finishes a step or sub-step: switches contacts and plans the next one.
+  !> Finishes a step or sub-step: switches contacts and plans the next step or sub-step.
   subroutine complete_step(s, method, run, new, rod, contact, budget, log)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method
@@ -314,8 +314,8 @@ contains
     run%goes_on = run%status == DONE .and. run%step < run%end_step .and. log_has_room(s, method, log)
   end subroutine complete_step
 
-  !> Whether a cell may be turned inside out. None is while the displacements of neighbours along x and z differ by less
-  !> than l/sqrt(2): the deformation gradient of each triangle of two bonds then differs from 1 by less than 1.
+  !> Whether a cell may be turned inside out. No cell is turned so if the displacements of neighbours along x and z
+  !> differ by less than l/sqrt(2). The deformation gradient of each triangle of two bonds then differs from 1 by less than 1.
   pure function may_fold(s, y) result(found)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)  !! state
@@ -347,7 +347,7 @@ contains
     end do
   end function large
 
-  !> Logs the blocks that passed the threshold of fast slip in a step, and the interface where fast slip begins or ends.
+  !> Logs the blocks that passed the threshold of fast slip in a step, and the interface when fast slip begins or ends.
   subroutine watch(s, method, run, y, rod, contact, budget, log)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method

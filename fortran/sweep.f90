@@ -1,10 +1,10 @@
 !> One step of a Runge-Kutta method in a single sweep over the rows.
 !>
-!> Of these methods each stage follows from the last one alone: u + c_s h v_(s-1), v + c_s h F_(s-1)/m.
-!> Stage s of a row needs only stage s - 1 of that row and its neighbours. Therefore the stages follow each other up
-!> the lattice, one row apart, and their data are still in the cache for any size of the lattice. A thread owns rows
-!> j0..j1. In the rows next to them it repeats the few earlier stages that it needs. Nothing is shared during a step,
-!> and every row sees the same operations for any number of threads.
+!> In these methods each stage depends only on the stage before: u + c_s h v_(s-1), v + c_s h F_(s-1)/m.
+!> Stage s of a row needs only stage s - 1 of this row and of its neighbours. Therefore the stages follow each other up
+!> the lattice, one row apart. In one front, each stage makes one row. Data are still in the cache for any size of the
+!> lattice. A thread owns rows j0..j1. In neighbouring rows it repeats the few earlier stages that it needs. Nothing is
+!> shared during a step. Every row sees the same operations for any number of threads.
 module pyfric_sweep
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
@@ -27,7 +27,7 @@ contains
     front = table%stages + 1
   end function bottom_front
 
-  !> Rows of stages that are computed up to that front.
+  !> Number of rows of stages that are computed up to `bottom_front`.
   pure integer function bottom_rows(table) result(rows)
     type(table_t), intent(in) :: table
 
@@ -116,13 +116,13 @@ contains
     type(table_t), intent(in) :: table
     integer, intent(in) :: stage
     real(dp), intent(in) :: sub                          !! length of the step or sub-step [s]
-    integer, intent(in) :: slot                          !! where q keeps the row
+    integer, intent(in) :: slot                          !! index of the row in q
     real(dp), intent(in) :: y(LB:s%n + LANES, 4)         !! the row at the start
-    real(dp), intent(in) :: row(LB:s%n + LANES, 4)       !! at this stage
-    real(dp), intent(in) :: fx(LB:s%n + LANES)           !! its forces [N]
-    real(dp), intent(in) :: fz(LB:s%n + LANES)           !! its forces [N]
+    real(dp), intent(in) :: row(LB:s%n + LANES, 4)       !! the row at this stage
+    real(dp), intent(in) :: fx(LB:s%n + LANES)           !! forces on the row [N]
+    real(dp), intent(in) :: fz(LB:s%n + LANES)           !! forces on the row [N]
     real(dp), intent(inout) :: q(LB:s%n + LANES, 4, 0:table%stages, 2:table%stages)  !! rows of the stages
-    real(dp), intent(inout) :: y_new(LB:s%n + LANES, 4)  !! at the end
+    real(dp), intent(inout) :: y_new(LB:s%n + LANES, 4)  !! the row at the end
 
     if (stage < table%stages) then
       call to_stage(s%n, table%c(stage + 1)*sub, s%m, y, row(LB, VX), fx, fz, q(LB, 1, slot, stage + 1))
@@ -138,7 +138,7 @@ contains
     call close_state(s, y_new)
   end subroutine next_row
 
-  !> The same for the rod, which carries the top row.
+  !> Computes the rod, which carries the top row, at the next stage, or at the end of the step.
   pure subroutine next_rod(s, table, t, stage, sub, fx, fz, rods, rod_sum)
     type(model_t), intent(in) :: s
     type(table_t), intent(in) :: table
@@ -253,19 +253,19 @@ contains
     end do
   end subroutine to_end_of_six
 
-  !> The two bottom rows at a share of a step that a sweep has brought past them. In linear motion this is a step of
-  !> that length: with alpha_sj = c_s c_(s-1) ... c_(s-j+1), its weights b(theta) fulfil
+  !> The two bottom rows at a share theta of a step whose sweep has passed them. In linear motion the result is that of a
+  !> step of this length. With alpha_sj = c_s c_(s-1) ... c_(s-j+1), the weights b(theta) fulfil
   !>
   !>     sum_s b_s(theta) alpha_sj = theta^(j+1) sum_s b_s alpha_sj ,   j = 0 ... stages - 1 .
   pure subroutine share_of_step(s, table, sub, theta, y, y_new, q, rows)
     type(model_t), intent(in) :: s
     type(table_t), intent(in) :: table
     real(dp), intent(in) :: sub                                 !! length of the step or sub-step [s]
-    real(dp), intent(in) :: theta                               !! share of it
-    real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)          !! state at its start
-    real(dp), intent(in) :: y_new(LB:s%n + LANES, 4, s%nz)      !! state at its end
+    real(dp), intent(in) :: theta                               !! share of the step
+    real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)          !! state at the start
+    real(dp), intent(in) :: y_new(LB:s%n + LANES, 4, s%nz)      !! state at the end
     real(dp), intent(in) :: q(LB:s%n + LANES, 4, 0:table%stages, 2:table%stages)  !! rows of the stages
-    real(dp), intent(out) :: rows(LB:s%n + LANES, 4, 2)         !! the bottom rows there
+    real(dp), intent(out) :: rows(LB:s%n + LANES, 4, 2)         !! the bottom rows at this share
     real(dp) :: b(MAX_STAGES), last
     integer :: j, stage, d
 
@@ -286,7 +286,7 @@ contains
     end do
   end subroutine share_of_step
 
-  !> The weights of `share_of_step`: the last one first, because alpha is a triangle.
+  !> The weights of `share_of_step`. The last is found first, because alpha is triangular.
   pure function share_weights(table, theta) result(b)
     type(table_t), intent(in) :: table
     real(dp), intent(in) :: theta

@@ -8,11 +8,12 @@
 !> for the other threads between stages. Every row sees the same operations for any number of threads.
 !>
 !> An implicit-explicit table has one more stage, at which the step ends. Its second part is for the friction R of blocks
-!> that never rest and for their state variable x, dx/dt = X:
+!> that never rest, and for their state variable x with dx/dt = X. It adds
 !>
-!>     u_i: + h^2 sum_j dbar_ij R_j/m ,   v_i: + h sum_j d_ij R_j/m ,   x_i = x + h sum_j s_ij X_j ,   d = s - a, dbar = a d
+!>     u_i: + h^2 sum_j dbar_ij R_j/m ,   v_i: + h sum_j d_ij R_j/m ,   x_i = x + h sum_j s_ij X_j ,   d = s - a, dbar = a d .
 !>
-!> with the same d_ii = s_ii in all stages after the first, where v_i and x_i are solved for (pyfric_rate_state).
+!> All stages after the first have the same d_ii = s_ii. In these stages, v_i and x_i are roots of equations
+!> (pyfric_rate_state).
 module pyfric_table_stepper
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
@@ -31,8 +32,8 @@ module pyfric_table_stepper
     real(dp) :: c(MAX_STAGES) = 0.0_dp
     real(dp) :: b(MAX_STAGES) = 0.0_dp
     real(dp) :: bbar(MAX_STAGES) = 0.0_dp
-    real(dp) :: e(MAX_STAGES) = 0.0_dp     !! b minus that of the embedded method
-    real(dp) :: ebar(MAX_STAGES) = 0.0_dp  !! bbar minus that of the embedded method
+    real(dp) :: e(MAX_STAGES) = 0.0_dp     !! b minus b of the embedded method
+    real(dp) :: ebar(MAX_STAGES) = 0.0_dp  !! bbar minus bbar of the embedded method
     real(dp) :: a(MAX_STAGES, MAX_STAGES) = 0.0_dp
     real(dp) :: abar(MAX_STAGES, MAX_STAGES) = 0.0_dp
     logical :: implicit = .false.          !! the last stage is the end of the step
@@ -43,7 +44,7 @@ module pyfric_table_stepper
 
 contains
 
-  !> The table from the columns that Python passes: c, b and, if it is not swept, bbar, e, ebar, a, abar; of an implicit one
+  !> The table from the columns that Python passes: c, b; if it is not swept, also bbar, e, ebar, a, abar; if it is implicit,
   !> also d, dbar, s.
   pure function new_table(stages, columns) result(table)
     integer, intent(in) :: stages                !! at most MAX_STAGES
@@ -67,7 +68,7 @@ contains
     table%s(:stages, :stages) = columns(:, 6 + 4*stages:)
   end function new_table
 
-  !> Computes rows j0..j1 of the state one step later, and their part of the error, at fixed contact states.
+  !> Computes rows j0..j1 of the state one step later, and the error in these rows, at fixed contact states.
   subroutine table_step(s, table, t, sub, j0, j1, keep_budget, mode, memory, y, rod, y_new, rod_new, budget, f, q, work, w, err)
     type(model_t), intent(in) :: s
     type(table_t), intent(in) :: table
@@ -75,7 +76,7 @@ contains
     real(dp), intent(in) :: sub                       !! length of the step or sub-step [s]
     integer, intent(in) :: j0                         !! first row of this thread
     integer, intent(in) :: j1                         !! last row of this thread
-    logical, intent(in) :: keep_budget                !! integrate works and dissipations too
+    logical, intent(in) :: keep_budget                !! also integrate works and dissipations
     integer(ip), intent(in) :: mode(s%nx)             !! contact states
     real(dp), intent(in) :: memory(s%law%n_memory, s%nx)      !! see pyfric_law
     real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)          !! state at the start
@@ -137,7 +138,7 @@ contains
 
   contains
 
-    !> Forces and powers of a stage, on rows j0..j1. In finite geometry the row below starts the carry.
+    !> Forces and powers of a stage, on rows j0..j1. In finite geometry, row j0 - 1 is evaluated first, for its forces on row j0.
     subroutine sweep(t_stage, y_stage, memory_stage)
       real(dp), intent(in) :: t_stage                    !! time [s]
       real(dp), intent(in) :: y_stage(LB:s%n + LANES, 4, s%nz) !! the stage
@@ -166,18 +167,18 @@ contains
     end subroutine sweep
   end subroutine table_step
 
-  !> The bottom row at an implicit stage: the part of the table for friction is added, and velocities are solved for.
+  !> The bottom row at an implicit stage. Adds the part of the table for friction, and solves for velocities.
   pure subroutine implicit_row(s, table, stage, sub, shares, v, x, friction, rate, q, memory)
     type(model_t), intent(in) :: s
     type(table_t), intent(in) :: table
     integer, intent(in) :: stage
     real(dp), intent(in) :: sub                        !! length of the step [s]
-    real(dp), intent(in) :: shares(s%nx)               !! of whole blocks, in the row
+    real(dp), intent(in) :: shares(s%nx)               !! shares of whole blocks in the row
     real(dp), intent(in) :: v(s%nx)                    !! velocities at the start [m/s]
     real(dp), intent(in) :: x(s%nx)                    !! state variables at the start, see pyfric_rate_state
     real(dp), intent(in) :: friction(s%nx, MAX_STAGES) !! R of the stages before, over the shares of whole blocks [N]
-    real(dp), intent(inout) :: rate(s%nx, MAX_STAGES)  !! X of the stages before; this one is added
-    real(dp), intent(inout) :: q(LB:s%n + LANES, 4)    !! the row by the explicit part alone
+    real(dp), intent(inout) :: rate(s%nx, MAX_STAGES)  !! X of the stages before; X of this stage is added
+    real(dp), intent(inout) :: q(LB:s%n + LANES, 4)    !! the row by the explicit part alone; then with friction
     real(dp), intent(inout) :: memory(s%law%n_memory, s%nx) !! theta is set [s]
     real(dp) :: p(s%nx), m(s%nx), v_0(s%nx), x_0(s%nx), theta(s%nx)
     integer :: i, k
@@ -199,7 +200,7 @@ contains
     call close_state(s, q)
   end subroutine implicit_row
 
-  !> Row j at a stage or at the end, from the first n stages; the top row by the rod.
+  !> Row j at a stage or at the end of the step, from the first n stages. The rod sets the top row.
   pure subroutine stage_row(s, elapsed, sub, weight_u, weight_v, n, j, y, rod, f, rod_a, to, rod_to)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: elapsed                    !! time of the stage from the start of the step [s]
@@ -230,7 +231,7 @@ contains
     end if
   end subroutine stage_row
 
-  !> Largest difference from the embedded method in rows j0..j1; tilt counts by the displacement of the ends of the slider.
+  !> Largest difference from the embedded method in rows j0..j1. Tilt counts as displacement of the ends of the slider.
   pure function row_errors(s, table, sub, j0, j1, f, rod_a) result(err)
     type(model_t), intent(in) :: s
     type(table_t), intent(in) :: table

@@ -1,4 +1,4 @@
-!> Work space of steps: rows with bounds LB:n+LANES, with the first block aligned to a whole vector.
+!> Work space of steps: rows with bounds LB:n+LANES, whose first block is aligned to a whole vector.
 module pyfric_workspace
   use, intrinsic :: iso_c_binding, only: c_loc, c_intptr_t
   use pyfric_kinds, only: dp
@@ -10,11 +10,11 @@ module pyfric_workspace
   public :: reserve, aligned, widen, narrow
   public :: MAX_STAGES, RINGS, FX, FZ, CARRY, BONDS, COLUMNS
 
-  integer, parameter :: MAX_STAGES = 6  !! of a stepper
-  !> Columns of a thread's rows work(LB:n+LANES, COLUMNS). Of each stage after the first a sweep keeps one row more than
-  !> there are stages: row j is last needed by the last stage of row j, and the two bottom rows until switches are
-  !> located. In finite geometry: forces that go up a row, two for each stage, and forces of bonds [N]. Forces on a row
-  !> [N].
+  integer, parameter :: MAX_STAGES = 6  !! largest number of stages of a stepper
+  !> Columns of a thread's rows work(LB:n+LANES, COLUMNS). A sweep keeps rows of each stage after the first, one row more
+  !> than there are stages. Row j is last needed by the last stage of row j. The two bottom rows are needed until switches
+  !> are located. In finite geometry there are also forces carried up a row, two for each stage, and forces of bonds [N].
+  !> The last columns are forces on a row [N].
   integer, parameter :: RINGS = 1, CARRY = RINGS + 4*(MAX_STAGES + 1)*(MAX_STAGES - 1), BONDS = CARRY + 2*MAX_STAGES, &
     FX = BONDS + 2*N_BOND, FZ = FX + 1, COLUMNS = FZ
 
@@ -33,7 +33,7 @@ contains
     complete = complete .and. failed == 0
   end subroutine reserve
 
-  !> Index of the first element of a that lies on a vector of LANES.
+  !> Index of the first element of a that is aligned to a vector of LANES.
   function aligned(a) result(at)
     real(dp), intent(in), target :: a(:)
     integer :: at

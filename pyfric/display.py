@@ -1,6 +1,6 @@
-"""How objects of all rooms show themselves in notebooks and as pages, and bars of progress.
+"""Display of objects in notebooks and as pages, and progress bars.
 
-What draws them, `pyfric.figures`, stands above them. It is imported when something is drawn.
+`pyfric.figures` draws the objects. It is imported at the first drawing.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ figures: Any = None
 
 
 def drawing(shown: Any, *given: Any, **named: Any) -> Any:
-    """Return the figure of an object, None for what has no drawing; other arguments are refused."""
+    """Return the figure of an object, None if it has no drawing; other arguments are refused."""
     return figures().drawing(shown, *given, **named)
 
 
 def html(shown: Any) -> str:
-    """Return the text of an object as HTML, below its drawing where there is one."""
+    """Return an object as HTML: its drawing if there is one, and its text below."""
     text = f'<pre style="white-space: pre-wrap">{markup.escape(str(shown))}</pre>'
     figure = drawing(shown)
     if figure is None:
@@ -41,7 +41,7 @@ def html(shown: Any) -> str:
 
 
 class Shown:
-    """A result: in a notebook it is its text below its picture."""
+    """A result that a notebook shows as a picture, with its text below."""
 
     def plot(self, *given: Any, **named: Any) -> Any:
         """Return the picture, a figure that `pyfric.figures.save_figure` writes.
@@ -60,9 +60,9 @@ def page(record: Any) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Return a value as JSON can hold it, in full precision; None for a number that is not finite.
+    """Return a value for JSON, in full precision; numbers that are not finite become None.
 
-    Dicts and lists are converted with all that they hold, scalars of NumPy to those of Python.
+    Dicts and lists are converted recursively. Scalars of NumPy become scalars of Python.
     """
     if isinstance(value, dict):
         return {str(key): plain(inner) for key, inner in value.items()}
@@ -90,7 +90,7 @@ def _bar(
     first: str,
     **layout: Any,
 ) -> Iterator[Callable[..., None]]:
-    """Yield the function that shows progress: the caller's own, a bar on stderr, or nothing.
+    """Yield the function that shows progress: the caller's, a bar on stderr, or one without effect.
 
     `first` is the text of the bar before the first update.
     """
@@ -133,7 +133,7 @@ def run_bar(
 def jobs_bar(
     progress: bool | Callable[[int, int], None] | None, total: int
 ) -> AbstractContextManager[Callable[[int, int], None]]:
-    """Yield the function that shows how many of several runs are done."""
+    """Yield the function that shows the number of finished runs."""
 
     def show(bar: tqdm, done: int, _: int) -> None:
         bar.update(done - bar.n)

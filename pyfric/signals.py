@@ -1,11 +1,11 @@
-"""Signals that ask to stop: a run ends with what it has, a file is written whole, all else stops.
+"""Ctrl-C and other signals that ask to stop: runs return their records, files are written whole.
 
-A run closes its record and gives it back (`answered`); what the same script or cell asks for next
-raises KeyboardInterrupt (`raise_if_asked`). While a file is written Ctrl-C waits (`held_back`), and
-from the end of a run to the end of its save where both are in one block (`saved_first`).
-In a command all `SIGNALS` act as Ctrl-C does, those after the first are absorbed, and where a
-library keeps the interpreter waiting the process ends, unless it has something to save
-(`commanded`). Python hears signals in its main thread: in others nothing here does anything.
+A run that is interrupted returns its record (`answered`). The next run in the same script or cell
+raises KeyboardInterrupt (`raise_if_asked`). While a file is written, Ctrl-C waits (`held_back`). In
+a block of `saved_first`, it also waits between the end of a run and the end of its save. In a
+command, all `SIGNALS` act like Ctrl-C, and signals after the first are ignored. If a library blocks
+the interpreter, the process ends, unless data are being saved (`commanded`). Python handles signals
+only in its main thread, so these functions have no effect in other threads.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ SIGNALS = (
 )
 """Signals that ask a command to stop."""
 PATIENCE = 1.0
-"""Time that a command has to stop by itself, s."""
+"""Time within which a command has to stop by itself, s."""
 
 
 class _State(threading.local):
-    """What is under way in a thread, and what asked it to stop."""
+    """Blocks that are active in a thread, and the signal that asked it to stop."""
 
-    number = 0  # the first signal
-    answered = False  # by a run that ended with what it has
-    held = 0  # reasons for which signals wait
-    saving: int | None = None  # how many there were before a block that saves what its runs give
-    at_once = 0  # blocks in which runs do not answer
+    number = 0  # first signal, 0 for none
+    answered = False  # whether a run has ended because of the signal
+    held = 0  # number of active blocks in which signals wait
+    saving: int | None = None  # value of `held` at the start of a block of `saved_first`
+    at_once = 0  # number of active blocks of `at_once`
     command = False
     terminals: tuple[int, ...] = ()
-    script: FrameType | None = None  # the script or cell whose next call raises
+    script: FrameType | None = None  # script or cell whose next run raises KeyboardInterrupt
 
 
 _now = _State()
@@ -47,7 +47,7 @@ _now = _State()
 
 @contextmanager
 def answered() -> Iterator[Callable[[], bool]]:
-    """Give a function that says whether to stop: the block then ends by itself with what it has."""
+    """Yield a function that returns whether to stop; the block then ends with a partial result."""
     if _now.at_once:
         yield lambda: False
         _now.held += _now.saving is not None
@@ -87,7 +87,7 @@ def saved_first() -> Iterator[None]:
 
 
 def nothing_to_save() -> None:
-    """Let Ctrl-C act again, and at once if it was pressed: what just ended is of no use."""
+    """Let Ctrl-C act again, because the run has no result to save; raise if it was pressed."""
     if _now.saving is not None and _now.held > _now.saving:
         _now.held = _now.saving
         if _now.number:
@@ -96,7 +96,7 @@ def nothing_to_save() -> None:
 
 @contextmanager
 def at_once() -> Iterator[None]:
-    """Let Ctrl-C raise KeyboardInterrupt in all runs of the block: no part of them is of use."""
+    """Let Ctrl-C raise KeyboardInterrupt in all runs of the block, without partial results."""
     raise_if_asked()
     _now.at_once += 1
     try:
@@ -106,14 +106,14 @@ def at_once() -> Iterator[None]:
 
 
 def raise_if_asked() -> None:
-    """Raise KeyboardInterrupt if Ctrl-C ended a run that this script or cell called before."""
+    """Raise KeyboardInterrupt if Ctrl-C ended an earlier run of this script or cell."""
     script, _now.script = _now.script, None
     if script is not None and script is _script():
         raise KeyboardInterrupt
 
 
 def forget() -> None:
-    """Forget that Ctrl-C ended a run: the user goes on with it."""
+    """Forget that Ctrl-C ended a run, because the user continues the run."""
     _now.script = None
 
 
@@ -124,7 +124,7 @@ def asked_to_stop() -> int:
 
 @contextmanager
 def commanded() -> Iterator[None]:
-    """Let `SIGNALS` end a command, but no SIGHUP that nohup ignores."""
+    """Let `SIGNALS` end a command, except SIGHUP under nohup."""
     if _elsewhere():
         yield
         return
@@ -165,7 +165,7 @@ def _handle(number: int, frame: FrameType | None) -> None:
 
 @contextmanager
 def _listening() -> Iterator[None]:
-    """Hear Ctrl-C in the block; after it, answer what waited there and nobody answered."""
+    """Handle Ctrl-C in the block; after the block, raise a signal that waited without answer."""
     if _elsewhere():
         yield
         return
@@ -188,13 +188,13 @@ def _listening() -> Iterator[None]:
 
 
 def _swallowed(told: sys.UnraisableHookArgs) -> None:
-    """Show an exception that cannot be raised, unless it is a Ctrl-C, which ends the process."""
+    """Show an exception that cannot be raised, unless it is a KeyboardInterrupt."""
     if not issubclass(told.exc_type, KeyboardInterrupt):
         sys.__unraisablehook__(told)
 
 
 def _end_if_unheard(ear: socket.socket, ended: threading.Event, main: dict[str, int]) -> None:
-    """End the process when a signal was not heard for too long, and nothing is saved."""
+    """End the process if a signal had no effect for `PATIENCE` and nothing is being saved."""
     with ear:
         while (told := ear.recv(1)) and told[0] not in SIGNALS:
             pass
@@ -208,14 +208,14 @@ def _end_if_unheard(ear: socket.socket, ended: threading.Event, main: dict[str, 
 
 
 def _leave_terminal() -> None:
-    """Write nothing more to a terminal that is gone: that would fail."""
+    """Discard output to a terminal that is closed, where writing would fail."""
     for stream in _now.terminals:
         if not os.isatty(stream):
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
 
 
 def _script() -> FrameType | None:
-    """Return the frame of the script, cell or input that this call comes from."""
+    """Return the frame of the script, cell or input from which this call comes."""
     frame = sys._getframe()
     while frame is not None and frame.f_code.co_name != "<module>":
         frame = frame.f_back

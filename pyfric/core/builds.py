@@ -1,8 +1,8 @@
-"""Builds of the core: the installed ones, and the one in use.
+"""Builds of the core: installed builds, and the build in use.
 
 The same Fortran sources are built for several instruction sets. At import the best build that this
-processor can run is selected. The environment variable ``PYFRIC_VARIANT`` can name another one. All
-builds give the same bits.
+processor can run is selected. The environment variable ``PYFRIC_VARIANT`` can name another build.
+All builds give the same bits.
 """
 
 from __future__ import annotations
@@ -20,8 +20,9 @@ ENVIRONMENT = "PYFRIC_VARIANT"
 BLOCKS_PER_THREAD = 5_000
 """Smallest number of blocks per thread for which threads save time (`python studies threads`)."""
 SPINS = "1000"
-"""Number of checks at a barrier before a thread sleeps, about 40 us. The default of libgomp, 300
-000, wastes 13 ms if another thread waits for a processor: up to 9 times the work itself."""
+"""Number of checks at a barrier before a thread sleeps, about 40 us. With the default of libgomp,
+300 000, a thread wastes 13 ms if another thread waits for its processor. This is up to 9 times the
+work itself."""
 
 
 def variants() -> dict[str, bool]:
@@ -57,16 +58,16 @@ def load_variant(name: str) -> Any:
     if not known[name]:
         raise ImportError(f"{ENVIRONMENT} = {name!r}: this processor lacks its instructions")
     allowed = _allowed()
-    short = not {"OMP_WAIT_POLICY", "GOMP_SPINCOUNT"} & set(os.environ)  # unless the user set one
+    short = not {"OMP_WAIT_POLICY", "GOMP_SPINCOUNT"} & set(os.environ)  # none set by the user
     if short:
-        os.environ["GOMP_SPINCOUNT"] = SPINS  # libgomp reads it once, when it is loaded
+        os.environ["GOMP_SPINCOUNT"] = SPINS  # libgomp reads this once, when it is loaded
     try:
         return importlib.import_module(f"pyfric.core._core_{name}")
     finally:
         if short:
             del os.environ["GOMP_SPINCOUNT"]
-        # With OMP_PROC_BIND libgomp leaves this thread one processor when it is loaded, and every
-        # process that starts later, too: workers of sweeps would share it.
+        # With OMP_PROC_BIND, libgomp binds this thread to one processor when it is loaded. All
+        # processes that start later, such as workers of sweeps, would share this processor.
         if allowed and _allowed() != allowed:
             os.sched_setaffinity(0, allowed)
 
@@ -100,7 +101,7 @@ def build_info(name: str = VARIANT) -> dict[str, Any]:
 
 
 def lacks() -> list[str]:
-    """Return what the build could have and has not, one sentence each."""
+    """Return the features that this build lacks, in one sentence each."""
     said = []
     if not build_info()["openmp"]:
         said.append("built without OpenMP: every run takes one thread")
@@ -115,12 +116,12 @@ def processors() -> int:
 
 
 def _allowed() -> set[int]:
-    """Return the processors that this process may run on; empty where the system does not say."""
+    """Return the processors that this process may run on; empty if the system does not tell."""
     return os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set()
 
 
 class _Fork:
-    """Whether this process was made by fork, after which it waits for ever for its threads."""
+    """Whether this process was made by fork, after which threads of the core would hang."""
 
     child = False
 
@@ -134,22 +135,22 @@ if hasattr(os, "register_at_fork"):
 
 
 def forked() -> bool:
-    """Return whether this process was made by fork: then the core runs on one thread.
+    """Return whether this process was made by fork. The core then runs on one thread.
 
-    Threads that OpenMP started in the parent do not exist in the child, which would wait for them.
+    OpenMP in the child would wait for threads that exist only in the parent.
     """
     return _Fork.child
 
 
 def fork_notes(n_blocks: int) -> tuple[str, ...]:
-    """Return a note for a lattice of n_blocks that would run on more threads but for a fork."""
+    """Return a note if a lattice of n_blocks runs on one thread because of a fork."""
     if not (forked() and saving_threads(n_blocks) > 1):
         return ()
     return ("it ran on one thread, because fork made its process; spawn makes those with threads",)
 
 
 def saving_threads(n_blocks: int, threads: int | None = None) -> int:
-    """Return the number of threads that saves time, also where they cannot be used."""
+    """Return the number of threads that saves time, without regard to forks."""
     limit = processors() if threads is None else threads
     return max(1, min(limit, n_blocks // BLOCKS_PER_THREAD)) if build_info()["openmp"] else 1
 
@@ -165,7 +166,7 @@ def useful_threads(n_blocks: int, threads: int | None = None) -> int:
 
 
 def additions(n: int, variant: str = VARIANT) -> int:
-    """Make n additions to each of several sums in registers; return the total number."""
+    """Make n additions to each of several sums in registers; return the number of additions."""
     width, total = load_variant(variant).additions(n)
     assert total == n * width * (width + 1) // 2
     return n * width

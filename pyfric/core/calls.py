@@ -1,4 +1,4 @@
-"""Calls of the compiled core, with the checks on which it relies."""
+"""Calls of the compiled core, with checks of their arguments."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ENERGIES = (
 )
 """Energies in the order of the core. In a chain, "elastic_mattress" is the energy of k_top."""
 SLIP_FINISHED = 1
-"""Largest code of slip without inertia that no limit ended."""
+"""Largest code of slip without inertia that ended neither by a limit nor by an error."""
 JUNCTIONS = "elastic_junctions"
 """Name of the additional energy of junctions."""
 
@@ -54,12 +54,12 @@ def advance(
 
     Args:
         model: from `model`, for the scene of the state.
-        state: initial state; on return, the state at which the core stopped (`state.step` counts).
-        log: filled from its beginning. If it could overflow, the core stops early.
+        state: initial state; on return, the state at which the core stopped.
+        log: buffers, filled from their beginning. The core stops early if they could overflow.
         n_steps: number of steps to make, at least 0.
         stepper: one of `STEPPERS`.
-        switching: "step_end", or "located": contacts switch inside the step, at the zero of their
-            gap function, and the step continues from there.
+        switching: "step_end", or "located". With "located", contacts switch inside the step, at the
+            zero of a gap function, and the step continues from there.
         rtol: largest error of a sub-step, for "adaptive". Errors of displacements are over
             F_N/(N_x s), those of velocities over F_N/(N_x sqrt(s m)), with s the largest of k, k_f
             and k_top.
@@ -68,8 +68,8 @@ def advance(
         variant: build to use; results do not depend on it.
 
     Returns:
-        Why the call ended. After `ENDLESS` and `TOO_SHORT` the state lies inside a step, and a run
-        must not continue from it; `log.block` and `log.t` give the block and the time.
+        The reason why the call ended. After `ENDLESS` and `TOO_SHORT` the state is inside a step,
+        and no run may continue from it. `log.block` and `log.t` then give block and time.
 
     Raises:
         ValueError: arrays do not fit the model, or a number is out of range.
@@ -139,9 +139,11 @@ def advance(
 
 
 def _check_status(status: int, shape: tuple[int, ...]) -> None:
-    """Raise MemoryError without memory for work space, ValueError for a law not known to the core.
+    """Raise an error if the core had no memory, or does not know the law.
 
-    shape: (N_z, 4, N_x).
+    Args:
+        status: status of the core.
+        shape: (N_z, 4, N_x).
     """
     if status == Status.NO_MEMORY:
         raise MemoryError(f"the core has no memory for {shape[2]} x {shape[0]} blocks")
@@ -158,7 +160,7 @@ class Forces(NamedTuple):
         f: friction force on each bottom block in +x, shape (N_x,), in N.
         p: foundation force, shape (N_x,), in N.
         F_T: driver force, in N.
-        dissipated: power in the bonds that start in each row, shape (N_z,), in W.
+        dissipated: power dissipated in the bonds that start in each row, shape (N_z,), in W.
         heat: friction power of each bottom block, shape (N_x,), in W.
         work: powers of the driver and of the other external forces, shape (2,), in W.
     """
@@ -202,21 +204,20 @@ class SlowSlip(NamedTuple):
     """Slip without inertia up to a time on the grid of steps.
 
     Attributes:
-        t: that time since the beginning, in s.
+        t: end time since the beginning, in s.
         u: displacements since the beginning, shape (N_x,), in m.
         log_theta: ln of theta (s), shape (N_x,).
         v: velocities, shape (N_x,), in m/s.
         a: accelerations, shape (N_x,), in m/s^2.
-        points: the same at the times asked for, as far as they were reached: u, ln theta and v,
-            shape (n, 3, N_x).
+        points: u, ln theta and v at the times asked for that were reached, shape (n, 3, N_x).
         h: length of the next step, in s.
         steps: number of steps made.
-        goes_on: whether neither a limit nor an error ended it.
-        passed: block and what it then is, as in `fast` of `slow_slip`, of each passage through the
-            threshold, shape (m, 2), in order of time; some may be after t.
-        passed_at: time since the beginning, in s, normal force of the block, in N, and
-            displacements of all, in m, of each, shape (m, N_x + 2).
-        sums: time in s and |sum of velocities| in m/s at the ends of steps, shape (steps, 2); none
+        goes_on: whether slip ended neither by a limit nor by an error.
+        passed: passages through the threshold, shape (m, 2), in order of time: block, and its new
+            value as in `fast` of `slow_slip`. Some passages may be after t.
+        passed_at: for each passage, time since the beginning (s), normal force of the block (N),
+            and displacements of all blocks (m), shape (m, N_x + 2).
+        sums: time (s) and |sum of velocities| (m/s) at the ends of steps, shape (steps, 2); empty
             without a threshold.
     """
 
@@ -235,21 +236,21 @@ class SlowSlip(NamedTuple):
 
 
 class SlowLimits(NamedTuple):
-    """What ends slip without inertia, and its accuracy.
+    """Limits that end slip without inertia, and its accuracy.
 
     Attributes:
-        end: time since the beginning, in s; the last step is shortened to end there.
-        dt: grid of times, and shortest step, in s.
-        relative: error of a step over displacements and ln theta.
-        u: error of displacements in addition, in m.
-        log_theta: error of ln theta in addition.
-        inertia: largest sum of accelerations over the interface, in m/s^2.
+        end: end time since the beginning, in s. The last step is shortened to end there.
+        dt: spacing of the time grid, and shortest step, in s.
+        relative: relative error of a step, in displacements and ln theta.
+        u: additional absolute error of displacements, in m.
+        log_theta: additional absolute error of ln theta.
+        inertia: largest sum of loads by inertia over the interface, in N.
         speed: speed that no block may reach, in m/s.
-        least: length of a step, in s, below which steps are not worth their work. They end if they
-            are shorter and do not grow.
-        last: time at which the state is asked for, in s, on the grid. Steps end with the first that
-            reaches it, and none is shortened for it.
-        steps: most steps; with a threshold there is room for all of them.
+        least: slip ends if steps are shorter than this (s) and do not grow, because they save no
+            work.
+        last: time at which the state is wanted, in s, on the grid. The first step that reaches it
+            is the last, and is not shortened.
+        steps: largest number of steps.
     """
 
     end: float
@@ -285,26 +286,27 @@ def slow_slip(
 
     Args:
         model: from `model`, for a scene with rate-and-state friction.
-        load: load on each block along +x, in N: its value, its rate and the rate of that, shape
-            (N_x, 3), and its matrix over displacements, shape (N_x, N_x).
+        load: load on each block along +x, in N: its value, first and second time derivative, shape
+            (N_x, 3), and its derivatives by displacements, shape (N_x, N_x).
         p: the same for the normal force.
         log_theta: ln of theta (s) at the beginning, shape (N_x,).
-        limits: what ends it.
-        viscous: matrices of load and normal force over velocities, shapes (N_x, N_x), in N s/m;
+        limits: limits and accuracy.
+        viscous: derivatives of load and normal force by velocities, shapes (N_x, N_x), in N s/m;
             None means 0.
-        v: velocities at the beginning, shape (N_x,), in m/s, which count where the state evolves
-            with stress; None means those that balance the loads.
+        inertial: the same by accelerations, in kg; None means 0.
+        v: velocities at the beginning, shape (N_x,), in m/s, needed if the state evolves with
+            stress; None means velocities that balance the loads.
         closed: blocks in contact, shape (N_x,), bool; None means all.
         times: times of points, ascending, in s.
         h: length of the first step, in s; 0 means dt.
-        threshold: speed above which a block is fast, in m/s; 0: no passages are looked for. Slip
-            ends early, and may go on, where they have no more room.
+        threshold: speed above which a block is fast, in m/s; 0 means no threshold. Slip ends early,
+            and may go on, if there is no more room for passages.
         fast: +1 or -1 for blocks that are fast to the right or left at the beginning, 0 for others,
             shape (N_x,), int32; None means 0.
         variant: build to use; results do not depend on it.
 
     Raises:
-        ValueError: arrays do not fit the model, or it has another law.
+        ValueError: arrays do not fit the model, or the model has another law.
         MemoryError: there is no memory for the work space.
     """
     N_x = model.N_x
@@ -377,9 +379,9 @@ def bond_forces(scene: Scene, geometry: Geometry) -> Callable[[np.ndarray], np.n
 def curve_point(model: Model, state: State, t: float, budget: bool = True) -> np.ndarray:
     """Return a point of the loading curve at time t (s), shape (16,).
 
-    It has F_T (N), seven energies, the works of driver and load, what bonds, friction, switches and
-    the two parts of friction heat have dissipated, and the part of bonds that went into absorbing
-    walls (J). Without `budget` all but F_T are 0.
+    It has F_T (N), and in J: seven energies; the works of driver and load; heat of bonds, heat of
+    friction, loss by switches and two parts of the friction heat; and the part of the heat of bonds
+    that absorbing walls took. Without `budget` all numbers except F_T are 0.
 
     Raises:
         ValueError: arrays do not fit the model.
@@ -395,7 +397,7 @@ def curve_point(model: Model, state: State, t: float, budget: bool = True) -> np
 def energies(model: Model, state: State, t: float) -> dict[str, float]:
     """Return the energies of a state at time t (s), in J, by the names of `ENERGIES`.
 
-    On junctions there is one more energy, "elastic_junctions".
+    On junctions there is the additional energy "elastic_junctions".
 
     Raises:
         ValueError: arrays do not fit the model.

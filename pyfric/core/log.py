@@ -9,15 +9,15 @@ import numpy as np
 
 Switching = Literal["step_end", "located"]
 POINTS = 512
-"""Room for points of the loading curve: so many that calls take little of the time."""
+"""Room for points of the loading curve, large enough that calls take little of the time."""
 POINT = 16
-"""Numbers of a point of the loading curve: see `pyfric.core.curve_point`."""
+"""Numbers in a point of the loading curve; see `pyfric.core.curve_point`."""
 
 
 def room_of_step(N_x: int, switching: Switching) -> tuple[int, int]:
-    """Return the largest numbers of switches and of starts and ends of slip in one step.
+    """Return the largest numbers of switches, and of starts and ends of slip, in one step.
 
-    They are those of pyfric_location.
+    They are the same as in pyfric_location.
     """
     return (8 * N_x + 200, 64) if switching == "located" else (N_x, 1)
 
@@ -25,25 +25,25 @@ def room_of_step(N_x: int, switching: Switching) -> tuple[int, int]:
 class Log:
     """Buffers for switches, starts and ends of slip (see `pyfric.record.episodes`), and the curve.
 
-    With a threshold they also hold the passages of blocks through this speed, and the starts and
-    ends of fast slip, in the form of switches and of starts and ends of slip.
+    With a threshold, they also hold passages of blocks through this speed, in the form of switches,
+    and starts and ends of fast slip.
 
     Args:
         N_x: number of blocks along the interface.
         switches: room for switches; None means enough for many steps.
         quiet: room for starts and ends of slip.
-        every: number of steps between two points of the loading curve; 0: none is kept.
-        threshold: speed above which a block is fast, in m/s; 0: none is looked for.
+        every: number of steps between two points of the loading curve; 0 means no points.
+        threshold: speed above which a block is fast, in m/s; 0 means no threshold.
 
     Attributes:
-        tried: number of steps and sub-steps that the last call computed. A step that RK4 rejected
-            counts by the share of the lattice that was computed.
+        tried: number of steps and sub-steps that the last call computed. A rejected step counts by
+            the share of the lattice that was computed.
         block: block at which the last call failed, counted from 0; -1 if it did not fail.
         t: time at which the last call failed, in s.
-        fast: +1 or -1 for blocks that are fast to the right or left, 0 for others, and 1 for those
-            that became fast with almost no contact force, shape (2, N_x), int32.
-        speeds: velocities of the blocks at the end of the last step, and the largest sum of them
-            since fast slip began, shape (N_x + 1,), in m/s.
+        fast: shape (2, N_x), int32. Row 0: +1 or -1 for blocks that are fast to the right or left,
+            0 for others. Row 1: 1 for blocks that became fast with almost no contact force.
+        speeds: velocities of the blocks at the end of the last step, and the largest |sum| of
+            velocities since fast slip began, shape (N_x + 1,), in m/s.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class Log:
         return of_all(i, r, r[2 + POINT : -1]) | {"sum_v": r[-1].copy()}
 
     def points_of(self, what: Literal["quiet", "bursts"]) -> np.ndarray:
-        """Return points as of the loading curve at the entries of a log, shape (16, n)."""
+        """Return points of the loading curve at the entries of a log, shape (16, n)."""
         quiet = what == "quiet"
         r, n = (self.quiet_r, self.n_quiet) if quiet else (self.burst_r, self.n_burst)
         return r[2 : 2 + POINT, :n].copy()

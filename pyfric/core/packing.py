@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 CORNER_SHARE = 0.02
 """Normal force, over F_N/N_x, below which a start of slip is a corner episode."""
 BEYOND = {"free": 0, "mirrored": 1, "absorbing": 2, "held": 3}
-"""Codes of the core for sides and top (pyfric_model)."""
+"""Codes of the core for conditions at the sides and the top (pyfric_model)."""
 
 
 class Counts(NamedTuple):
@@ -48,7 +48,7 @@ class Counts(NamedTuple):
 class Constants(NamedTuple):
     """Numbers that the core takes, in SI units, in the order of `constants_t` (pyfric_model).
 
-    That module describes each number and its unit.
+    pyfric_model describes each number and its unit.
     """
 
     l: float
@@ -79,8 +79,8 @@ OF_BLOCKS = (
     *("x", "load", "shear", "push", "push_rate", "k_f", "gap"),
     *("mu_s", "mu_k", "d_c", "alpha", "bare", "limit", "limit_rate"),
 )
-"""What a `Model` has for each block of the interface, in its order, with the fields of `Law`; other
-laws have their own."""
+"""Numbers that a `Model` has for each block of the interface, in order. The fields of friction are
+those of `Law`; other laws have their own."""
 
 
 class Model(NamedTuple):
@@ -88,11 +88,11 @@ class Model(NamedTuple):
 
     Attributes:
         counts: `Counts`, int32.
-        numbers: the following numbers, one after the other. `Constants`; u_drv0 of each driven
-            block minus their mean (m). With N_x numbers each, `OF_BLOCKS`: x (m), load (p if it is
-            prescribed) and shear (N), pushes on the bottom row at t_seg (N) and their rates (N/s),
-            k_f (N/m), gap (m), the fields of the friction law, of which limits of mu at t_seg and
-            their rates (1/s). Numbers of its own. x and y of each knot of its tables.
+        numbers: the following numbers, one after the other. `Constants`. u_drv0 of each driven
+            block minus their mean (m). `OF_BLOCKS`, N_x numbers each: x (m), load (p if prescribed)
+            and shear (N), pushes on the bottom row at t_seg (N) and their rates (N/s), k_f (N/m),
+            gap (m), and fields of the friction law, with limits of mu at t_seg and their rates
+            (1/s). Other numbers of the law. x and y of each knot of tables of the law.
     """
 
     counts: np.ndarray
@@ -115,7 +115,7 @@ class Model(NamedTuple):
 
     @property
     def flows(self) -> bool:
-        """Whether friction is that of a speed."""
+        """Whether the law is rate-and-state friction."""
         return bool(self.counts[Counts._fields.index("law")] == RateStateLaw.code)
 
     @property
@@ -162,11 +162,11 @@ def model(scene: Scene, geometry: Geometry, u_drv0: OnDriven, t: float = 0.0) ->
     """Return the scene in the form that the core takes.
 
     Args:
-        scene: the scene; its values were checked when it was made.
+        scene: the scene.
         geometry: "linear" or "finite".
         u_drv0: u_x of the driven block at which F_T = 0 at t = 0, in m. For several driven blocks,
             shape (n_driven,), the u_x at which no spring is strained.
-        t: a time within the piece of the protocols that will be run, in s.
+        t: a time that selects the piece of the protocols, in s.
 
     Raises:
         ValueError: unknown geometry, wrong shape of u_drv0, or a derived constant is not finite.
@@ -239,7 +239,7 @@ def springs(
     Args:
         scene: the scene with the lattice.
         geometry: "linear" or "finite".
-        m: mass of a block, in kg; None means the scene's.
+        m: mass of a block, in kg; None means `scene.m`.
         viscous: whether to include the dashpots of the bonds.
     """
     check_geometry(geometry, scene)

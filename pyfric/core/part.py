@@ -1,8 +1,8 @@
 """A part of a chain, from one block to another, in the form that the core takes.
 
-A block of a chain touches its neighbours only. A stuck block beside stuck blocks stays at rest, and
-the force on it changes with the driver alone. So steps of a part whose outermost blocks rest are
-those of the whole chain.
+A block of a chain touches only its neighbours. A stuck block between stuck blocks stays at rest,
+and only the driver changes the force on it. If its outermost blocks rest, a part therefore makes
+the same steps as in the whole chain.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from pyfric.core.packing import BEYOND, OF_BLOCKS, Constants, Counts, Model
 from pyfric.core.state import State
 
 ROWS, MU_S = len(OF_BLOCKS), OF_BLOCKS.index("mu_s")
-"""Rows of N_x numbers of a `Model`, and that of the static friction coefficient."""
+"""Number of rows of N_x numbers in a `Model`, and the row of the static friction coefficient."""
 
 
 class Part:
-    """The blocks from number `first` up to, but without, `end` of a chain, counted from 0.
+    """The blocks of a chain from `first` to `end` - 1, counted from 0.
 
     Args:
         model: the chain.
@@ -38,7 +38,7 @@ class Part:
         rows = model.numbers[n : n + ROWS * self.N_x].reshape(ROWS, -1)[:, first:end].copy()
         knots = model.numbers[n + ROWS * self.N_x :]
         begin, stop = max(driven.start, first), min(driven.stop, end)
-        if begin >= stop:  # its driver is elsewhere
+        if begin >= stop:  # no driven block in this part
             constants, begin, stop = constants._replace(k_drv=0.0), first, first + 1
         if first > 0:
             rows[MU_S, 0] = np.inf
@@ -55,27 +55,27 @@ class Part:
         self.model = Model(np.array(counts, dtype=np.int32), numbers)
 
     def state(self, whole: State) -> State:
-        """Return a copy of the state of these blocks; the driver is not kept."""
+        """Return a copy of the state of these blocks, without the driver."""
         at = slice(self.first, self.end)
         values = {name: getattr(whole, name)[..., at].copy() for name in BY_BLOCK}
         copied = {name: getattr(whole, name).copy() for name in OF_ROWS}
         return dataclasses.replace(whole, **values, **copied, u_drv0=0.0, spring=np.zeros(4))
 
     def put(self, part: State, whole: State) -> None:
-        """Take over the state of these blocks."""
+        """Copy the state of these blocks into the whole."""
         at = slice(self.first, self.end)
         for name in BY_BLOCK:
             getattr(whole, name)[..., at] = getattr(part, name)
         whole.step, whole.drive = part.step, part.drive
 
     def switched(self, log: Log) -> bool:
-        """Return whether the outermost blocks, or those beside them, have switched."""
+        """Return whether one of the two outermost blocks at a cut has switched."""
         blocks = log.switch_i[0, : log.n_switch]
         near = (blocks < 2) & (self.first > 0)
         return bool((near | ((blocks >= self.end - self.first - 2) & (self.end < self.N_x))).any())
 
     def log(self, part: Log, whole: Log, state: State) -> None:
-        """Fill the log of the whole chain, whose state was `state`; F_T is left to others."""
+        """Fill the log of the whole chain, except F_T; `state` is the state before these steps."""
         n, m, at = part.n_switch, part.n_quiet, slice(self.first, self.end)
         whole.n_switch, whole.n_quiet, whole.n_point = n, m, part.n_point
         whole.switch_i[:, :n], whole.switch_r[:, :n] = part.switch_i[:, :n], part.switch_r[:, :n]
@@ -96,4 +96,4 @@ class Part:
 BY_BLOCK = "y", "mode", "corner", "margin", "memory", "loss", "heat", "parts", "phase"
 """Arrays of a state whose last index counts blocks."""
 OF_ROWS = "rod", "dissipated", "radiated", "work"
-"""Its other arrays."""
+"""Other arrays of a state."""

@@ -1,4 +1,4 @@
-"""Quasi-static sequences of events in the core: calls, and what a run keeps between two of them."""
+"""Quasi-static sequences of events in the core: calls, and the data of runs between calls."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 KEPT = 2
-"""Tables with all blocks held that the core keeps of a run (pyfric_pivots)."""
+"""Number of tables with all blocks held that the core stores for a run (pyfric_pivots)."""
 COUNTS = (
     *("leg", "phase", "step", "tried", "rests", "grown", "events", "starts", "releases"),
     *("block", "new", "slips", "gradual", "route", "base"),
 )
-"""Integers that a run keeps, in the order of the core (pyfric_sequences)."""
+"""Integers that are stored for a run between calls, in the order of the core (pyfric_sequences)."""
 MOVES, IN_EVENT, PASSES = 2, 3, 5
 """Phases of a run: before a change between events, inside an event, and before the next change
 while slip grows (pyfric_sequence)."""
 QUIET, POINTS = 256, 512
-"""Room for starts and ends of slip, and for points of the curve, of each run in a call."""
+"""Room of each run in a call, for starts and ends of slip and for points of the curve."""
 
 
 class CondensedSlider(NamedTuple):
@@ -34,13 +34,13 @@ class CondensedSlider(NamedTuple):
         k: stiffness of a bond, in N/m.
         K: stiffness of the driver, in N/m.
         unit: F_N/N_x, in N.
-        rounded: violation of conditions that is rounding, over `unit`.
+        rounded: largest violation of conditions by rounding, over `unit`.
         least: normal force below which a block does not stick, in N.
-        lost: violation that is rounding, in N, beyond which nothing holds the slider.
+        lost: violation by rounding, in N, above which nothing holds the slider.
         S: stiffness of u_x and u_z, shape (2 N_x, 2 N_x), in N/m.
         drive: load on the interface per drive, shape (2 N_x,), in N/m.
         loads: load per drive (N/m) and constant load (N) of each route, shape (n, 2 N_x, 2).
-        F_T: the same of F_T at u = 0, shape (n, 2).
+        F_T: the same for F_T at u = 0, shape (n, 2).
     """
 
     k: float
@@ -62,7 +62,8 @@ class Rules(NamedTuple):
         changes: most changes of contact state in an event, over N_x.
         idle: most successive changes without motion of the driver.
         growth: most changes while slip grows in a leg, over N_x.
-        rate: rate of a force, over stiffness times rate of displacement, that is rounding.
+        rate: rate of a force, over stiffness times rate of displacement, below which it is
+            rounding.
         definite: definiteness below which slip may not be unique.
         p_corner: normal force below which slip begins as a corner episode, in N.
     """
@@ -78,7 +79,7 @@ class Rules(NamedTuple):
 class CoreLeg(NamedTuple):
     """A leg of a protocol: see `pyfric.scene.Leg` and `pyfric.statics.Stretch`.
 
-    `route` is the number of its loads, from 1; 0 means those of the leg before.
+    `route` is the number of its loads, from 1; 0 means the loads of the leg before.
     """
 
     t: float
@@ -97,12 +98,12 @@ class Interfaces(NamedTuple):
 
     Attributes:
         fields: mu_s, mu_k, k_f (N/m) and gap (m), shape (n, 4, N_x).
-        kinds: 0 for blocks that never touch the foundation, 1 for those without friction, 2 for all
-            others, shape (n, N_x).
+        kinds: 0 for blocks that never touch the foundation, 1 for blocks without friction, 2 for
+            all others, shape (n, N_x).
         mode: contact states, shape (n, N_x).
         u_x: positions of held blocks, shape (n, N_x), in m.
         drive: positions of the driver, shape (n,), in m.
-        offset: what is added to the positions of the driver in all legs, shape (n,), in m.
+        offset: offset of the positions of the driver in all legs, shape (n,), in m.
         gradual: whether slip grows, mu_s = mu_k, shape (n,).
     """
 
@@ -116,10 +117,10 @@ class Interfaces(NamedTuple):
 
 
 class SequenceLog(NamedTuple):
-    """What a run logged in a call.
+    """Log of a run in a call.
 
     Attributes:
-        switches, quiet: columns as of `pyfric.core.Log`.
+        switches, quiet: columns as in `pyfric.core.Log`.
         points: time (s), F_T (N) and number of logged changes, shape (n, 3).
         f, p: friction along +x and normal force at the rows of `quiet`, shape (n, N_x), in N.
     """
@@ -137,7 +138,7 @@ class SequenceLog(NamedTuple):
 
 
 def room_of_run(N_x: int) -> int:
-    """Return the number of bytes that a run of N_x blocks takes in `Sequences`."""
+    """Return the memory of a run of N_x blocks in `Sequences`, in bytes."""
     tables, logs = (1 + KEPT) * (N_x + 2) * (3 * N_x + 1), QUIET * (4 * N_x + 4) + 3 * POINTS
     return 8 * (tables + logs + 6 * (16 * N_x + 1024))
 
@@ -145,7 +146,7 @@ def room_of_run(N_x: int) -> int:
 class Sequences:
     """Quasi-static sequences of several runs that share the slider and the protocol.
 
-    Each run has the same bits as alone, for any number of threads, and however often it stops.
+    The bits of a run do not depend on other runs, on threads, or on the number of calls.
 
     Args:
         slider: the slider.
@@ -155,8 +156,8 @@ class Sequences:
         switches: room for switches of each run; None means enough for many changes.
 
     Attributes:
-        status: why each run stopped, a `Status`, shape (n,).
-        counts: integers of each run, shape (n, 15): see `COUNTS`.
+        status: reason why each run stopped, a `Status`, shape (n,).
+        counts: integers of each run, shape (n, 15); see `COUNTS`.
         mode: contact states as logged, shape (n, N_x).
     """
 
@@ -201,7 +202,7 @@ class Sequences:
         return len(self.status)
 
     def part(self, which: np.ndarray) -> Self:
-        """Return some of the runs, with copies of all that they keep; which: shape (n,), bool."""
+        """Return some of the runs, with copies of their data; which: shape (n,), bool."""
         part = object.__new__(type(self))
         part.slider, part.rules, part.legs = self.slider, self.rules, self.legs
         for name in ("fields", "kinds", "states", "columns", "tables", "counts", "numbers"):
@@ -213,11 +214,11 @@ class Sequences:
     def go_on(
         self, max_changes: int, *, stops: bool = False, threads: int = 1, variant: str = VARIANT
     ) -> np.ndarray:
-        """Follow all runs, each for a number of changes at most; logs are filled from the start.
+        """Follow all runs, each for a limited number of changes; logs are filled from the start.
 
         Args:
-            max_changes: number of changes of each run, at least 1.
-            stops: whether to stop before each change between events; `ahead` then says where.
+            max_changes: largest number of changes of each run, at least 1.
+            stops: whether to stop before each change between events; `ahead` then has the position.
             threads: number of threads; one if `forked`.
             variant: build to use; results do not depend on it.
 
@@ -263,7 +264,7 @@ class Sequences:
         return self.status
 
     def count(self, name: str) -> np.ndarray:
-        """Return an integer of each run, shape (n,): see `COUNTS`."""
+        """Return an integer of each run, shape (n,); see `COUNTS`."""
         return self.counts[:, COUNTS.index(name)]
 
     @property
@@ -278,7 +279,7 @@ class Sequences:
 
     @property
     def ahead(self) -> np.ndarray:
-        """Position of the driver at that change; while slip grows the present one, (n,), in m."""
+        """Position of the driver at the next change, or now while slip grows, shape (n,), in m."""
         return self.numbers[:, 0]
 
     @property
@@ -289,17 +290,17 @@ class Sequences:
 
     @property
     def tol(self) -> np.ndarray:
-        """Violation of conditions that is rounding, shape (n,), in N."""
+        """Largest violation of conditions by rounding, shape (n,), in N."""
         return self.numbers[:, 2]
 
     def force(self, run: int, drive: float) -> float:
-        """Return F_T (N) of a run that may go on, with the driver at a position (m)."""
+        """Return F_T (N) of a run with the driver at a position (m), at present contact states."""
         row, column = self.tables[run, 0, :, -1], self.columns[run, 0].copy()
         column[-2] = drive
         return float(row @ column)
 
     def log(self, run: int) -> SequenceLog:
-        """Return what a run logged in the last call, as copies."""
+        """Return the log of a run in the last call, as copies."""
         n_switch, n_quiet, n_point = self.n_log[run].tolist()
         switches = of_blocks(self.switch_i[run, :n_switch].T, self.switch_r[run, :n_switch].T)
         of_quiet, N_x = self.quiet_r[run, :n_quiet], self.states.shape[2]

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pyfric.scene import OnDriven, Scene
 
 STUCK, OPEN = 0, 2
-"""Contact states; a slipping block has the sign of its motion, +1 or -1."""
+"""Contact states. The state of a slipping block is its direction, +1 or -1."""
 
 
 NUMBERS = ("step", "t0", "dt", "drive", "sub", "since")
@@ -40,7 +40,7 @@ class StateError(ValueError):
 
 
 def spring_of(scene: Scene) -> np.ndarray:
-    """Return `State.spring`: K and direction of the driver, and the rows that it pushes."""
+    """Return `State.spring`: K and side of the driver, and the rows that it pushes."""
     side = SIDES[scene.driver.side]
     return np.array([scene.driver.K, side, scene.j_h, scene.j_h_top], dtype=float)
 
@@ -57,14 +57,14 @@ class State:
             that direction, 2 open.
         corner: 1 if the present or last slip is a corner episode, shape (N_x,), int32.
         margin: mu_s p - |force other than friction| at the last step, shape (N_x,), in N. On
-            junctions: number of junctions that may break before the block is ruptured. With rate
-            and state: speed that is missing before it slips, in m/s.
+            junctions: number of junctions that may break before the block is ruptured. With
+            rate-and-state friction: `v_slip` minus the speed of the block, in m/s.
         memory: state variables of the friction law for each bottom block, shape (N_x,), a
             structured array with the names of the law; `state.s_0` is `memory["s_0"]`.
         loss: kinetic energy removed when a switch stopped a block, shape (N_x,), in J. On
             junctions: heat of breaks and of pinning.
-        dissipated: heat of the bonds that start in each row and what absorbing walls take there,
-            shape (N_z,), in J.
+        dissipated: heat of the bonds that start in each row, and energy that absorbing walls take
+            in this row, shape (N_z,), in J.
         heat: friction heat under each block, shape (N_x,), in J.
         work: work of the driver, and of other external forces (load, shear, push), shape (2,), in
             J.
@@ -77,17 +77,17 @@ class State:
         parts: parts of `heat` from friction above mu_k p and from alpha, shape (2, N_x), in J. On
             junctions: heat of dragging, and work of changes of their stiffness. None means 0.
         spring: K (N/m) and side of the driver (`SIDES`), the lowest and the highest row that it
-            pushes, shape (4,). None stands for zeros, which mean that the driver is not known.
+            pushes, shape (4,). None means zeros: the driver is unknown.
         radiated: part of `dissipated` that absorbing walls take, shape (N_z,), in J. None means 0.
-        sub: longest sub-step that the error of the adaptive stepper allows, in s; 0 means dt.
-        since: number of steps since a phase of slow slip began that goes on, or 0. `sub` is then
-            the first slow step of this phase.
-        phase: u_x (m), theta (s) and v_x (m/s) where this phase began, shape (3, N_x). None means
-            0.
+        sub: longest sub-step that the error of the adaptive stepper allows, in s; 0 means dt. In a
+            phase of slow slip: length of its first slow step.
+        since: number of steps since the present phase of slow slip began; 0 without such a phase.
+        phase: u_x (m), theta (s) and v_x (m/s) at the start of this phase, shape (3, N_x). None
+            means 0.
 
-    `scene.law.state` names the state variables, with units and meanings; those of junctions have
-    the shape (N_x, n_s). An open block keeps its s_0 (see `slip`), because motion without contact
-    is not slip.
+    `scene.law.state` lists the state variables with units and meanings. State variables of
+    junctions have the shape (N_x, n_s). An open block keeps its s_0 (see `slip`), because motion
+    without contact is not slip.
     """
 
     y: np.ndarray
@@ -163,7 +163,7 @@ class State:
     _repr_html_ = html
 
     def values(self) -> dict[str, Any]:
-        """Return arrays and numbers by name, as in files; each state variable is one array."""
+        """Return arrays and numbers by name, as in files, with an array for each state variable."""
         names = [field.name for field in dataclasses.fields(self) if field.name != "memory"]
         return {name: getattr(self, name) for name in (*names, *self.memory.dtype.names)}
 
@@ -191,7 +191,7 @@ class State:
         )
 
     def with_dt(self, dt: float) -> Self:
-        """Return a copy with another time step. If dt is the same, the step count is kept."""
+        """Return a copy with another time step; an equal dt keeps the step count."""
         new = self.copy()
         if dt != self.dt:
             new.t0, new.step, new.dt, new.sub = self.t, 0, float(dt), 0.0
@@ -199,7 +199,7 @@ class State:
         return new
 
     def out_of_phase(self) -> None:
-        """Forget the phase of slow slip, which belongs to its scene and step."""
+        """Forget the present phase of slow slip."""
         self.since, self.phase = 0, np.zeros_like(self.phase)
 
     def under(self, scene: Scene) -> Self:
@@ -339,9 +339,9 @@ class State:
         The last line of the file is the SHA-256 of all bytes before it.
 
         Raises:
-            OSError: the file cannot be written; it names path and reason.
-            SceneError: the file exists, and `overwrite` is not True, so that the state was saved
-                beside it; or the name ends in the suffix of another format.
+            OSError: the file cannot be written. The message names path and reason.
+            SceneError: the file exists and `overwrite` is not True; the state was then saved beside
+                it. Or the name has the suffix of another format.
         """
         check_free(path, overwrite, self.save)
         content = io.BytesIO()

@@ -9,7 +9,7 @@ The step ends at u + h v + h^2 sum_i bbar_i F_i/M and v + h sum_i b_i F_i/M. An 
 from an embedded method. Its weights are b - e and bbar - ebar.
 
 An implicit-explicit stepper has a second lower triangle s, with a diagonal, for the friction of
-blocks that never rest. It ends at its last stage.
+blocks that never rest. A step ends at the last stage.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 
 
 def _product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return left @ right with additions in a fixed order, so that all processors agree in bits."""
+    """Return left @ right, added in a fixed order, so that all processors give the same bits."""
     total = np.zeros((*left.shape[:-1], right.shape[-1]))
     for k in range(len(right)):
         total += left[..., k, None] * right[k]
@@ -42,10 +42,10 @@ class Stepper:
         bbar, abar: b and a for displacements. None means those of a Runge-Kutta method.
         e: b minus b of the embedded method, shape (n,); None for steps of fixed length.
         s: implicit coefficients, shape (n, n), with zeros in the first column and one number on
-            the rest of the diagonal. Their last row and that of `a` end the step, so that the last
-            stage needs no forces. None for explicit steppers.
-        swept: whether each stage follows from the last one alone, so that one sweep of the core
-            makes a step. It is written for RK4 and for six stages.
+            the rest of the diagonal; None for explicit steppers. The last rows of s and a end the
+            step, so that the last stage needs no forces.
+        swept: whether each stage depends only on the stage before. One sweep of the core then makes
+            a step. The core has sweeps for four and for six stages.
         growth: R(z), the factor by which exp(lambda t) grows in a step, with z = lambda h. None for
             steppers that treat u and v differently.
     """
@@ -84,7 +84,7 @@ class Stepper:
 
     @functools.cached_property
     def linear_order(self) -> int:
-        """Order in linear motion: of the last term of R(z) that is one of exp(z)."""
+        """Order in linear motion: up to this power of z, R(z) and exp(z) agree."""
         terms = [] if self.growth is None else self.growth.coef
         right = [math.isclose(a * math.factorial(n), 1, rel_tol=1e-9) for n, a in enumerate(terms)]
         return len(list(itertools.takewhile(bool, right))) - 1 if right else self.order
@@ -96,7 +96,7 @@ class Stepper:
 
     @property
     def adaptive(self) -> bool:
-        """Whether it estimates its error and makes sub-steps."""
+        """Whether the stepper estimates its error and makes sub-steps."""
         return bool(self.e.any())
 
     @functools.cached_property
@@ -131,7 +131,7 @@ class Stepper:
 
 
 def _nested(name: str, c: str, b: str) -> Stepper:
-    """Return a stepper of order 4 whose stages follow from the last one alone, from c and b."""
+    """Return a stepper of order 4 from c and b; each stage depends only on the stage before."""
     of_c, of_b = (np.array(text.split(), dtype=float) for text in (c, b))
     return Stepper(name, order=4, c=of_c, b=of_b, a=np.diag(of_c[1:], -1), swept=True)
 
@@ -157,11 +157,10 @@ STEPPERS: dict[str, Stepper] = {
             a=_lower(*_RK4_ROWS),
             swept=True,
         ),
-        # Six stages, each of which follows from the last one alone. In linear motion they are of
-        # order 6: R(z) = 1 + z + ... + z^6/720. With that, the eight conditions of order 4 leave a
-        # family of one parameter. All b are positive and all c between 0 and 1; this member has
-        # about the smallest errors in nonlinear motion. Undamped motion grows by |z|^8/5760 in a
-        # step.
+        # Six stages, each of which depends only on the stage before. The order in linear motion is
+        # 6: R(z) = 1 + z + ... + z^6/720. This and eight conditions of order 4 leave a family of
+        # one parameter. In this member all b are positive and all c between 0 and 1. It has nearly
+        # the smallest errors in nonlinear motion. Undamped motion grows by |z|^8/5760 in a step.
         _nested(
             "rk46",
             c="0 .215698616936814233 .589123227484637551 .887069754615658149 .1643 "
@@ -169,9 +168,9 @@ STEPPERS: dict[str, Stepper] = {
             b=".0327885706189006058 .282159545482237559 .296320423971946809 .194766711269656088 "
             ".102282590685891691 .0916821579713672473",
         ),
-        # The same form with the growth of J. Berland, C. Bogey, C. Bailly, Computers & Fluids 35,
-        # 1459 (2006): z^5 and z^6 have the factors 0.007856772044 and 0.000959998595. Undamped
-        # motion does not grow up to |z| = 3.81.
+        # Six stages with the R(z) of J. Berland, C. Bogey, C. Bailly, Computers & Fluids 35, 1459
+        # (2006): z^5 and z^6 have the factors 0.007856772044 and 0.000959998595. Undamped motion
+        # does not grow up to |z| = 3.81.
         _nested(
             "rk46_waves",
             c="0 .465515130665907016 .123614612658358104 .44338770386844224 .9222 "
@@ -179,8 +178,8 @@ STEPPERS: dict[str, Stepper] = {
             b=".137085190131006644 .024058266856017584 .0245763656183909007 .491341862869562718 "
             ".246267357324908651 .0766709572001135015",
         ),
-        # u' = u + h (v + h F_1/2m), v' = v + h (F_1 + F_2)/2m. F_2 is taken at u' and, for viscous
-        # forces, at the predicted velocity v + h F_1/m.
+        # u' = u + h (v + h F_1/2m), v' = v + h (F_1 + F_2)/2m. F_2 is evaluated at u'. Its viscous
+        # forces are evaluated at the predicted velocity v + h F_1/m.
         Stepper(
             "verlet",
             order=2,
@@ -211,9 +210,9 @@ STEPPERS: dict[str, Stepper] = {
             a=_lower(*_RK4_ROWS, [5 / 32, 7 / 32, 13 / 32, -1 / 32]),
             e=np.array([1.0, 2.0, 2.0, 1.0, 0.0]) / 6 - np.array([-3.0, 14, 14, 13, -32]) / 6,
         ),
-        # Order 3 in both parts, four force evaluations; the implicit part damps the fastest motion
-        # entirely (U. M. Ascher, S. J. Ruuth, R. J. Spiteri, Appl. Numer. Math. 25, 151 (1997),
-        # section 2.8). The explicit part is stable on the imaginary axis up to 1.57.
+        # Both parts have order 3, with four force evaluations. The implicit part damps the fastest
+        # motion entirely (U. M. Ascher, S. J. Ruuth, R. J. Spiteri, Appl. Numer. Math. 25, 151
+        # (1997), section 2.8). The explicit part is stable on the imaginary axis up to 1.57.
         Stepper(
             "imex",
             order=3,
@@ -234,4 +233,4 @@ STEPPERS: dict[str, Stepper] = {
         ),
     )
 }
-"""Explicit steppers by name."""
+"""Steppers by name."""

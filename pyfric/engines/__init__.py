@@ -1,4 +1,4 @@
-"""What runs: engines, their options, and what runs cost."""
+"""Engines, their options, and the cost of runs."""
 
 from pyfric.display import Progress
 from pyfric.engines.cost import (

@@ -1,9 +1,8 @@
 """Cost of a run: work and memory.
 
 Work is counted in operations and expressed in seconds on one core of a reference machine. Decisions
-based on work are therefore the same on every machine. They are the choice of a model, how far a
-reference run goes, and when an attempt to jump is made. `machine_speed` converts work into seconds
-on this machine.
+by work are therefore the same on every machine: the choice of a level, the end of a reference run,
+and the times of attempts to jump. `machine_speed` converts work into seconds on this machine.
 """
 
 from __future__ import annotations
@@ -28,30 +27,30 @@ if TYPE_CHECKING:
     from pyfric.scene import Geometry, Scene
 
 EVALUATION, BOTTOM, BLOCK = 1.3e-6, 5e-9, {"linear": 3.5e-9, "finite": 8.5e-9}
-"""Time of one force evaluation, in s: a constant with what checks of states take, a part for each
+"""Time of one force evaluation, in s: a constant, which includes checks of states, a part for each
 bottom block, and a part for each block of the lattice."""
 BEYOND, CLOSED = 2.0**-8, 10e-9
-"""Strain beyond which the core computes bonds in closed form, too, and the additional time of one
-force evaluation for each block, in s. Their series in (r^2 - l0^2)/l0^2, about twice the strain, is
-good to 2^-7."""
+"""Strain beyond which the core also computes bonds in closed form, and the additional time of one
+force evaluation for each block, in s. Below it, a series in (r^2 - l0^2)/l0^2, about twice the
+strain, is accurate up to 2^-7."""
 JUNCTION = 1.25e-9
 """Additional time of one force evaluation for each junction, in s."""
 RATED, SLOW_STEP = (7e-7, 9e-8), (2e-4, 2.5e-7)
 """Rate-and-state friction: additional time of one force evaluation, in s, a constant and a part for
 each bottom block; and time of one step of slow slip, in s, a constant and a part over N_x^2."""
 CALL = 1.5e-4
-"""Time of one call of the core, in s. A run that conditions can end, or whose law records motion,
-needs one for each point of the loading curve. To record motion takes as long again."""
+"""Time of one call of the core, in s. Runs with conditions, or with a law that records motion, need
+a call for each point of the loading curve. Recording motion takes the same time again."""
 ATTEMPT = {"linear": (0.5e-3, 0.2e-8), "finite": (1.0e-3, 1.0e-8)}
 LANDING = {"linear": (0.5e-3, 0.4e-8), "finite": (1.2e-3, 1.2e-8)}
-"""Times of an attempt to jump until its end is predicted, and of each predicted end, in s: a
-constant, and a part for each number of a banded factor, which static solutions read. They include
-the calls of the core around a jump."""
+"""Time of an attempt to jump before its end is predicted, and time of each predicted end, in s: a
+constant, and a part for each number of a banded factor. They include the calls of the core around a
+jump."""
 SLIDE = (1.4e-2, 6e-8)
 """Additional time of one attempt to jump over slip, in s."""
 EVENT_STEPS = 130.0
-"""Work of the hybrid engine for each main event, in steps as long as without viscosity: 34 to 570
-in 20 of 21 runs, whatever their size. With shorter steps an event takes as many more."""
+"""Work of the hybrid engine for each main event, in time steps of the scene without viscosity. It
+was 34 to 570 in 20 of 21 runs of all sizes. The work is inversely proportional to the step."""
 POINTS = 5000
 """Default number of points of the loading curve."""
 RUN = 0.015
@@ -59,16 +58,16 @@ RUN = 0.015
 RELEASE, STATIC_EVENT = 2.2e-9, 4e-6
 """Time of the quasi-static engine to release a block, over N_x^2, and for one event, in s."""
 FLOPS, UNKNOWN, MODES = 8e9, 3e-6, 13e-6
-"""Operations per second of a banded factorisation, with all solutions that follow, and remaining
-seconds for each unknown: of the loaded state, and of the modes of one set of contact states."""
+"""Operations per second of a banded factorisation, including its solutions; and remaining seconds
+for each unknown, of the loaded state and of the modes of one set of contact states."""
 TIMED = 250
-"""Time steps by which `machine_speed` is measured."""
+"""Number of time steps that `machine_speed` measures."""
 FASTEST, SLOWEST = 0.2, 10.0
-"""Limits of `machine_speed`: a value beyond them comes from a disturbed measurement."""
+"""Limits of `machine_speed`. Values beyond them come from disturbed measurements."""
 
 
 class SetUp(NamedTuple):
-    """Work in s, and largest memory in bytes."""
+    """Work (s), and largest memory (bytes)."""
 
     work: float
     bytes: float
@@ -76,7 +75,7 @@ class SetUp(NamedTuple):
 
 @functools.lru_cache(16)
 def prices(scene: Scene, geometry: Geometry) -> dict[str, float]:
-    """Return the work of one operation of each kind that a record counts, in s."""
+    """Return the work of one operation, for each kind that a record counts, in s."""
     blocks = scene.N_x * scene.N_z
     evaluation = EVALUATION + BOTTOM * scene.N_x + BLOCK[geometry] * blocks
     evaluation += JUNCTION * scene.law.junctions * scene.N_x
@@ -119,7 +118,7 @@ def full_counts(
 ) -> dict[str, float]:
     """Return the operations of full dynamics with steps dt over a time `lasts`, both in s.
 
-    Located transitions, whose number is not known before the run, are not counted.
+    Steps that locate transitions are not counted, because their number is unknown before the run.
     """
     steps = lasts / dt
     evaluations = STEPPERS[stepper].evaluations * steps * scene.N_x * scene.N_z
@@ -127,7 +126,7 @@ def full_counts(
 
 
 def located(scene: Scene, counts: Mapping[str, float], stepper: str) -> float:
-    """Return the block evaluations that locate transitions: all but those of whole steps."""
+    """Return the block evaluations that locate transitions: all except those of whole steps."""
     of_steps = STEPPERS[stepper].evaluations * counts["steps"] * scene.N_x * scene.N_z
     return max(counts["block_evaluations"] - of_steps, 0.0)
 
@@ -137,7 +136,7 @@ def finer_counts(
 ) -> dict[str, float]:
     """Return the operations of a run with another stepper and steps shorter by a ratio.
 
-    Jumps, calls, and steps that locate transitions are as many.
+    Numbers of jumps, calls, and steps that locate transitions stay the same.
     """
     of_steps = counts["block_evaluations"] - located(scene, counts, old)
     evaluations = counts["block_evaluations"] + (ratio - 1) * of_steps
@@ -183,9 +182,9 @@ def set_up(scene: Scene, fidelity: str, geometry: str) -> SetUp:
 
 @functools.cache
 def machine_speed() -> float:
-    """Return the time of time steps of the paper's slider over their work; above 1 if slower.
+    """Return the time of steps of the paper's slider over their work; above 1 on slower machines.
 
-    They are made on one thread, after as many that are not timed.
+    Steps are made on one thread. As many steps before them are not timed.
     """
     scene, dt, seconds = setup1(), 2e-7, 0.0  # the step of the paper
     state = loaded_state(scene, "finite").state(scene, dt)

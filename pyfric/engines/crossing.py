@@ -11,12 +11,11 @@ import math
 import numpy as np
 
 GONE = 1e-16
-"""A mode is dropped once it changes no gap function by more than this share of the largest c:
-rounding."""
+"""A mode is dropped when its amplitude is below this share of the largest c (rounding)."""
 N_FINE = 8
 GRID = N_FINE**2
-"""Intervals of the grid on which gap functions are evaluated together: exponentials are products of
-values at every N_FINE-th point and of changes over the next points."""
+"""Intervals of the grid on which gap functions are evaluated together. An exponential is the
+product of its value at every N_FINE-th point and of its change to the following points."""
 
 
 def first_crossing(
@@ -32,8 +31,8 @@ def first_crossing(
 
     Gap functions are c + rate s + bend s^2/2 + Re(modal exp(rates s)).
 
-    No zero between grid points is missed. A bound of the second derivative shows whether a gap
-    function could dip below 0 within an interval; if so, the interval is shortened.
+    No zero between grid points is missed. An interval is shortened if, by a bound of the second
+    derivative, a gap function could dip below 0 within it.
 
     Args:
         c: constant parts, shape (n_c,), in N.
@@ -50,8 +49,8 @@ def first_crossing(
     s, h = 0.0, 0.5 / fastest
     while s < s_end:
         decay = np.exp(rates.real * s)
-        # Modes cannot exceed their present amplitudes. Gap functions that stay positive by this
-        # bound over the whole grid are not evaluated.
+        # Modes cannot exceed their present amplitudes. Gap functions are not evaluated if this
+        # bound keeps them positive over the whole grid.
         low = c + (rate + (0.5 * s) * bend) * s - size @ decay
         fall = -(rate + s * bend)
         root = fall**2 - 2 * bend * low
@@ -64,7 +63,7 @@ def first_crossing(
             s = min(s + leap, s_end)
             continue
         grid, alive = s + h * np.arange(GRID + 1), largest * decay > GONE * np.max(c)
-        if not alive.any():  # the leap to the zero of a parabola is exact
+        if not alive.any():  # a parabola is left, whose zero is exact
             ahead = np.full(c.shape, np.inf)
             with np.errstate(over="ignore"):
                 np.divide(2 * np.maximum(low, 0.0), fall, out=ahead, where=falls)
@@ -94,6 +93,6 @@ def _sums(weights: np.ndarray, coarse: np.ndarray, fine: np.ndarray) -> np.ndarr
     Args:
         weights: weights of the exponentials, shape (n_c, n).
         coarse: exponentials at every `N_FINE`-th point, shape (n_coarse, n).
-        fine: their change over the next points, shape (n, N_FINE).
+        fine: change of the exponentials over the following points, shape (n, N_FINE).
     """
     return ((weights[:, None] * coarse) @ fine).reshape(len(weights), -1)

@@ -1,7 +1,7 @@
 """Declaration of an option: its owner, meaning, unit, allowed values and default, in one place.
 
-The documentation of `pyfric.Options` and the options of the command line follow from declarations.
-So does which options an engine refuses, which a continued run keeps, and which a job may have.
+From these declarations follow the documentation of `pyfric.Options` and the options of the command
+line. The declarations also decide which options an engine refuses, and which a continued run keeps.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ if TYPE_CHECKING:
     from pyfric.values import Written
 
 Owner = Literal["plan", "run", "events", "steps", "energies", "machine"]
-"""What an option belongs to: the choice of the engine; every run; runs that find events, make time
-steps, or can keep energies; or the machine, on which the result does not depend."""
+"""Owner of an option: the choice of the engine; every run; runs that find events, make time steps,
+or can compute energies; or the machine, which does not change results."""
 LACKS: dict[Owner, str] = {
     "run": "does not have it",
     "events": "finds no event whose error could be measured",
     "steps": "makes no time steps",
     "energies": "does not follow all energies",
 }
-"""What an engine does that does not have the options of an owner; engines decide on no others."""
+"""Owner -> ability that an engine without these options lacks. Engines have all other options."""
 REGISTERED: dict[str, Any] = {}
 """All engines by name; see `ENGINES`."""
 
@@ -42,12 +42,12 @@ class Option:
     """Declaration of an option.
 
     Args:
-        owner: what it belongs to.
-        meaning: its meaning, in sentences, of which the first one is for the command line.
-        unless: what None means; "" if it needs no words.
-        nothing: value that asks for nothing, in words of messages; beside it None does, too.
-        kept: function of the method of a record that returns the value that a continued run has;
-            None if it may change.
+        owner: its owner.
+        meaning: its meaning. The first sentence also stands in the help of the command line.
+        unless: meaning of None; "" if obvious.
+        nothing: a value that asks for nothing, like None.
+        kept: function that returns the value of a continued run from the method of its record; None
+            if a continued run may change the option.
         default: its default.
         mark: annotation of its values.
     """
@@ -71,17 +71,17 @@ class Option:
 
     @property
     def lack(self) -> str:
-        """What an engine does that does not have the option."""
+        """The ability that an engine without the option lacks, in words."""
         return LACKS[self.owner]
 
     @property
     def text(self) -> str:
-        """Its meaning, with that of None."""
+        """Meaning of the option and of None."""
         return self.meaning + f" None means {self.unless}." * bool(self.unless)
 
     @property
     def short(self) -> str:
-        """Its meaning in a sentence, with its default."""
+        """Meaning of the option in one sentence, with its default."""
         default = self.unless or self.default
         shown = "" if default in (None, "") else f" [default: {default}]"
         return self.meaning.partition(". ")[0].rstrip(".") + "." + shown
@@ -149,7 +149,7 @@ class YesNo(Annotation):
 
 @dataclasses.dataclass(frozen=True)
 class Budget(Quantity):
-    """Annotation of a processor time, or of a multiple of that of a run, such as "3 x"."""
+    """Annotation of a processor time, or a multiple of the time of a run, such as "3 x"."""
 
     unit: str = "s"
     gt: float | None = 0.0
@@ -167,7 +167,7 @@ class Budget(Quantity):
 
 
 def multiple(budget: Any) -> float | None:
-    """Return the number of a multiple such as "3 x", None for anything else."""
+    """Return the number of a multiple such as "3 x"; None if the text is no multiple."""
     if not (isinstance(budget, str) and budget.rstrip().endswith("x")):
         return None
     try:
@@ -178,7 +178,7 @@ def multiple(budget: Any) -> float | None:
 
 @dataclasses.dataclass(frozen=True)
 class Count(Annotation):
-    """Annotation of a whole number from 1 to a largest one, or None."""
+    """Annotation of an integer from 1 to a largest value, or None."""
 
     largest: int
 

@@ -1,9 +1,9 @@
-"""An engine is a value: what it models and leaves out, the options that it uses, and its run.
+"""An engine is an object: its model, its options, and the function that runs a scene.
 
     DYNAMIC = Engine(name="dynamic", models="dynamics throughout", options=..., follow=...)
 
-Options say to whom they belong (`pyfric.engines.options`). An engine that is asked for what it does
-not have refuses it, by one rule: the error names the option, and the engines that have it.
+Each option declares its owner (`pyfric.engines.options`), which decides the engines that have it.
+An engine refuses options that it lacks. The error names the option, and the engines that have it.
 """
 
 from __future__ import annotations
@@ -68,10 +68,10 @@ class Engine:
         name: its name, the value of the option `fidelity`.
         models: what it models.
         leaves_out: what it leaves out.
-        options: options that it uses. With "verify" it finds events whose errors can be measured.
+        options: names of options that it has.
         geometries: geometries of bonds that it has.
-        steppers: steppers that it has; none if it makes no time steps.
-        jumps: whether it jumps over time.
+        steppers: steppers that it has; () if it makes no time steps.
+        jumps: whether it makes jumps.
         check: function that raises SceneError for a scene that the engine cannot run.
         follow: function that runs a scene.
     """
@@ -88,12 +88,12 @@ class Engine:
 
     @property
     def steps(self) -> bool:
-        """Whether it makes time steps, so that its runs go on from a `State`."""
+        """Whether it makes time steps. Its runs can then continue a `State`."""
         return bool(self.steppers)
 
     @property
     def energies(self) -> bool:
-        """Whether it can keep the energy budget."""
+        """Whether it can compute the energy budget."""
         return "energies" in self.options
 
     def cannot(self, scene: Scene) -> str:
@@ -105,19 +105,19 @@ class Engine:
         return ""
 
     def has(self, name: str, value: Any) -> bool:
-        """Return whether the engine has an option with this value, or none is asked for."""
+        """Return whether the engine has an option with this value; None is always allowed."""
         if name in self._values:
             return value is None or value in self._values[name]
         return name in self.options
 
     @property
     def _values(self) -> dict[str, tuple[str, ...]]:
-        """Options of which it has some values."""
+        """Options of which the engine has only some values."""
         values = {"geometry": self.geometries, "stepper": self.steppers}
         return {name: known for name, known in values.items() if name in self.options}
 
     def lacks(self, options: Options) -> SceneError | None:
-        """Return the error for a first option that the engine does not have, or None."""
+        """Return the error for the first option that the engine lacks, or None."""
         for name, option in options.declared().items():
             value = getattr(options, name)
             if option.of_engine and option.asks(value) and not self.has(name, value):
@@ -132,7 +132,7 @@ class Engine:
         return None
 
     def check_options(self, options: Options) -> None:
-        """Raise SceneError if the engine does not have an option."""
+        """Raise SceneError if the engine lacks an option."""
         if (error := self.lacks(options)) is not None:
             raise error
 
@@ -194,7 +194,7 @@ class Engine:
         The run of an engine with time steps ends as soon as `enough` returns true.
 
         Raises:
-            SceneError: the engine does not have the scene or an option, or needs more memory than
+            SceneError: the engine cannot run the scene, lacks an option, or needs more memory than
                 is available.
         """
         self.check(scene)
@@ -210,4 +210,4 @@ class Engine:
 
 
 ENGINES: dict[str, Engine] = REGISTERED
-"""All engines by name, the cheapest first; `pyfric.engines` fills it."""
+"""All engines by name, the cheapest first."""

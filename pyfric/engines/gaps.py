@@ -1,8 +1,8 @@
 """Gap functions of the slider at fixed contact states, in N: positive while no state changes.
 
-They are mu_s p + f and mu_s p - f for stuck blocks, with the normal force p and the friction force
-f, for blocks in contact without friction p, and for open ones k_f z with their height
-z = u_z + gap. Blocks without contact have none.
+A stuck block has mu_s p + f and mu_s p - f, with the normal force p and the friction force f. A
+block in contact without friction has p. An open block has k_f z at its height z = u_z + gap. Blocks
+that never touch the foundation have none.
 
 The part of a motion outside the space of slow shapes has an energy E, which cannot grow. By the
 Cauchy-Schwarz inequality, E bounds the change of contact forces by this part at any later time.
@@ -40,7 +40,7 @@ class GapFunctions:
         self._lifting = np.where(space.solver.pressed, -k_f, k_f)[up]
 
     def of(self, q: np.ndarray, f: np.ndarray, v: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return gap functions, or changes of them, because they are linear; (n_c, ...), in N.
+        """Return gap functions for a gap of 0, or changes of gap functions, (n_c, ...), in N.
 
         Args:
             q: coordinates, shape (n_q, ...), in m.
@@ -53,7 +53,7 @@ class GapFunctions:
         return np.concatenate([strength + f, strength - f, lifted])
 
     def at(self, q: np.ndarray, forces: np.ndarray, v: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return changes by q, (n_q,), with forces on the stuck blocks, (n_stuck,)."""
+        """Return changes of gap functions by q, (n_q,), and forces on stuck blocks, (n_stuck,)."""
         return self.of(q, -forces, v)
 
     def whole(self, q: np.ndarray, forces: np.ndarray, v: np.ndarray | float = 0.0) -> np.ndarray:
@@ -99,8 +99,8 @@ class GapFunctions:
     def strengthened(self, age: np.ndarray, *rows: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return gap functions, or parts of them, of blocks that have been stuck for `age`.
 
-        Strength only grows with contact time, so that the present strength bounds the later one
-        from below. The two gap functions of a block are mu_s p +- f; their sum gives p.
+        Strength grows with contact time, so that the present strength bounds later strength from
+        below. The sum of the two gap functions of a block, mu_s p + f and mu_s p - f, gives p.
 
         Args:
             age: time since each block stuck, shape (N_x,), in s.

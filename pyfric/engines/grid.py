@@ -1,4 +1,4 @@
-"""The grid of steps of a run, and the breakpoints of its protocol, at which it begins anew."""
+"""The time grid of a run; breakpoints of a protocol start a new grid."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
 
 ON_GRID = 1e-9
-"""A breakpoint of a protocol this close to the end of a step, over dt, counts as on it."""
+"""A breakpoint of a protocol coincides with the end of a step if they are closer than this, over
+dt."""
 
 
 def last_of_run(scene: Scene, state: State, t_end: float) -> int:

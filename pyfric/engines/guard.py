@@ -1,8 +1,8 @@
 """Checks that end a run outside the range of the model.
 
 A step within the stability limit keeps small motions bounded, but large motions can still grow.
-Three checks end a run outside the range of the model. The first follows each call of the core, the
-others every `STEPS` steps:
+Three checks end such a run. The first is made after each call of the core, the others every `STEPS`
+steps:
 
 - numbers: every displacement and velocity is finite;
 - energy: only the driver and the forces on the top can add energy. Let G be the kinetic and elastic
@@ -14,8 +14,8 @@ others every `STEPS` steps:
 
   The exact motion satisfies this bound for any sequence of contact states. `MARGIN` times G allows
   for errors of the steps. An instability makes G grow without limit and violates the bound;
-- lattice, in finite geometry: no corner of a cell is turned inside out. The springs alone would
-  allow it. The core also ends a call after a step in which one may have been.
+- lattice, in finite geometry: no corner of a cell is turned inside out, which springs alone would
+  allow. The core also ends a call after a step that may have turned a corner inside out.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ if TYPE_CHECKING:
     from pyfric.statics import Equilibrium
 
 STEPS = 250
-"""Steps between two checks of energy and lattice. A run that fails returns to the last one."""
+"""Steps between two checks of energy and lattice. A run that fails returns to the last check."""
 MARGIN = 0.1
-"""Energy that errors of the steps may add between two checks, over the energy."""
+"""Relative energy that errors of steps may add between two checks."""
 
 
 class Trouble(NamedTuple):
-    """What is wrong with a state, and the column and row of the block where it is."""
+    """The failed check of a state, and the column and row of the block concerned."""
 
     what: str
     i: int
@@ -72,7 +72,7 @@ class Guard:
         scene: the scene.
         model: the scene in the form that the core takes.
         geometry: "linear" or "finite".
-        loaded: the loaded slider at rest; its energy sets the constant in G.
+        loaded: the loaded slider at rest, whose energy sets the constant in G.
     """
 
     def __init__(
@@ -81,13 +81,13 @@ class Guard:
         self.scene, self.model = scene, model
         self.finite = geometry == "finite"
         # Without friction the loaded slider would gain a little more energy from the load, but less
-        # than it has already gained. So G, which is the elastic energy at rest, stays above the
-        # energy of the driver's spring.
+        # than its elastic energy at rest. With this energy as constant, G stays above the energy of
+        # the driver's spring.
         rest = loaded.state(scene, 1.0)
         parts = core.energies(model, rest, 0.0)
         elastic = sum(parts[name] for name in core.ENERGIES[2:5])
         self.floor = elastic - self._potential(rest)
-        # Rounding of what a bond stores under F_N/N_x, summed over blocks: less says nothing.
+        # Rounding of the energy of bonds under F_N/N_x, summed over blocks.
         self.rounding = np.finfo(float).eps * scene.F_N**2 / (scene.N_x * scene.slider.k)
 
     def _potential(self, state: State) -> float:
@@ -99,7 +99,7 @@ class Guard:
         return float(scene.load @ state.y[-1, 1]) + weight
 
     def energy(self, state: State, model: core.Model | None = None) -> Energy:
-        """Return the energy of a state; `model` is that of its time if loads changed since."""
+        """Return the energy of a state; `model` belongs to its time, if loads changed since."""
         stored = sum(core.energies(model or self.model, state, state.t).values())
         scene, u = self.scene, state.y[:, 0]
         shear = float(scene.shear @ u[scene.j_shear] + scene.push_at(state.t)[0] @ u[0])
@@ -107,11 +107,11 @@ class Guard:
         return Energy(state.t, stored, shear, self._of_changes(state))
 
     def _of_changes(self, state: State) -> float:
-        """Return a bound of the work (J) of changes of F_N, T and pushes up to a displacement.
+        """Return a bound of the work (J) that changes of loads do until a state.
 
-        The potential uses F_N and T at t = 0. The bound uses their largest change over the whole
-        protocol, and that by a moving plate on the top until now, times the largest displacement.
-        Between two states, it is the sum of both bounds.
+        The potential uses F_N and T at t = 0. The bound is the largest change of these loads over
+        the whole protocol, of pushes, and of forces of a moving plate on the top, times the largest
+        displacement. Between two states, both bounds are added.
         """
         top, parts = self.scene.top, 0.0
         for protocol, first, c in ((top.protocol, self.scene.F_N, 1), (top.T_protocol, 0.0, 0)):
@@ -125,12 +125,12 @@ class Guard:
         return 2 * parts
 
     def missing(self, curve: pd.DataFrame) -> float:
-        """Return what the energy budget of a curve misses, relative; 0 if it may be rounding."""
+        """Return the relative error of the energy budget of a curve; 0 if it may be rounding."""
         small = budget_left(curve).abs().max() <= self.rounding
         return 0.0 if small else budget_error(curve)
 
     def trouble(self, before: State, after: State, base: Energy | None = None) -> Trouble | None:
-        """Return what is wrong with the state `after`, None if nothing is.
+        """Return the failed check of the state `after`, None if it passes.
 
         Args:
             before: an earlier state of the run.
@@ -138,7 +138,7 @@ class Guard:
             base: energy of an earlier state; None means that only the numbers are checked.
         """
         if not (np.isfinite(after.y).all() and np.isfinite(after.rod).all()):
-            return Trouble("the motion is not finite", *_fastest(before))  # later it has spread
+            return Trouble("the motion is not finite", *_fastest(before))  # before it spread
         if base is None:
             return None
         t_0, G_0, W_0, changes_0 = base

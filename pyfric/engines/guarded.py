@@ -1,4 +1,4 @@
-"""Guarded steps: they are checked, and a run that fails returns to the last state that passed."""
+"""Checked time steps: a run that fails a check returns to the last state that passed."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
 
 CALL_SECONDS = 0.02
-"""Work of one call of the core, in s, after which limits and Ctrl-C are looked at."""
+"""Work of one call of the core, in s. Limits and Ctrl-C are checked between calls."""
 UNFINISHED = (Status.ENDLESS, Status.TOO_SHORT)
 """Status codes of the core for a step that it could not finish."""
 
 
 class Failure(RuntimeError):
-    """A step could not be finished, or its state fails a check; the state is that before it."""
+    """A step could not be finished, or its state failed a check. The run is before this step."""
 
 
 class Good(NamedTuple):
-    """A state that passed the checks of `Guard`, its model, and a mark in what was recorded."""
+    """A state that passed the checks of `Guard`, its model, and a mark of the recorder."""
 
     state: State
     model: Model
@@ -46,24 +46,24 @@ class GuardedSteps:
     """The steps of one run.
 
     Args:
-        recorder: what the run keeps.
+        recorder: recorder of the run.
         state: the state, which steps change in place.
         model: the scene in the form that the core takes.
 
     Attributes:
-        good: the state to which a run that fails returns; None: the present one.
+        good: the state to which a run that fails returns; None means the present state.
         longest: most steps of one call.
-        in_core: function that lets the core make steps of a state, with its model and log.
+        in_core: function of model, state, log and number of steps that makes steps in the core.
     """
 
     def __init__(self, recorder: Recorder, state: State, model: Model) -> None:
         self.scene, self.method, self.recorder = recorder.scene, recorder.method, recorder
         self.state, self.model = state, model
-        self._piece: int | None = None  # of the protocols, that the model follows
+        self._piece: int | None = None  # piece of the protocols in the model
         scene, stages = self.scene, core.STEPPERS[self.method.stepper].evaluations
         self._per_step = stages * scene.N_x * scene.N_z
-        # Where a call ends decides when a skip is tried, and when a pilot run ends. It therefore
-        # follows from counted work, not from the clock.
+        # The length of a call follows from counted work, because it decides when a skip is tried
+        # and when a pilot run ends.
         each = work(scene, self.method.geometry, {"block_evaluations": self._per_step})
         self.longest = min(max(int(CALL_SECONDS / each), 1), STEPS)
         self.guard = Guard(scene, model, self.method.geometry, recorder.known.loaded)
@@ -87,7 +87,7 @@ class GuardedSteps:
     # --- the model, which follows the protocols --------------------------------------------------
 
     def follow(self, state: State | None = None) -> Model:
-        """Return the model of the piece of the protocols that follows a state, here the present."""
+        """Return the model for the piece of the protocols just after a state."""
         state = self.state if state is None else state
         if self.scene.corners:
             t = just_after(state)
@@ -121,7 +121,7 @@ class GuardedSteps:
             self._check(due=True)
 
     def skipped(self, span: Span) -> None:
-        """Go on from the end of a span, to which the state was set."""
+        """Go on from the end of a span; the state has already been set to it."""
         made, self.good = self.recorder.made, None
         self.state.step += span.n
         made["jumps"] += 1
@@ -130,8 +130,7 @@ class GuardedSteps:
     def make_steps(self, state: State, n_steps: int) -> Status:
         """Make up to n_steps; the state changes in place, and the log is filled.
 
-        A step is shortened or lengthened to end at each breakpoint of a protocol. The next step
-        belongs to the next piece.
+        A step is shortened or lengthened to end at each breakpoint of a protocol.
         """
         model, log = self.follow(state), self.recorder.log
         corner = next_corner(self.scene, state)
@@ -147,7 +146,7 @@ class GuardedSteps:
         return status
 
     def _make(self, n_steps: int) -> Status:
-        """Let the core make up to n_steps and record them; return why it ended."""
+        """Let the core make up to n_steps and record them; return its status."""
         state, recorder, step = self.state, self.recorder, self.state.step
         start = time.perf_counter()
         status = self.make_steps(state, n_steps)

@@ -1,9 +1,9 @@
-"""Hybrid engine: full dynamics in events; what is known otherwise between them is left out.
+"""Hybrid engine: full dynamics in events, cheaper solutions between events.
 
-Events are integrated as in full dynamics, by the same core and with the same time steps. What is
-left out between them is a skip (`pyfric.engines.skip`), by the law of friction: ring-down and
-stable slip in closed forms, or slow slip without inertia. A slider that never comes to rest is
-integrated in full, and a note in the record says so.
+Events are integrated as in full dynamics, by the same core and with the same time steps. Between
+events a skip (`pyfric.engines.skip`) replaces steps. The law of friction selects the skip:
+ring-down and stable slip have closed forms, slow slip is followed without inertia. A slider that
+never comes to rest is integrated in full, and its record has a note.
 
 Source: PRL 107, 074301 (2011) for the model.
 """
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
 
 SKIPS = (SlowSlip, StableSlip, RingDown)
-"""Skips, of which the first that fits a scene serves it; the last one says what none serves."""
+"""Skips, in the order in which they are tried. The last is taken if no skip fits a scene."""
 
 
 def kind_of(scene: Scene) -> type[RingDown | SlowSlip]:
@@ -37,7 +37,7 @@ def kind_of(scene: Scene) -> type[RingDown | SlowSlip]:
 
 
 def skip_of(steps: GuardedSteps) -> Skip:
-    """Return the skip of a run. Chains of which parts rest make steps of the moving part."""
+    """Return the skip of a run; long chains then make steps of their moving part alone."""
     scene, method = steps.scene, steps.method
     if has_parts(scene) and not (method.budget or method.threshold):
         parts = MovingParts(steps.recorder.known, method)
@@ -46,7 +46,7 @@ def skip_of(steps: GuardedSteps) -> Skip:
 
 
 def check_scene(scene: Scene) -> None:
-    """Raise SceneError for a scene with nothing to leave out."""
+    """Raise SceneError for a scene in which no steps can be left out."""
     check_rests(scene)
     kind_of(scene).check(scene)
 

@@ -1,11 +1,10 @@
 """A run with time steps, from its set-up to its end: steps, and skips between them.
 
-    recorder   what the run keeps (`pyfric.engines.recorder`)
+    recorder   data of the run (`pyfric.engines.recorder`)
     steps      full dynamics, checked (`pyfric.engines.guarded`)
-    skip       what leaves out steps (`pyfric.engines.skip`); full dynamics has none
+    skip       solutions that replace steps (`pyfric.engines.skip`); full dynamics has none
 
-Each call of the core makes a limited number of steps, so that a run can show progress, stop and go
-on.
+Each call of the core makes a limited number of steps, so that a run can show progress and stop.
 """
 
 from __future__ import annotations
@@ -38,19 +37,19 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
 
 STATIC_SECONDS, STATIC_SHARE = 1.0, 0.1
-"""Work between two searches for the static forces of new events, at least: in s, and over the work
-so far. Little is then left to do at the end of a run."""
+"""Least work between two computations of static forces of new events: in s, and over the work so
+far. These computations leave little to do at the end of a run."""
 SHOWN = 0.1
 """Shortest time between two reports of progress, in s."""
 OPEN_BUDGET = 1e-3
-"""Relative error of the energy budget above which the record carries a note."""
+"""Relative error of the energy budget above which the record has a note."""
 
 SkipOf = Callable[[GuardedSteps], "Skip"]
-"""Function that returns the skip of a run with these steps."""
+"""Function that returns the skip of a run, from its steps."""
 
 
 class RunError(RuntimeError):
-    """A run had to stop. Its attribute `record` holds the valid part of the run."""
+    """A run could not go on. The attribute `record` holds the valid part of the run."""
 
     def __init__(self, message: str, record: Record) -> None:
         super().__init__(message)
@@ -80,10 +79,10 @@ def integrate(
         scene: the scene.
         t_end: end of the run, in s.
         options: options, all of which the engine has.
-        skip_of: what leaves out steps; None: nothing does.
+        skip_of: function that returns the skip; None for no skip.
         initial: state or record that the run continues.
         progress: as in `pyfric.simulate`.
-        enough: function of the run that ends it.
+        enough: function of the run that returns whether to end it.
     """
     before = initial if isinstance(initial, Record) else None
     if before is not None:
@@ -94,11 +93,11 @@ def integrate(
     t_begin = 0.0 if initial is None else initial.t
     t_end = check_number("t_end", t_end, "s", ge=0.0)
     if before is not None and t_begin - initial.dt < t_end < t_begin:
-        t_end = t_begin  # a run to t_end ends with the step that reaches it
+        t_end = t_begin  # a run ends with the step that reaches t_end
     t_end = check_number("t_end", t_end, "s", ge=t_begin)
     method = ENGINES[engine].settled(scene, options, t_begin, t_end)
 
-    # One BLAS thread from here on: banded matrices and small products get slower with more.
+    # One BLAS thread from here on, because more slow down banded matrices and small products.
     with run_bar(progress, scene.name, t_begin, t_end) as show, one_thread():
         start = time.perf_counter()
         solver = loaded_solver(scene, method.geometry, None if initial is None else initial.u_drv0)
@@ -123,7 +122,7 @@ class Run:
 
     Args:
         steps: its steps, which hold its state and its recorder.
-        skip_of: what leaves out steps; None: nothing does.
+        skip_of: function that returns the skip; None for no skip.
     """
 
     def __init__(self, steps: GuardedSteps, skip_of: SkipOf | None = None) -> None:
@@ -135,7 +134,7 @@ class Run:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Counts of steps, of force evaluations times blocks, and of skips."""
+        """Counts of steps, of evaluated forces on blocks, and of skips."""
         return self.recorder.counts
 
     def advance(
@@ -145,7 +144,7 @@ class Run:
         show: Callable[[Progress], None],
         options: Options,
     ) -> None:
-        """Go on to step number `last`, unless Ctrl-C or a condition ends the run before.
+        """Go on to step number `last`, or until Ctrl-C or a condition ends the run.
 
         Raises:
             RunError: a step could not be finished, or its state fails a check.
@@ -177,7 +176,7 @@ class Run:
                 shown = now
                 show(self._progress(last))
             done = work(self.scene, self.method.geometry, recorder.counts)
-            if done > solve_at:  # not by the clock: skips use what is found
+            if done > solve_at:  # by work and not by the clock, because skips use these states
                 with warnings.catch_warnings(action="ignore"):
                     recorder.catalogue(state)
                 solve_at = done + max(STATIC_SECONDS, STATIC_SHARE * done)
@@ -186,7 +185,7 @@ class Run:
                 saved = time.perf_counter()
 
     def _skip(self, last: int) -> int:
-        """Leave out steps if that is worth asking; return how many to make before it is again."""
+        """Try to leave out steps; return the number of steps before the next attempt."""
         if self.skip is None:
             return self.steps.longest
         state = self.steps.state
@@ -214,7 +213,7 @@ class Run:
         recorder.ending = span.ending
 
     def _step(self, n_steps: int) -> None:
-        """Make up to n_steps; sample the curve and look at conditions where the core does not."""
+        """Make up to n_steps. Sample the curve and check conditions, unless the core samples."""
         steps, recorder, every = self.steps, self.recorder, self.method.sample
         if recorder.every:
             steps.call(n_steps)
@@ -225,7 +224,7 @@ class Run:
             recorder.look(steps.state, steps.model)
 
     def _progress(self, last: int) -> Progress:
-        """Return how far the run is on its way to a step."""
+        """Return the progress of the run towards a step."""
         state, recorder = self.steps.state, self.recorder
         force, begin = recorder.history.last[1] / self.scene.F_N, recorder.history.begin
         rate = recorder.made["steps"] / recorder.seconds if recorder.seconds else 0.0
@@ -233,7 +232,7 @@ class Run:
         return Progress(state.t, begin, end, force, recorder.events, rate)
 
     def record(self, status: str, *, late: bool = True) -> Record:
-        """Return the record of the run so far; `late` adds columns of events that take long."""
+        """Return the record of the run so far; `late` adds slow columns of events."""
         return self.recorder.record(
             status, self.steps.state, self.steps.follow(), self._notes, late=late
         )

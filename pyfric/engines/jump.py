@@ -1,26 +1,29 @@
-"""A jump: one step of an adaptive integrator, from an event to just before the next one.
+"""A jump: one step of an adaptive integrator, from an event to just before the next event.
 
 While no contact state changes, the slider follows its quasi-static path with a viscous lag and
 oscillates about it (`path`, `modes`):
 
     q(s) = q_0 + q_1 s + q_2 s^2/2 + l_0 + l_1 s + w(s) .
 
-In linear geometry this is exact except for what the modes leave. In finite geometry it is a
+In linear geometry this is exact except for errors of the modes. In finite geometry it is a
 prediction. The residual of the equation of motion at the end of the jump,
 
     D = forces(q) - C q' - M q'' ,
 
-corresponds to a displacement K^-1 D. It is added to the path as a quadratic term. This correction
-is refined once, with the tangent at the end of the jump. The jump ends just before a gap function
-reaches zero. Until the truncated part has faded, gap functions are lowered by what it is expected
-to do.
+corresponds to a displacement K^-1 D, which is added to the path as a quadratic term. This
+correction is refined once, with the tangent at the end of the jump. The jump ends just before a gap
+function reaches zero. Until the truncated part has decayed, its expected change of gap functions is
+subtracted from them.
 
-The estimated error of a jump is a change of gap functions with three causes: what the correction
-leaves, the truncated part at the end of the jump, and what the modes leave during the jump: in
-finite geometry their residual, in linear geometry the errors of their rates. A refined correction
-leaves the square of the contraction of a chord iteration. Because the path has no cubic term, it
-also leaves velocities that are off by about K^-1 D/s, which excite modes. The correction is
-repeated until it leaves little of the accuracy. If it does not converge, the jump is halved.
+The estimated error of a jump is a change of gap functions with three causes:
+
+- the error after the correction. A refined correction reduces it by the square of the contraction
+  of a chord iteration. Because the path has no cubic term, velocities are also off by about
+  K^-1 D/s, which excites modes. The correction is repeated until its error is a small part of the
+  accuracy. If it does not converge, the jump is halved;
+- the truncated part at the end of the jump;
+- errors of the modes during the jump: of their rates in linear geometry, their residual in finite
+  geometry.
 
 Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), for
 control of the defect.
@@ -41,14 +44,14 @@ if TYPE_CHECKING:
     from pyfric.engines.modes import Modes, Motion
 
 LONGEST = 2**30
-"""Longest wait, in steps: the most that one call of the core makes."""
+"""Longest wait, in steps: the most steps of one call of the core."""
 TRUNCATED = 0.1
-"""Expected change of gap functions by the truncated part, over the largest that its energy allows.
-In attempts on fine lattices the largest change was 0.02 to 0.33 of that."""
+"""Expected change of gap functions by the truncated part, over the largest change that its energy
+allows. In attempts on fine lattices the largest ratio was 0.02 to 0.33."""
 CORRECTED = 0.1
-"""What corrections may leave, over the accuracy: it hardly adds to the error of a jump."""
+"""Largest error after corrections, over the accuracy. It adds little to the error of a jump."""
 SAMPLED = (0.01, 0.25)
-"""Times at which the residual of modes is looked at, over the length of a jump."""
+"""Times at which the residual of modes is computed, over the length of a jump."""
 
 
 class Landing(NamedTuple):
@@ -77,10 +80,10 @@ class Wait(NamedTuple):
 
 
 def steps_to_fall(times: float, decay: float, longest: float = LONGEST) -> int:
-    """Return in how many steps, at most `longest`, a motion falls by a factor `times`.
+    """Return the number of steps, at most `longest`, in which a motion decays by a factor `times`.
 
     Args:
-        times: the factor; infinite if there is none.
+        times: the factor; inf gives 0 steps.
         decay: decay in one step.
         longest: largest number of steps.
     """
@@ -106,11 +109,11 @@ class Jump:
         path: the quasi-static path.
         motion: deviation from the path.
         age: time since each block stuck, shape (N_x,), in s.
-        dt: step, in s.
+        dt: time step, in s.
         accuracy: largest estimated error of contact forces, in N.
         least: smallest number of steps of a jump.
         wait: smallest number of steps of a wait.
-        loose: accuracy where only the run ends, in N; None: the same.
+        loose: accuracy of a jump that only the end of the run ends, in N; None means `accuracy`.
 
     Attributes:
         predicted: number of landings that were predicted.
@@ -140,11 +143,11 @@ class Jump:
         self.bend, self.predicted = path.q[2], 0
 
     def land(self, n_max: int, n_far: int = 0) -> Landing | Wait | Stale:
-        """Return the end of the jump, or how long to wait.
+        """Return the end of the jump, or the time to wait.
 
         Args:
             n_max: number of steps after which the run or a piece of a protocol ends.
-            n_far: number of steps until a piece ends.
+            n_far: number of steps after which a piece of a protocol ends.
         """
         linear, first, n, before = self.space.linear, self.path, n_max, math.inf
         for round_ in range(ROUNDS):
@@ -159,7 +162,7 @@ class Jump:
                 return self._wait(left / self.accuracy, self.motion.decay, n)
             alive = self.ringing.alive(s, CORRECTED * self.accuracy)
             if self._inexact(s, alive):
-                self.ringing.correct(alive)  # together, which takes less time than one by one
+                self.ringing.correct(alive)  # all together, which is faster
             if not round_:
                 end = self.space.stiffer(at(self.path.q, s))
                 follows = self.ringing.alive(s, len(self.motion.a) * self.accuracy)
@@ -189,13 +192,14 @@ class Jump:
             if error > max(before, CORRECTED * self.accuracy):
                 break
             self.path, before = bent, error
-        self.path = first  # the corrections do not converge over so long a path
+        self.path = first  # corrections do not converge over this length
         return self.land(n // 2) if n // 2 > self.least else Wait(self.wait)
 
     def _due(self, n: int, n_far: int) -> float:
-        """Return when errors of a jump count that reaches step n, where the run ends, in s.
+        """Return the time at which errors count if the run ends at step n, in s.
 
-        The slider goes on ringing down until an event begins or a piece of a protocol ends.
+        The ring-down goes on after the run, until an event begins or a piece of a protocol ends.
+        Errors count at this later time.
         """
         later = self._longest(n_far) if n_far > n else n
         return self.dt * (n if isinstance(later, Wait) else max(n, later))
@@ -203,16 +207,15 @@ class Jump:
     def _counted(self, s: float, due: float) -> np.ndarray:
         """Return the weights of errors of amplitudes at s (s), shape (n,).
 
-        A weight is the part of the error that is left at the time `due`. It is not below `share`,
-        so that the state at s is as accurate as that at the end of a run.
+        A weight is the part of the error that is left at the time `due`, but at least `share`. The
+        state at the end of a run thus has the accuracy `loose`.
         """
         return np.maximum(np.exp(self.ringing.growth.real * (due - s)), self.share)
 
     def _longest(self, n_max: int) -> int | Wait:
         """Return the number of steps until just before a gap function may reach zero.
 
-        The truncated part lowers gap functions, until it is expected to change none by more than
-        the accuracy.
+        The truncated part lowers gap functions until its expected change is below the accuracy.
         """
         ringing, n, faded = self.ringing, 0, self._faded(n_max)
         *gaps, waves = self.gap_functions.strengthened(self.age, *self.path.gaps, ringing.gaps)
@@ -232,9 +235,9 @@ class Jump:
         return Wait(max(n + 1, self.wait)) if n < min(n_max, self.least) else n
 
     def _faded(self, n_max: int) -> int:
-        """Return in how many steps, at most n_max, the truncated part has faded.
+        """Return the number of steps, at most n_max, after which the truncated part has decayed.
 
-        The number is 0 or the last one of `least`, twice `least`, and so on.
+        The number is 0, or `least` times a power of two.
         """
         n = 0
         while n < n_max and self._lost(n * self.dt) > self.accuracy:
@@ -250,7 +253,7 @@ class Jump:
             n, n_max: numbers of steps.
             gaps: polynomials of the gap functions, see `Path`, shape (3, n_c).
             waves: amplitudes at s = 0, shape (n_c, n), complex, in N.
-            rates: their rates, shape (n,), in 1/s.
+            rates: rates of the amplitudes, shape (n,), in 1/s.
         """
         s, (_, slope, bend) = n * self.dt, gaps
         later = at(gaps, s), slope + s * bend, waves * np.exp(rates * s), rates
@@ -258,61 +261,62 @@ class Jump:
         return min(n + math.floor(found / self.dt), n_max)
 
     def _lost(self, s: float) -> float:
-        """Return by how much gap functions at s (s) change without the truncated part, in N."""
+        """Return the error of gap functions at s (s) without the truncated part, in N."""
         return self._left(s) + self._driven(s)
 
     def _left(self, s: float) -> float:
         """Return the expected change of the gap functions by the truncated part at s (s), in N.
 
-        Its decay rates range from `fade` upwards. Their mean, weighted with energy, is `decay` at
-        s = 0. If the energy is distributed as exp(-(rate - fade)/(decay - fade)) over the rates,
-        amplitudes decay as exp(-fade s)/sqrt(1 + 2 (decay - fade) s).
+        Decay rates of this part range from `fade` upwards. Their mean, weighted with energy, is
+        `decay` at s = 0. The energy is assumed to be distributed over the rates as
+        exp(-(rate - fade)/(decay - fade)). Amplitudes then decay as
+        exp(-fade s)/sqrt(1 + 2 (decay - fade) s).
         """
         fade = self.modes.fade
         spread = 1 + 2 * max(self.motion.decay - fade, 0.0) * s
         return float(np.abs(self.motion.gaps).max()) * math.exp(-fade * s) / math.sqrt(spread)
 
     def _wait(self, times: float, decay: float, longest: float = LONGEST) -> Wait:
-        """Return the wait until a motion has fallen by a factor `times` at the rate `decay` (1/s).
+        """Return the wait until a motion has decayed by a factor `times` at the rate `decay` (1/s).
 
-        The wait is at most `longest` steps, the length of the refused jump. At its end another jump
-        may be possible.
+        The wait is at most `longest` steps, the length of the refused jump.
         """
         return Wait(max(steps_to_fall(times, decay * self.dt, longest), self.wait))
 
     def _driven(self, s: float) -> float:
-        """Return the change of gap functions at s (s) by what the truncated part drives, in N."""
+        """Return the change (N) of gap functions at s (s) by modes driven by the truncated part."""
         a = self.motion.driven * np.exp(self.ringing.growth.real * s)
         return float((np.abs(self.modes.gaps) @ a).max(initial=0.0))
 
     def _inexact(self, s: float, alive: np.ndarray) -> bool:
-        """Return whether errors of decay rates matter at s (s), for modes that still oscillate."""
+        """Return whether errors of rates matter at s (s), for modes that have not decayed."""
         wrong = self.ringing.late(s, alive).max(axis=0, initial=0.0)
         return bool((wrong * math.sqrt(len(alive)) > CORRECTED * self.accuracy).any())
 
     def _late(self, s: float, due: float, alive: np.ndarray) -> tuple[float, float]:
-        """Return the change of the gap functions at s (s) by errors of rates, in N.
+        """Return the change of gap functions at s (s) by errors of rates, in N.
 
-        Also return its decay rate if the jump begins later, in 1/s.
+        Also return the rate (1/s) at which this change decreases if the jump begins later.
         """
         growth = self.ringing.growth[alive]
         squares = (self.ringing.late(s, alive) * self._counted(s, due)[alive]) ** 2
         parts = squares[squares.sum(axis=1).argmax()]
-        square = float(parts.sum())  # of errors that do not hang on each other
+        square = float(parts.sum())  # errors of modes are independent
         return math.sqrt(square), float(-growth.real @ parts) / square if square else 0.0
 
     def _defect(self, s: float, due: float, alive: np.ndarray) -> tuple[float, float]:
-        """Return the change of the gap functions by the residual of the modes until s (s), in N.
+        """Return the change of gap functions by the residual of the modes until s (s), in N.
 
-        Also return its decay rate if the jump begins later, in 1/s: twice that of the slowest mode
-        that counts, because a residual of large motions is quadratic in them.
+        Also return the rate (1/s) at which this change decreases if the jump begins later. It is
+        twice the decay rate of the slowest mode in `alive`, because the residual is quadratic in
+        large motions.
 
         In finite geometry the tangent changes along the path, and large motions are not linear. The
-        residual at the times `SAMPLED` excites modes, which decay until s. Its part that is odd in
-        the motion oscillates at the frequencies of the present modes. A mode with a rate lambda
-        near one of these responds |lambda| over the difference times as much as to a constant
-        force, but at most |lambda| s times as much. The even part oscillates at sums and
-        differences of frequencies.
+        residual at the times `SAMPLED` excites modes, which decay until s. The part of the residual
+        that is odd in the motion oscillates at the frequencies of the present modes. A mode of rate
+        lambda responds to such an oscillation more than to a constant force. The factor is |lambda|
+        over the difference of the two rates, and at most |lambda| s. The even part oscillates at
+        sums and differences of frequencies.
         """
         modes, space, outside, found = self.modes, self.space, self.outside, 0.0
         near = np.maximum(self.ringing.distances(), 1 / s)
@@ -333,12 +337,12 @@ class Jump:
         return found, -2.0 * float(self.ringing.growth[alive].real.max())
 
     def _excited(self, force: np.ndarray, s: float) -> np.ndarray:
-        """Return changes of gap functions (N), (n_c, n), by modes s (s) after a force (N) began."""
+        """Return changes (N) of gap functions by modes s (s) after a force (N) began, (n_c, n)."""
         a = self.modes.pushed(force)
         return np.abs(self.modes.gaps * a) * np.exp(self.ringing.growth.real * s)
 
     def _rung(self, v: np.ndarray) -> float:
-        """Return how far an error v (m/s) of velocities moves a gap function later, in N."""
+        """Return the largest later change (N) of a gap function by an error v (m/s) of velocity."""
         a = np.abs(self.modes.excited(v))
         return float((np.abs(self.modes.gaps) @ a).max(initial=0.0))
 
@@ -350,12 +354,12 @@ class Jump:
         Args:
             s: time, in s.
             alive: indices of the modes that have not decayed, shape (m,).
-            stiffer: change of bond stiffness to that state, (3, n_bonds); None if linear.
+            stiffer: change of bond stiffness at s, shape (3, n_bonds), in N/m; None if linear.
 
         Returns:
             q (m) and q' (m/s), shape (n_q,); gap functions, shape (n_c,), in N; the shift of q, in
-            m; and the factor by which its refinement reduces the error, in the norm of elastic
-            energy.
+            m; and the factor by which refinement of the shift reduces the error, in the norm of
+            elastic energy.
         """
         space, path = self.space, self.path
         w, w_v, w_a = self.ringing.motion_at(s, alive)
@@ -376,7 +380,7 @@ class Jump:
         return q, v, gaps, shift, contraction
 
     def drift_at(self, s: float) -> np.ndarray | None:
-        """Return dq/d(drive) at s (s), shape (n_q,), or None if not only the driver moves."""
+        """Return dq/d(drive) at s (s), shape (n_q,); None if loads change or the driver rests."""
         V = self.outside.V + s * self.outside.a
         if not V or any(self.outside.gain):
             return None
@@ -386,7 +390,7 @@ class Jump:
         """Return the integral of (w_0 + w_1 s) row.q(s) from 0 to s (s), for weights w_0 and w_1.
 
         Args:
-            row: shape (n_q,); its unit times m and that of w_0 s is that of the result.
+            row: shape (n_q,). The result has the unit of row times m times w_0 s.
             s: length of the jump, in s.
             weight: w_0 and w_1.
         """

@@ -17,9 +17,8 @@ if TYPE_CHECKING:
 class Limits:
     """Solvers of one scene under its limits of friction.
 
-    Between two breakpoints the strength of a block is mu(t) p, with p a quadratic function of time.
-    Jumps take the limits as constant, so that gap functions stay those of Amontons-Coulomb friction
-    with min(mu_s, limit); while a limit changes there are none.
+    Between two breakpoints the strength of a block is mu(t) p. Jumps are made only while all limits
+    are constant. Gap functions are then those of Amontons-Coulomb friction with min(mu_s, limit).
 
     Args:
         known: the solver without limits.
@@ -35,7 +34,7 @@ class Limits:
         Args:
             t: time that selects the pieces of the limits, in s.
             now: present time, in s.
-            slips: whether blocks slip; under a limit that binds no jump follows them.
+            slips: whether blocks slip, which excludes jumps under a limit below mu_s.
         """
         scene, hold = self.known.scene, self.known.scene.law.tables.hold
         if not scene.interface.limit:

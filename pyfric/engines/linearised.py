@@ -1,15 +1,15 @@
 """The slider, linear about a state with blocks held: condensed onto its interface, and its waves.
 
 Let K, C, M be stiffness, viscosity and masses of the slider, q its coordinates, and u those of the
-blocks in contact. If these move slowly, the others follow their static state, K q = b inside, and
-lag behind it by viscosity,
+blocks in contact. If u changes slowly, the other coordinates w follow their static state,
+(K q)_w = b_w, and lag behind it by viscosity:
 
-    q = G u + s K_ww^-1 b' + l ,   K_ww l = -(C q')_w ,
+    q = G u + s K_ww^-1 b' + l ,   K_ww l = -(C q')_w .
 
-which makes loads on the interface (`Linearised.interface`). Anything else is a wave, a free motion
-w of the slider with its interface held. It decays by viscosity. Its load on a block, f, makes the
-block faster by exp(f/(a p)), and so changes how far it slips before the wave is gone
-(`Waves.effect`).
+This motion loads the interface (`Linearised.interface`). Any other motion is a wave, a free motion
+of the slider with its interface held. Waves decay by viscosity. The load f of a wave multiplies the
+speed of a block by exp(f/(a p)). It thereby changes the slip of the block until the wave has
+decayed (`Waves.effect`).
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from pyfric.statics import StaticSolver
 
 COLUMNS = 64
-"""Columns of a solution with many right sides, for memory."""
+"""Most columns that are solved for together, which limits memory."""
 LARGE = 500.0
-"""Argument above which ln(I_0(x)) counts as x, so that no I_0 overflows."""
+"""Argument above which ln(I_0(x)) is taken as x, so that I_0 does not overflow."""
 
 
 def after(part: tuple[np.ndarray, np.ndarray], s: float, moved: np.ndarray) -> np.ndarray:
@@ -43,14 +43,15 @@ def after(part: tuple[np.ndarray, np.ndarray], s: float, moved: np.ndarray) -> n
 
 
 class Interface(NamedTuple):
-    """The condensed slider with the time s since a state, in s, whose blocks in contact are held.
+    """The condensed slider about a state, as a function of time and of slip since this state.
 
     Attributes:
-        load: load on each block along +x, in N: its value, its rate and the rate of that, shape
-            (N_x, 3), and its matrix over the displacements since that state, shape (N_x, N_x).
-        p: the same for the normal force; for a block that lifted off -k_f u_z, which is negative.
+        load: load on each block along +x, in N: its value, first and second derivative by time with
+            blocks in contact held, shape (N_x, 3); and its derivatives by displacements of blocks,
+            shape (N_x, N_x).
+        p: the same for the normal force; for an open block -k_f u_z, which is negative.
         F_T: the same for the force of the driver, shapes (3,) and (N_x,).
-        u: the same for u_x of all blocks, in m; blocks without contact move with the others.
+        u: the same for u_x of all blocks, in m; open blocks move with the others.
     """
 
     load: tuple[np.ndarray, np.ndarray]
@@ -71,17 +72,17 @@ class Interface(NamedTuple):
 
 
 class Waves(NamedTuple):
-    """What a slider does beside its static path, as its interface feels it.
+    """Waves in the slider, and their loads on the interface.
 
     Attributes:
-        rest: the interface in the static state beside the waves.
-        amplitude: of the load on each block, shape (N_x,), in N.
-        impulse: integral of the load over all times to come, shape (N_x,), in N s.
+        rest: the interface in the static state without waves.
+        amplitude: amplitude of the load on each block, shape (N_x,), in N.
+        impulse: integral of the load over all later times, shape (N_x,), in N s.
         direct: a p, shape (N_x,), in N.
-        stiff: how load and strength change with slip, shape (N_x,), in N/m.
+        stiff: change of load and strength with slip, shape (N_x,), in N/m.
         pull: amplitude of the force of the driver, in N.
-        frequency: their angular frequency, in 1/s.
-        decay: rate at which their energy decays, in 1/s.
+        frequency: mean angular frequency, in 1/s.
+        decay: decay rate of the energy of waves, in 1/s.
     """
 
     rest: Values
@@ -95,23 +96,24 @@ class Waves(NamedTuple):
 
     @property
     def largest(self) -> float:
-        """The amplitude of their loads together, or of the force of the driver, in N."""
+        """Sum of the amplitudes of loads, or amplitude of the driver's force if larger, in N."""
         return max(float(self.amplitude.sum()), self.pull)
 
     def slip(self, v: np.ndarray) -> np.ndarray:
-        """Return by how much they move blocks at speeds v (m/s), to first order, (N_x,), in m."""
+        """Return the slip due to waves at speeds v (m/s), to first order, shape (N_x,), in m."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(self.direct > 0, v * self.impulse / self.direct, 0.0)
 
     def effect(self, v: np.ndarray, change: np.ndarray | float = 0.0) -> float:
-        """Return how much they change loads by slip beside that of first order, in N.
+        """Return the largest change of loads by slip beyond first order, in N.
 
-        While they last, the mean speed is v I_0(amplitude/(a p)), with a Bessel function. Slip
-        changes by no more than what balances the mean of the friction or the amplitude.
+        While waves last, the mean speed of a block is v I_0(amplitude/(a p)), with a Bessel
+        function. The change of load by slip is at most the change of mean friction, or the
+        amplitude.
 
         Args:
             v: speeds, shape (N_x,), in m/s.
-            change: by how much the speeds change during a wave, shape (N_x,), in m/s.
+            change: change of the speeds during a wave, shape (N_x,), in m/s.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             over = self.amplitude / self.direct
@@ -128,8 +130,8 @@ class Linearised:
     Args:
         known: static states of the scene.
         closed: blocks in contact, shape (N_x,), bool.
-        q: coordinates of the state, shape (n_q,), in m; None means the loaded one, whose factor is
-            kept.
+        q: coordinates of the state, shape (n_q,), in m; None means the loaded state, whose factor
+            is kept.
 
     Attributes:
         K, C: stiffness (N/m) and viscosity (N s/m), shape (n_q, n_q).
@@ -152,15 +154,16 @@ class Linearised:
         self.C = known.damping(q)
 
     def answer(self, force: np.ndarray) -> np.ndarray:
-        """Return displacements (m) by forces (N), interface held, shape (n_q,) or (n_q, n)."""
+        """Return displacements (m) under forces (N), interface held, (n_q,) or (n_q, n)."""
         found = np.zeros(force.shape)
         found[self.inside] = self._inner.solve(force[self.inside])
         return found
 
     def moving(self, v_x: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """Return velocities (m/s), (n_q,), by rates of forces (N/s) and v_x of blocks in contact.
+        """Return velocities of static states (m/s), shape (n_q,).
 
-        Those of static states: K q' = b' inside.
+        They follow from rates of forces (N/s) and v_x of blocks in contact: K q' = b' for all other
+        coordinates.
         """
         q = np.zeros(self.K.shape[0])
         q[: len(v_x)] = np.where(self.closed, v_x, 0.0)
@@ -173,7 +176,7 @@ class Linearised:
         return -of_v - of_a
 
     def loads(self, q: np.ndarray, force: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
-        """Return loads and normal forces (N) by displacements (m) and forces (N), (N_x, ...)."""
+        """Return loads and normal forces (N) under displacements (m), forces (N), (N_x, ...)."""
         held, k_f = self.closed, self._k_f
         if q.ndim > 1:
             held, k_f = held[:, None], k_f[:, None]
@@ -181,7 +184,7 @@ class Linearised:
         return np.where(held, load, 0.0), -k_f * q[ends(len(held)).u_z]
 
     def _shapes(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Yield some blocks in contact, and static displacements (n_q, n) by 1 m of each."""
+        """Yield groups of blocks in contact, and static responses (n_q, n) to 1 m of each block."""
         at = np.flatnonzero(self.closed)
         for part in np.array_split(at, -(-len(at) // COLUMNS)):
             q = -self.answer(self.K[:, part].toarray())
@@ -190,7 +193,7 @@ class Linearised:
 
     @functools.cached_property
     def by_u(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Load, normal force, F_T (N/m) and u_x over displacements: see `Interface`."""
+        """Derivatives of load, normal force, F_T (N/m) and u_x by displacements of blocks."""
         N_x = len(self.closed)
         load, p, u = np.zeros((3, N_x, N_x))
         F_T = np.zeros(N_x)
@@ -201,22 +204,22 @@ class Linearised:
 
     @functools.cached_property
     def by_v(self) -> tuple[np.ndarray, np.ndarray]:
-        """Load and normal force over velocities, shape (N_x, N_x), in N s/m.
+        """Derivatives of load and normal force by velocities, shape (N_x, N_x), in N s/m.
 
-        The slider moves as static states do, q = G u. To first order in eta, the load then changes
-        by -G' C G v.
+        The slider moves through static states, q = G u. To first order in eta, the load changes by
+        -G' C G v.
         """
         return self._resisted(lambda q: self.resistance(q))
 
     @functools.cached_property
     def by_a(self) -> tuple[np.ndarray, np.ndarray]:
-        """The same over accelerations, in kg: to first order the load changes by -G' M G v'."""
+        """The same by accelerations, in kg: to first order the load changes by -G' M G v'."""
         return self._resisted(lambda q: self.resistance(None, q))
 
     def _resisted(
         self, force_of: Callable[[np.ndarray], np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return loads and normal forces by what resists the motion of each block, (N_x, N_x)."""
+        """Return loads and normal forces by forces that resist a block's motion, (N_x, N_x)."""
         load, p = np.zeros((2, len(self.closed), len(self.closed)))
         for part, q in self._shapes():
             force = force_of(q)
@@ -227,8 +230,8 @@ class Linearised:
     def interface(self, at: Values, outside: Outside, bends: np.ndarray | float = 0.0) -> Interface:
         """Return the condensed slider about a static state, under driver and loads.
 
-        Includes viscosity while driver and loads move the slider with its interface held, and
-        second derivatives of spring forces then, shape (n_q,), in N/s^2.
+        It includes viscosity of the motion by driver and loads with the interface held. `bends` are
+        second derivatives of spring forces during this motion, shape (n_q,), in N/s^2.
         """
         N_x, K, push = len(self.closed), self.known.scene.driver.K, self.known.push
         load, p, u = np.zeros((3, N_x, 3))
@@ -255,10 +258,11 @@ class Linearised:
     def waves(
         self, at: np.ndarray, v: np.ndarray, outside: Outside, p: np.ndarray, law: RateStateLaw
     ) -> Waves:
-        """Return what moves the slider beside its static path.
+        """Return the waves in a state of the slider.
 
-        Free motion obeys M q'' + C q' + K q = 0 inside. Its integral follows from its beginning,
-        K int(q) = M q' + C q. Its frequency and decay are means over its energy.
+        Waves obey M q'' + C q' + K q = 0 with the interface held. The integral of q over time
+        follows from the initial state, K int(q) = M q' + C q. Frequency and decay are means
+        weighted with energy.
 
         Args:
             at, v: coordinates (m) and velocities (m/s), shape (n_q,).

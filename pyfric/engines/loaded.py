@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pyfric.scene import Geometry, OnDriven, Scene
 
 FOLDING = 0.2
-"""Strain of bonds above which F_N is reported as too large if no loaded state is found."""
+"""If no loaded state is found at a strain of bonds above this, F_N is reported as too large."""
 _KEPT: ContextVar[dict[tuple[Scene, Geometry], StaticSolver] | None] = ContextVar(
     "kept", default=None
 )
@@ -23,7 +23,7 @@ _KEPT: ContextVar[dict[tuple[Scene, Geometry], StaticSolver] | None] = ContextVa
 
 @contextlib.contextmanager
 def shared_statics() -> Iterator[None]:
-    """Let runs of one scene in one geometry that follow each other share their statics."""
+    """Let successive runs of one scene in one geometry share their static solver."""
     token = _KEPT.set({})
     try:
         yield
@@ -32,7 +32,7 @@ def shared_statics() -> Iterator[None]:
 
 
 def loaded_solver(scene: Scene, geometry: Geometry, u_drv0: OnDriven | None) -> StaticSolver:
-    """Return the static solver with the loaded slider, that of the run before if it is the same."""
+    """Return the static solver with the loaded slider, from the last run if it was the same."""
     kept = _KEPT.get()
     if kept is None or u_drv0 is not None:
         return _found(scene, geometry, u_drv0)

@@ -5,11 +5,11 @@ In the space B of slow shapes (`space`), with B'M B = 1 and w = B y (Galerkin's 
     y'' + (B'C B) y' + (B'K B) y = 0 ,    y = Re sum_k a_k x_k exp(lambda_k s) .
 
 Of each conjugate pair of eigenvectors, one is kept, multiplied by two. At the end of a jump, the
-static response to its residual is subtracted: with phi = B x,
+static response to the residual of a mode is subtracted. The corrected shape is, with phi = B x,
 phi - K^-1 (K + lambda C + lambda^2 M) phi. Rayleigh's functional of this shape corrects lambda.
 
-A step multiplies a mode by R(z), z = lambda dt (`Stepper.growth`). It leaves the quasi-static path
-unchanged. The ring-down of a run with steps dt therefore has the rates log(R)/dt.
+A time step multiplies a mode by R(z), z = lambda dt (`Stepper.growth`). It leaves the quasi-static
+path unchanged. The ring-down of a run with steps dt therefore has the rates log(R)/dt.
 
 In finite geometry rates follow the present tangent to first order,
 delta lambda = -phi.delta K phi/(phi.C phi + 2 lambda phi.M phi).
@@ -36,15 +36,15 @@ if TYPE_CHECKING:
 
 
 def applied(operator: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
-    """Return what a real linear operator makes of complex vectors, shape (n, m)."""
+    """Return a real linear operator, applied to complex vectors, shape (n, m)."""
     real, imag = np.hsplit(operator(np.hstack([x.real, x.imag])), 2)
     return real + 1j * imag
 
 
 def stepped(rates: np.ndarray, dt: float | None, stepper: str) -> np.ndarray:
-    """Return the rates of amplitudes that steps dt (s) give for rates, both in 1/s.
+    """Return the rates of amplitudes in time steps dt (s), from exact rates, both in 1/s.
 
-    None means exact time.
+    dt = None returns the exact rates.
     """
     if dt is None:
         return rates
@@ -76,9 +76,9 @@ class Corrected(NamedTuple):
     """A mode corrected by the static response to its residual.
 
     Attributes:
-        shift: what it adds to the shape, shape (n_q,), complex, in m.
-        rate: in 1/s.
-        off: error of the rate that is left, in 1/s.
+        shift: correction of the shape, shape (n_q,), complex, in m.
+        rate: corrected rate, in 1/s.
+        off: remaining error of the rate, in 1/s.
     """
 
     shift: np.ndarray
@@ -91,17 +91,17 @@ class Modes:
     """Eigenpairs of the reduced system at one tangent. Arrays are read-only.
 
     Attributes:
-        gap_functions: those of the contact states.
-        tangent: where the slider is linearised.
-        dt: step that the ring-down follows, in s; None means exact time.
+        gap_functions: gap functions of the contact states.
+        tangent: tangent about which the slider is linearised.
+        dt: time step that the ring-down follows, in s; None means exact time.
         stepper: the stepper that makes these steps.
-        rates: eigenvalues of the damped modes, one of each conjugate pair, shape (n,), in 1/s,
-            those that decay slowest first.
-        growth: rates of the amplitudes, shape (n,), in 1/s: `rates`, changed by the steps.
+        rates: eigenvalues of the damped modes, one of each conjugate pair, shape (n,), in 1/s, in
+            order of decay, slowest first.
+        growth: rates of the amplitudes in time steps, shape (n,), in 1/s.
         x: eigenvectors in the space, shape (r, n), complex.
-        norm: phi.C phi + 2 lambda phi.M phi of single eigenvectors, shape (n,), in N s/m.
-        pulled: single left eigenvectors over `norm`, shape (r, n).
-        grows: largest growth rate among the modes, 0 without any, in 1/s.
+        norm: phi.C phi + 2 lambda phi.M phi of eigenvectors not doubled, shape (n,), in N s/m.
+        pulled: left eigenvectors, not doubled, over `norm`, shape (r, n).
+        grows: largest growth rate among the modes, 0 if none grows, in 1/s.
         damping: B'C B, shape (r, r), in 1/s.
         compliance: inverse of B'K B, shape (r, r), in s^2.
         gaps: gap functions of modes of amplitude 1, shape (n_c, n), complex, in N.
@@ -140,11 +140,11 @@ class Modes:
         return self.gap_functions.space
 
     def at(self, q: np.ndarray) -> Modes:
-        """Return the modes in the same space at the tangent of a state q (m), shape (n_q,)."""
+        """Return the modes in the same space, at the tangent of a state q (m), shape (n_q,)."""
         return modes_at(self.gap_functions, self.space.tangent_at(q), self.dt, self.stepper)
 
     def stepped(self, rates: np.ndarray) -> np.ndarray:
-        """Return the rates of amplitudes for rates, both in 1/s."""
+        """Return the rates of amplitudes in time steps, from exact rates, both in 1/s."""
         return stepped(rates, self.dt, self.stepper)
 
     # --- corrections -----------------------------------------------------------------------------
@@ -153,12 +153,12 @@ class Modes:
         """Return modes with these indices, corrected. Corrections are cached.
 
         With Q(lambda) = K + lambda C + lambda^2 M and a shape phi, Rayleigh's functional gives the
-        error of a rate, delta lambda = phi.Q phi/(phi.C phi + 2 lambda phi.M phi). A further
-        correction would divide it by the square of the factor by which this one reduces the
-        residual; and the functional is of first order in delta lambda/lambda. The sum of both is
-        the share of the error that is left, at most 1, and `off` what is left. With slip, K is
-        unsymmetric and the left shape, which is not corrected, takes the place of phi: the factor
-        itself counts.
+        error of a rate, delta lambda = phi.Q phi/(phi.C phi + 2 lambda phi.M phi). `off` is the
+        error after the correction. The share of `off` in delta lambda is the sum of two parts, at
+        most 1. One part is the square of the factor by which the correction reduces the residual.
+        The other is |delta lambda/lambda|, because the functional is of first order in it. With
+        slip, K is unsymmetric. The left eigenvector, which is not corrected, then replaces phi on
+        the left, and the first part is the factor instead of its square.
         """
         numbers = which.tolist()
         new = [k for k in numbers if k not in self._corrections]
@@ -171,7 +171,7 @@ class Modes:
     def _correct(
         self, x: np.ndarray, psi: np.ndarray, rates: np.ndarray, norm: np.ndarray
     ) -> Iterator[Corrected]:
-        """Correct the modes with these eigenvectors, left ones, rates and norms."""
+        """Correct modes, given by their right and left eigenvectors, rates and norms."""
         phi = applied(self.space.B.dot, x)
         left = self._residual(phi, rates)
         shift = -applied(self.space.answer, left)
@@ -200,7 +200,7 @@ class Modes:
         """Return changes of rates, (m,), in 1/s, to first order in changes of bond stiffness.
 
         Args:
-            stiffer: changes since the factorised tangent, shape (3, n_bonds), in N/m.
+            stiffer: changes from the factorised tangent, shape (3, n_bonds), in N/m.
             which: indices of the modes, shape (m,).
         """
         added = np.ravel(stiffer - self.tangent.stiffer)
@@ -208,7 +208,7 @@ class Modes:
         return -np.array([complex(*work) for work in works], dtype=complex)
 
     def _work(self, k: int) -> np.ndarray:
-        """Return derivatives of -rates[k] by stiffnesses of bonds: two parts, (2, 3 n_bonds)."""
+        """Return derivatives of -rates[k] by bond stiffness, real and imaginary, (2, 3 n_bonds)."""
         if k not in self._works:
             phi = applied(self.space.B.dot, self.pulled[:, [k]] * self.norm[k])[:, 0]
             parts = self.space.solver.elongations(np.column_stack([phi.real, phi.imag]))
@@ -220,14 +220,14 @@ class Modes:
     # --- amplitudes and motion -------------------------------------------------------------------
 
     def amplitudes(self, y: np.ndarray) -> np.ndarray:
-        """Return the amplitudes of modes, shape (n,), from y, (2, r), which is B'M w and B'M v.
+        """Return the amplitudes of modes, shape (n,), from y = (B'M w, B'M v), shape (2, r).
 
         C and K are symmetric: a_k = x_k.((lambda_k + C) y + y')/(x_k.C x_k + 2 lambda_k x_k.x_k).
         """
         return (self.damping @ y[0] + y[1]) @ self.pulled + self.rates * (y[0] @ self.pulled)
 
     def excited(self, v: np.ndarray) -> np.ndarray:
-        """Return the amplitudes of modes, (n,), in velocities v (m/s) without displacements."""
+        """Return the amplitudes of modes, (n,), after velocities v (m/s) without displacements."""
         return ((self.space.M * v) @ self.space.B) @ self.pulled
 
     def pushed(self, force: np.ndarray) -> np.ndarray:
@@ -238,10 +238,10 @@ class Modes:
     def split(self, w: np.ndarray, v: np.ndarray) -> Motion:
         """Split a deviation w (m) with rate v (m/s), shape (n_q,), into modes and truncated part.
 
-        For the truncated part, M w, M v and K w are orthogonal to B, but viscosity couples it to
-        the modes. It adds phi.C w/(phi.C phi + 2 lambda phi.M phi) to the amplitude of a mode phi.
-        Responses to slip are no modes. Beside them K w drives the modes, at no frequency below
-        `cut`.
+        For the truncated part, M w and M v are orthogonal to B. Viscosity couples the truncated
+        part to the modes. It adds phi.C w/(phi.C phi + 2 lambda phi.M phi) to the amplitude of a
+        mode phi. K w is orthogonal to B, too, unless B contains responses to slip. In this case K w
+        drives the modes, at frequencies of `cut` or more.
         """
         space, (K, C, _) = self.space, self.tangent
         y_0, y_1, drawn = np.array([space.M * w, space.M * v, C @ w]) @ space.B
@@ -256,7 +256,7 @@ class Modes:
         return Motion(a, max(energy, 0.0), gaps, max(decay, space.decay), driven)
 
     def motion_of(self, a: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Return w (m), w' (m/s) and w'' (m/s^2), shape (3, n_q), of all modes, not corrected."""
+        """Return w (m), w' (m/s), w'' (m/s^2), shape (3, n_q), of all modes before correction."""
         return (np.array([a, a * rates, a * rates**2]) @ self.x.T).real @ self.space.B.T
 
 
@@ -265,7 +265,7 @@ def modes_of(space: Space, dt: float | None = None, stepper: str = "rk4") -> Mod
 
     Args:
         space: the slider at its contact states.
-        dt: step that the ring-down follows, in s; None means exact time.
+        dt: time step that the ring-down follows, in s; None means exact time.
         stepper: the stepper that makes these steps.
     """
     return modes_at(GapFunctions(space), space.tangent, dt, stepper)
@@ -274,7 +274,7 @@ def modes_of(space: Space, dt: float | None = None, stepper: str = "rk4") -> Mod
 def modes_at(
     gap_functions: GapFunctions, tangent: Tangent, dt: float | None, stepper: str
 ) -> Modes:
-    """Return the modes at a tangent, see `Modes`."""
+    """Return the modes at a tangent; see `Modes`."""
     space = gap_functions.space
     B, held = space.B, space.held
     KB, CB, r = tangent.K @ B, tangent.C @ B, B.shape[1]
@@ -317,17 +317,17 @@ def _off(
     x: np.ndarray,
     rates: np.ndarray,
 ) -> np.ndarray:
-    """Return r.M^-1 r/cut^2 of the residuals r of single modes, shape (n,), in N/m.
+    """Return r.M^-1 r/cut^2 of the residuals r of modes, shape (n,), in N/m.
 
-    A residual is orthogonal to the space. It excites motion outside only, which is no slower than
-    `cut`. Zeros for chains, which the space spans.
+    A residual is orthogonal to the space. It excites only motion outside the space, of frequencies
+    of `cut` or more. For chains it is 0, because the space contains all motion.
 
     Args:
         space: the slider.
         forces: K B and C B, shape (n_q, r).
         reduced: B'K B and B'C B, shape (r, r).
-        x: single eigenvectors, shape (r, n).
-        rates: in 1/s, shape (n,).
+        x: eigenvectors, not doubled, shape (r, n).
+        rates: rates of the modes, in 1/s, shape (n,).
     """
     if not space.cut:
         return np.zeros(len(rates))
@@ -340,9 +340,9 @@ def _off(
 
 
 def _fade(space: Space, rates: np.ndarray) -> float:
-    """Return the expected decay rate of motion above the frequencies of a space, in 1/s.
+    """Return the expected decay rate of motion faster than all modes of a space, in 1/s.
 
-    Viscous damping is proportional to omega^2. The factor is taken from the least damped mode.
+    Viscous damping is proportional to omega^2, with the factor of the least damped mode.
     """
     waves = rates[rates.imag > 0]
     if not len(waves):

@@ -1,10 +1,10 @@
 """Steps of the moving part of a chain.
 
-Nothing above the interface carries forces in a chain. Blocks that rest beside blocks that rest stay
-where they are, and the force on them follows the driver in a straight line. Steps are therefore
-made for the blocks that slip, and those that the driver may release meanwhile, with some resting
-blocks on both sides. If slip comes to within two blocks of an end, the steps are repeated with
-twice as many.
+In a chain, forces pass only between neighbours. A block that rests between resting blocks stays
+where it is, and the force on it is linear in the motion of the driver. Steps are therefore made for
+the moving part alone: blocks that slip, blocks that the driver may release, and some resting blocks
+on both sides. If slip comes within two blocks of an end of this part, the steps are repeated with
+twice as many resting blocks.
 """
 
 from __future__ import annotations
@@ -26,22 +26,20 @@ if TYPE_CHECKING:
     from pyfric.statics import StaticSolver
 
 ASIDE = 16
-"""Resting blocks on each side of those that may slip, at first. More take longer; fewer are doubled
-more often. As many steps are made between two choices of the moving part, because waves take more
-than a step to the next block. Results depend on it by rounding."""
+"""Resting blocks on each side of the blocks that may slip, at first. It is also the number of steps
+between two choices of the moving part, because a wave takes more than a step to the next block.
+With more of them, steps take longer. With fewer, the number is doubled more often. Results depend
+on the number only by rounding."""
 
 
 LEAST = 160
-"""Blocks of a chain from which its parts take less time than the whole. A policy: results depend on
-it by rounding. Time of parts over that of the whole, preset `chain`: 1.1 with 57 blocks, 1.03 with
-110, 0.84 with 200, 0.58 with 300."""
+"""Least number of blocks of a chain whose moving part takes less time than the whole. A policy:
+results depend on it by rounding. Time of the moving part over time of the whole, preset `chain`:
+1.1 with 57 blocks, 1.03 with 110, 0.84 with 200, 0.58 with 300."""
 
 
 def has_parts(scene: Scene) -> bool:
-    """Return whether parts of a scene can move alone, and pay.
-
-    Blocks at rest feel only their neighbours and the driver.
-    """
+    """Return whether steps of the moving part alone are possible and save time."""
     if scene.N_x < LEAST:
         return False
     steady = not (scene.corners or scene.top.push or scene.interface.limit)
@@ -51,8 +49,8 @@ def has_parts(scene: Scene) -> bool:
 def may_slip(scene: Scene, space: Space, state: State, n_steps: int) -> np.ndarray:
     """Return which blocks move, or may be released in n steps while all others rest; (N_x,), bool.
 
-    Margins of resting blocks are concave in time under a steady driver, so that they are smallest
-    at the beginning or at the end.
+    The margin of a resting block to slip is concave in time under a steady driver. It is therefore
+    smallest at the beginning or at the end.
 
     Args:
         scene: a scene that `has_parts`.
@@ -82,7 +80,7 @@ class MovingParts:
 
     Args:
         known: static states of the scene.
-        method: how it is run, without energies and threshold.
+        method: method of the run, without energies and threshold.
     """
 
     longest = ASIDE
@@ -113,7 +111,7 @@ class MovingParts:
 
 
 def _take(scene: Scene, part: core.Part, own: tuple[State, Log], whole: tuple[State, Log]) -> None:
-    """Take over steps of a part, and add the forces of the driver on the blocks at rest."""
+    """Copy steps of a part into the whole; add the driver's forces on the blocks at rest."""
     state, log = whole
     begin = state.step
     part.log(own[1], log, state)

@@ -1,7 +1,7 @@
 """Options of a run, and the method that follows from them for a scene and an engine.
 
-`Options` holds what a user asks for, independent of the scene. `Engine.settled` fills in what was
-left open, for one scene. It returns a `Method`, which the record of the run keeps.
+`Options` holds the choices of a user, independent of the scene. `Engine.settled` adds the defaults
+for one scene. It returns the `Method` that is stored in the record.
 """
 
 from __future__ import annotations
@@ -43,17 +43,17 @@ if TYPE_CHECKING:
     from pyfric.scene import Number, Scene
 
 RTOL = 1e-6
-"""Default of rtol. The error of rupture times of a short front is then 2e-11 s, with located
-switching; 1e-3 makes it 7e-9 s for 1.3 times less work."""
+"""Default of rtol. With located switching, the error of rupture times of a short front is 2e-11 s;
+with 1e-3 it is 7e-9 s for 1.3 times less work."""
 FINEST = 1e-9
 """Smallest accuracy."""
 MAX_THREADS = 4096
-"""Most threads that may be asked for."""
+"""Largest allowed number of threads."""
 
 Fidelity = Literal["auto", "equilibrium", "quasistatic", "hybrid", "dynamic"]
 """The engine, or "auto" for the cheapest one that is accurate enough."""
 Want = Literal["loading_curve", "precursors", "stress", "front_speed", "motion"]
-"""The quantity that a run is made for."""
+"""The quantity that is wanted from a run."""
 Verify = Literal["none", "sample", "full", "shared"]
 """How errors are measured."""
 StepperName = Literal["rk4", "rk46", "rk46_waves", "verlet", "symplectic_euler", "adaptive", "imex"]
@@ -86,12 +86,12 @@ class Keywords(TypedDict, total=False):
 
 
 METHOD_PAPER = {"stepper": (None, "rk4"), "switching": (None, "step_end"), "dt": ("auto",)}
-"""Values of options that method = "paper" leaves."""
+"""Values of options that are allowed with method = "paper"."""
 
 
 @part
 class Options:
-    """How a run is made; these are the keyword arguments of `pyfric.simulate`."""
+    """Options of a run, which are the keyword arguments of `pyfric.simulate`."""
 
     fidelity: Annotated[Fidelity, EngineName()] = option(
         "auto",
@@ -263,7 +263,7 @@ class Options:
         SETTABLE, 'a field of the scene, as in scene.replace(F_N="2 kN")'
     )
 
-    if TYPE_CHECKING:  # what may be given; the fields hold numbers in SI units
+    if TYPE_CHECKING:  # types of arguments; the fields hold numbers in SI units
 
         def __init__(self, **keywords: Unpack[Keywords]) -> None: ...
 
@@ -294,9 +294,9 @@ class Options:
         return {name: value for name, value in values.items() if value != getattr(Options, name)}
 
     def on(self, scene: Scene) -> Options:
-        """Return the options with the conditions of a scene, unless others were given.
+        """Return the options with the conditions of a scene, unless conditions were given.
 
-        The paper's method belongs to full dynamics, unless another engine was named.
+        With the paper's method, the default engine is full dynamics.
 
         Raises:
             SceneError: a condition names a position beyond the interface, or needs thresholds of
@@ -329,7 +329,8 @@ class Options:
         """Return the stepper.
 
         Raises:
-            SceneError: it is implicit and the friction is not, or the other way round.
+            SceneError: the stepper does not fit the law. Rate-and-state friction needs an implicit
+                stepper, other laws an explicit one.
         """
         switching = self.switching or default_switching(scene, self.method)
         stepper = self.stepper or default_stepper(scene, switching)
@@ -371,12 +372,12 @@ def kept(method: Method) -> dict[str, Any]:
 
 
 def check_kept(scene: Scene, method: Method, given: Mapping[str, Any]) -> None:
-    """Raise SceneError if an option that was given differs from what a continued run keeps.
+    """Raise SceneError if a given option differs from the option of the record to continue.
 
     Args:
         scene: the scene.
         method: method of the record that is continued.
-        given: names of options to values; None is no choice.
+        given: names of options to values; None means not given.
     """
     for name, held in {"fidelity": method.engine, **kept(method)}.items():
         if given.get(name) is None:

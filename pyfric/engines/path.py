@@ -7,8 +7,8 @@ are
     q_0 + q_1 s + q_2 s^2/2 + l_0 + l_1 s ,
     K q_1 = b' ,   K q_2 = b'' - R ,   K l_1 = -C q_2 ,   K l_0 = -C (q_1 + l_1) - M q_2 .
 
-In finite geometry R is the second derivative of the spring forces along q_1. In linear geometry it
-is zero, and the path is exact. In finite geometry it is a prediction, which a jump corrects.
+R is the second derivative of the spring forces along q_1. In linear geometry R is zero and the path
+is exact. In finite geometry the path is a prediction, which a jump corrects.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pyfric.statics import StaticSolver
 
 ROUNDS = 8
-"""Most corrections of one path. Each one gains more digits than the one before, or they diverge."""
+"""Most corrections of one path. Corrections either converge in fewer rounds, or diverge."""
 
 
 class Outside:
@@ -51,7 +51,7 @@ class Outside:
 
     @functools.cached_property
     def load_rate(self) -> np.ndarray | float:
-        """Rate of the forces of loads on the coordinates, shape (n_q,), in N/s; weights stay."""
+        """Rate of the forces of loads on the coordinates, shape (n_q,), in N/s."""
         if not any(self.gain):
             return 0.0
         return self.solver.under(self.gain).load - self.solver.under((0.0, 0.0)).load
@@ -89,7 +89,7 @@ class Path(NamedTuple):
     stiffer: np.ndarray | None
 
     def bent(self, shift: np.ndarray, gaps: np.ndarray, s: float) -> Path:
-        """Return the path with the same start, moved by shift (m) and gaps (N) at s (s)."""
+        """Return the path with the same start, changed by shift (m) and gaps (N) at s (s)."""
         q, of_gaps = self.q.copy(), self.gaps.copy()
         q[2] += 2 / s**2 * shift
         of_gaps[2] += 2 / s**2 * gaps
@@ -109,7 +109,7 @@ def rest(
     enough: float,
     contraction: float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray, float] | None:
-    """Return the static state at fixed contact states, the forces there, and the contraction.
+    """Return the static state at fixed contact states, its forces, and the contraction.
 
     Args:
         modes: the slider at these contact states.
@@ -120,8 +120,8 @@ def rest(
         contraction: expected factor by which an iteration reduces the error.
 
     Returns:
-        q (m) and forces (N), shape (n_q,), and the contraction that was observed last; None if the
-        iteration does not converge fast.
+        q (m) and forces (N), shape (n_q,), and the last observed contraction; None if the iteration
+        does not converge fast.
     """
     space, K, before = modes.space, modes.tangent.K, math.inf
     contraction = 0.0 if space.linear else contraction
@@ -129,7 +129,7 @@ def rest(
         force = space.forces(q, drive, load)
         left = force.copy()
         left[space.held] = 0.0
-        if np.abs(left).sum() <= enough:  # contact forces can change by no more
+        if np.abs(left).sum() <= enough:  # contact forces can change by no more than this sum
             return q, force, contraction
         shift = space.answer(left)
         change = K @ shift
@@ -158,8 +158,7 @@ def path_from(
         modes: the slider at its contact states.
         outside: driver and loads.
         q, forces: the static state (m) and the forces on it (N), shape (n_q,).
-        drift: start of the search for dq/d(drive), shape (n_q,); None: that of the factorised
-            tangent.
+        drift: first estimate of dq/d(drive), shape (n_q,); None: that of the factorised tangent.
     """
     space, gap_functions = modes.space, modes.gap_functions
     stiffer, held, zero = space.stiffer(q), space.held, np.zeros_like(q)

@@ -1,19 +1,17 @@
 """Relaxation time of the stuck slider, and t_gap, the longest pause inside an event.
 
-The relaxation time of a large lattice is that of the same slider with larger blocks, on which pilot
-runs are made, too.
+The relaxation time of a large lattice is computed for the same slider with larger blocks.
 
-If slip pauses for less than t_gap, it belongs to the same event. Three times of the scene determine
-the default:
+Slip before and after a pause of less than t_gap belongs to one event. Three times of the scene
+determine the default:
 
 driver      time in which the driver adds `DRIVER_SHARE` of F_N to F_T; a longer pause is loading
 ring-down   `RING_DOWN` relaxation times of the slow motion after an event
-transit     time of a shear wave to cross the interface three times; a shorter pause can be a
-            front that waits for a wave from the other end
+transit     time of a shear wave to cross the interface three times; in a shorter pause, a front may
+            wait for a wave from the other end
 
-t_gap is the shorter one of the first two times, but at least the third. It is 1 ms in the paper's
-scenes of both setups at their F_N and V. If the driver never moves, it starts no other event, and
-t_gap is the third time.
+t_gap is the shorter of the first two times, but at least the third. It is 1 ms in the paper's
+scenes of both setups at their F_N and V. If the driver never moves, t_gap is the third time.
 """
 
 from __future__ import annotations
@@ -36,16 +34,16 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
 
 DRIVER_SHARE, RING_DOWN = 0.9e-3, 4.0
-"""Fitted to the paper's scenes; `docs/explanation/numbers.md` says what they change."""
+"""Fitted to the paper's scenes; `docs/explanation/numbers.md` tells their effect."""
 SLOWEST = 10
-"""Undamped modes in which the slowest decay is sought; the slowest waves have it."""
+"""Number of slowest undamped modes, among which the slowest decay is found."""
 AT_REST = 0.05
-"""Increase of F_T during a relaxation time, over F_N, above which a quasi-static run carries a
-note: a policy on what comes to rest between events."""
+"""Increase of F_T during a relaxation time, over F_N, above which a quasi-static run has a note. A
+policy."""
 _known: Memory[float] = Memory(64)
-"""Relaxation times of scenes that differ in friction only."""
+"""Relaxation times by scene without friction."""
 BLOCKS, COLUMNS = 5_000, 250
-"""Most blocks, and most columns of blocks, that a lattice keeps; a larger one is coarsened."""
+"""Most blocks, and most columns of blocks, of a lattice that is not coarsened."""
 
 
 def longest_pause(scene: Scene) -> float:
@@ -67,7 +65,7 @@ def longest_pause(scene: Scene) -> float:
 def pause_notes(record: Record) -> tuple[str, ...]:
     """Return a note if half or twice t_gap changes the number of main events by more than one.
 
-    The episodes of slip are only joined again into events; no static state is solved.
+    Episodes of slip are joined into events again, without static states.
     """
     t_gap, episodes = record.method.t_gap, record.columns("episodes")
     half, default, twice = (
@@ -85,9 +83,9 @@ def pause_notes(record: Record) -> tuple[str, ...]:
 def relaxation_time(scene: Scene) -> float:
     """Return the decay time of the slowest motion of the slider with all blocks stuck, in s.
 
-    It is 1/min(-Re lambda) over the damped modes in linear geometry, with closed gaps. For large
-    lattices, it is that of larger blocks with the same viscosity. It is 0 for a chain, in which no
-    block can move. It is infinite without viscosity and on a prescribed interface.
+    It is 1/min(-Re lambda) over the damped modes in linear geometry, with closed gaps. Large
+    lattices are replaced by larger blocks with the same viscosity. A chain has 0, because no block
+    can move. Without viscosity, or on a prescribed interface, the time is infinite.
 
     Raises:
         EquilibriumError: a part of the slider is not supported.
@@ -102,8 +100,8 @@ def relaxation_time(scene: Scene) -> float:
 
 
 def _relaxation_time(scene: Scene) -> float:
-    """Return the decay time of a scene whose friction does not matter; see `relaxation_time`."""
-    known, mu = scene.interface, 1.0  # of friction only where there is none
+    """Return the decay time of a scene; see `relaxation_time`."""
+    known, mu = scene.interface, 1.0  # only the absence of friction matters
     if scene.bare.any():
         mu = tuple(np.where(scene.bare, 0.0, 1.0)[np.argsort(scene.n_of_i)].tolist())
     foundation = Interface(mu_s=mu, mu_k=mu, k_f=known.k_f, contact=known.contact)
@@ -140,8 +138,8 @@ def loading_notes(scene: Scene, engine: str) -> tuple[str, ...]:
 def coarser(scene: Scene) -> Scene:
     """Return the scene with larger blocks, so that `BLOCKS` and `COLUMNS` are not exceeded.
 
-    If a larger lattice constant divides all lengths, L, H, h, h_top and eta stay the same.
-    Otherwise L and eta stay the same, and the heights are rounded.
+    L and eta stay the same. H, h and h_top stay the same if a larger lattice constant divides all
+    lengths; otherwise they are rounded.
     """
     N_x, N_z = scene.N_x, scene.N_z
     if N_x * N_z <= BLOCKS and N_x <= COLUMNS:
@@ -171,7 +169,7 @@ def coarser(scene: Scene) -> Scene:
 
 
 def _on(scene: Scene, N_x: int, **parts: Any) -> Scene:
-    """Return a scene with other parts, of N_x columns, under the same k_top per length."""
+    """Return a scene with other parts and N_x columns, with the same k_top per length."""
     if scene.k_top:
         k_top = scene.k_top * scene.N_x / N_x
         parts["top"] = dataclasses.replace(scene.top, k_top=k_top)

@@ -30,19 +30,20 @@ if TYPE_CHECKING:
 def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
     """Return the growth of the slipping zone with mu_s = mu_k, up to sliding.
 
-    The speed of the driver does not matter: t is its displacement over V, or over 1 m/s if it never
-    moves. Protocols are followed. If the driver moves back, blocks slip back.
+    The result is independent of the driver's speed. t is the driver's displacement over V, or over
+    1 m/s if it never moves. Protocols are followed. If the driver moves back, blocks slip back.
 
     Args:
-        scene: the scene, the name of a preset, or the path of a scene file; its friction
-            coefficients are replaced.
+        scene: the scene, the name of a preset, or the path of a scene file. `mu` replaces its
+            friction coefficients.
         mu: the friction coefficient; None means the scene's mu_k.
 
     Returns:
         A record of engine "prediction". Each row of its curve is a change of contact state, with
         columns t (s), F_T (N), drive (m) and L_p_over_L. L_p is the length from the trailing edge
         over which all blocks have slipped or are open. The curve ends when all blocks slip, when no
-        further block can slip, or when the solution may not be unique; a note then says so.
+        further block can slip, or when the solution may not be unique. In the last case the record
+        has a note.
 
     Raises:
         SceneError: mu is not a number >= 0.
@@ -77,7 +78,7 @@ def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
 
 
 def _reached(run: QuasistaticRun) -> list[float]:
-    """Return L_p/L at the points of the curve: up to there all blocks have slipped or are open."""
+    """Return L_p/L at points of the curve: the part where all blocks have slipped or are open."""
     run.pass_on()
     scene, order = run.scene, np.argsort(run.scene.n_of_i)
     log, mode, n = run.history.logs(scene.N_x)["switches"], run.mode_0.copy(), 0

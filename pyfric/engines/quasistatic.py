@@ -3,19 +3,18 @@
 `QuasistaticRun` makes a quasi-static sequence of events, also called a ladder. Between events no
 block slips and all forces are affine in the driver's position. A closed formula therefore gives the
 next start of slip. During an event the driver rests. Slipping blocks carry mu_k p, and stuck blocks
-stay below mu_s p. Blocks are released one at a time, first the one with the largest |f| - mu_s p. A
+stay below mu_s p. Blocks are released one at a time, in order of |f| - mu_s p, largest first. A
 block that would move back sticks again where it was. At the end of the event all blocks stick. The
 driver may also move back, and loads may change. The sequence leaves out the overshoot of moving
-blocks. Without overshoot, events are shorter.
+blocks, which makes events shorter.
 
 For mu_s = mu_k slip grows continuously. It is followed exactly: between two changes of contact
 state all quantities are linear in the drive. The signs of the rates decide which blocks at their
 threshold slip and which stick. A sequence with negligible mu_s - mu_k is treated in the same way,
 because it would have too many events. `pyfric.engines.prediction` treats any scene in this way.
 
-The core follows the sequence (`pyfric.core.Sequences`) where it can (`pyfric.statics.follows`). The
-methods `_climb` and `_grow` do the same in Python, with the same changes in the same order: they
-serve runs that the core does not follow, and as its test.
+The core follows the sequence (`pyfric.core.Sequences`) if it can (`pyfric.statics.follows`). In
+Python, `_climb` and `_grow` make the same changes in the same order, for other runs and for tests.
 
 Source: PRL 107, 074301 (2011), for the model, and for arrest lengths with mu_s = mu_k.
 """
@@ -90,11 +89,11 @@ IDLE = 200
 """Largest number of successive changes of contact state without motion of the driver."""
 
 IN_A_CALL = 4_000_000
-"""Changes of contact state in a call of the core, times N_x^2: some milliseconds of work."""
+"""Changes of contact state in a call of the core, times N_x^2: a few milliseconds of work."""
 ENDLESS = "at t = {t:.6g} s slip goes on without end, in events of no length"
 OF_EVENT = "the quasi-static event at t = {t:.6g} s: {what}"
 AMBIGUOUS = "ended where slip may not be unique"
-"""Status of such a run."""
+"""Status of a run that ends because the solution for slip may not be unique."""
 WHY = {
     Status.DONE: "the quasi-static sequence left the range of numbers",
     Status.UNSETTLED: "contact states do not settle",
@@ -102,10 +101,10 @@ WHY = {
     Status.UNSUPPORTED: "the slider is not supported",
     Status.UNHELD: "the slider is not held by the blocks that stick",
 }
-"""Why the core could not go on."""
+"""Status of the core -> reason why it could not go on."""
 
 BENDS = 32
-"""Straight parts of the curve between two changes of contact state while the driver accelerates."""
+"""Straight parts of the curve between two changes of contact state, if the driver accelerates."""
 
 
 def _columns(rows: list[tuple[Any, ...]], kinds: Mapping[str, np.dtype]) -> dict[str, np.ndarray]:
@@ -114,7 +113,7 @@ def _columns(rows: list[tuple[Any, ...]], kinds: Mapping[str, np.dtype]) -> dict
 
 
 def changes_in_a_call(N_x: int) -> int:
-    """Return how many changes of contact state of N_x blocks a call of the core makes at most."""
+    """Return the most changes of contact state in a call of the core, for N_x blocks."""
     return max(IN_A_CALL // N_x**2, 1)
 
 
@@ -124,11 +123,11 @@ def why_not(
     """Return the error of a run that the core could not follow to its end.
 
     Args:
-        status: of the core.
+        status: status of the core.
         phase: phase of the run.
-        t: time at which it stopped, in s.
-        tol: violation of conditions that is rounding, in N.
-        rules: its limits.
+        t: time at which the run stopped, in s.
+        tol: largest violation of conditions by rounding, in N.
+        rules: limits of the run.
         N_x: number of blocks.
     """
     if status == Status.IDLE:
@@ -139,7 +138,7 @@ def why_not(
 
 
 def _check_slip(scene: Scene, contact: Contact) -> None:
-    """Refuse a slip before the start after which a block exceeds its strength."""
+    """Refuse an initial slip under which a block exceeds its strength."""
     now = contact.values()
     excess = np.where(contact.stuck, -contact.law.margin(now.p, now.f), -np.inf)
     i = int(np.argmax(excess))
@@ -157,7 +156,7 @@ class QuasistaticRun:
         scene: the scene.
         t_gap: longest pause inside an event, in s; None means `longest_pause`.
         stopping: conditions that end the run.
-        in_core: whether the core follows the sequence; None means where it can.
+        in_core: whether the core follows the sequence; None means if it can.
 
     Raises:
         EquilibriumError: the scene has no loaded equilibrium.
@@ -187,12 +186,12 @@ class QuasistaticRun:
         self.corner, self.p_corner = np.zeros(scene.N_x, bool), CORNER_SHARE * scene.F_N / scene.N_x
         self.slips, self.changes, self.starts, self.events, self.releases = False, 0, 0, 0, 0
         self.nothing = self.history.logs(scene.N_x)["quiet"]  # columns of an empty log
-        self.switches: list[tuple[Any, ...]] = []  # rows of both logs that the history lacks
+        self.switches: list[tuple[Any, ...]] = []  # rows of logs not yet in the history
         self.quiet: list[tuple[Any, ...]] = []
         self.steps: list[int] = []  # changes before each point of the curve
         self.statics: list[tuple[Any, ...]] = []  # F_T, f and p at each row of the quiet log
-        self.stretch = Stretch(scene.legs(0.0)[0], self.drive_0)  # the present part
-        self.ending = ""  # status of a run that ends before its time
+        self.stretch = Stretch(scene.legs(0.0)[0], self.drive_0)  # present part of the protocol
+        self.ending = ""  # status of a run that ends before t_end
         self.t_quiet = -math.inf  # no slip before this time
         self.begin = 0.0  # no condition ends the run before this time
         self.notes: tuple[str, ...] = ()
@@ -238,7 +237,7 @@ class QuasistaticRun:
             corner = self.corner[i]
             self.switches.append((self.changes, i, old[i], new[i], corner, t, at.u_x[i], at.p[i]))
         self.mode, was = new, self.slips
-        self.slips = bool(((np.abs(new) == 1) & ~self.corner).any())  # apart from corner slip
+        self.slips = bool(((np.abs(new) == 1) & ~self.corner).any())  # corner slip left out
         if self.slips != was:
             kind, mode, at = (-1, new, now) if was else (1, old, before)
             self.quiet.append((self.changes, t, kind, at.F_T, at.u_x.copy(), mode))
@@ -258,7 +257,7 @@ class QuasistaticRun:
         self.switches, self.quiet = [], []
 
     def advance(self, t_end: float, stop: Callable[[], bool], show: Callable[..., None]) -> bool:
-        """Follow the scene to t_end (s); return False if it was interrupted.
+        """Follow the scene to t_end (s); return False if the run was interrupted.
 
         Raises:
             EquilibriumError: an event does not end, or slip goes on in events of zero length.
@@ -336,7 +335,7 @@ class QuasistaticRun:
         return True
 
     def _take(self, runs: Sequences) -> None:
-        """Take what the core has logged, and what it has counted."""
+        """Add the logs of the core, and read its counts."""
         log = runs.log(0)
         self.history.add(log.points[:, :2])
         self.steps += log.points[:, 2].astype(int).tolist()
@@ -380,7 +379,8 @@ class QuasistaticRun:
         """Follow continuous slip, mu_k = mu_s, until the driver is at drive_end or nothing changes.
 
         Raises:
-            EquilibriumError: stick and slip rates are not found, or the zone grows without end.
+            EquilibriumError: stick and slip are not found from rates, or the zone grows without
+                end.
         """
         self._note_continuous()
         contact, law = self.contact, self.contact.law.continuous()
@@ -406,7 +406,7 @@ class QuasistaticRun:
         raise EquilibriumError(WHY[Status.GROWS], np.nan, contact.tol, limit)
 
     def _end_at_slip(self, i: int) -> None:
-        """End the run where block i slips first."""
+        """End the run at the first slip, of block i."""
         (t, F_T), n = self.history.last, int(self.scene.n_of_i[i])
         self.ending = "ended at first slip"
         self.notes += (
@@ -415,7 +415,7 @@ class QuasistaticRun:
         )
 
     def _note_continuous(self) -> None:
-        """Note that slip is continuous although friction weakens a little."""
+        """Add a note that slip is continuous although friction weakens a little."""
         law = self.contact.law
         if np.any(law.drop > 0):
             self.notes += (
@@ -424,7 +424,7 @@ class QuasistaticRun:
             )
 
     def _end_ambiguous(self) -> None:
-        """End the run where slip may not be unique."""
+        """End the run because the solution for slip may not be unique from here on."""
         self.ending = AMBIGUOUS
         self.notes += (
             f"{self.name}: slip is followed up to F_T/F_N = "
@@ -444,14 +444,14 @@ class QuasistaticRun:
         if max(due, self.begin) <= t:
             self.ending = self.stopping.named(text)
             self.t_quiet = max(due, self.begin, now)
-            if self.begin > max(due, now):  # the record that goes on ends there
+            if self.begin > max(due, now):  # end of the record that is continued
                 (leg, offset, _), s = self.stretch, self.begin - self.stretch.leg.t
                 drive = offset + leg.first + s * (leg.value + 0.5 * s * leg.slope)
                 self.point(leg.time_at(drive - offset), self._force_at(drive))
         return bool(self.ending)
 
     def _force_at(self, drive: float) -> float:
-        """Return F_T (N) with the driver at a position (m), while no contact state changes."""
+        """Return F_T (N) with the driver at a position (m), at fixed contact states."""
         self.contact.drive = drive
         return self.contact.values().F_T
 
@@ -482,7 +482,7 @@ class QuasistaticRun:
         return Statics(F_T, -self.scene.d * f, p)
 
     def _with_bends(self) -> np.ndarray:
-        """Return the points of the curve, and more of them where the driver accelerates, (n, 2).
+        """Return the points of the curve, with more points where the driver accelerates, (n, 2).
 
         Between two points F_T is linear in the position of the driver.
         """
@@ -520,7 +520,7 @@ class QuasistaticRun:
         f, p = self.initial.f, self.initial.p
         engine = engine or self.name
         warned = strain_notes(scene, engine, F_T, t_end)
-        if engine == "quasistatic":  # V does not matter to a prediction
+        if engine == "quasistatic":  # a prediction is independent of V
             warned += loading_notes(scene, engine) + zone_notes(scene, engine, catalogue)
             warned += contact_notes(scene, engine, logs["switches"])
         return Record.from_catalogue(
@@ -540,7 +540,7 @@ class QuasistaticRun:
 
 
 class EquilibriumRun(QuasistaticRun):
-    """The stuck slider under the driver up to the first slip. Blocks may open and close."""
+    """The stuck slider under the driver, up to the first slip. Blocks may open and close."""
 
     name = "equilibrium"
     until_slip = True
@@ -561,9 +561,8 @@ def static_sequence(
 ) -> Record:
     """Follow a scene through static states to t_end (s); see `pyfric.simulate`.
 
-    The other arguments are those of `pyfric.simulate`. A run that continues a record is computed
-    again from its start, which gives the same bits. It ends with status "interrupted" as soon as
-    `enough` returns true.
+    A run that continues a record is computed again from its start, which gives the same bits. A run
+    ends with status "interrupted" as soon as `enough` returns true.
     """
     if not isinstance(initial, Record | None):
         raise StateError(f"initial: the {kind.name} engine continues records only")

@@ -1,6 +1,6 @@
-"""What a run keeps: curve, motion, logs, conditions and counts, and the record of all of them.
+"""The data that a run collects for its record: curve, motion, logs and counts.
 
-A run that goes on from a record takes over what that holds.
+A run that continues a record begins with the data of that record.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ if TYPE_CHECKING:
     from pyfric.statics import StaticSolver
 
 MAX_EVERY = 2**30
-"""Most steps between two points of the curve that the core makes by itself."""
+"""Largest number of steps between two points of the curve that the core samples itself."""
 
 
 def kept_notes(before: Record | None) -> tuple[str, ...]:
-    """Return the notes that a continued run keeps: all except those of its engine."""
+    """Return the notes that a continued run keeps: all except notes of the engine."""
     if before is None:
         return ()
     return tuple(note for note in before.notes if not note.startswith(f"{before.method.engine}: "))
 
 
 class Recorder:
-    """What a run has recorded so far.
+    """The data that a run has collected so far.
 
     Args:
         scene: the scene.
@@ -65,13 +65,13 @@ class Recorder:
     Attributes:
         history: the curve, motion at its points, and the logs.
         log: buffers of the core, whose contents `take` adds to the logs.
-        every: steps between two points of the curve that the core makes; 0: none.
+        every: steps between two points of the curve that the core samples; 0: none.
         moving: whether motion is kept.
-        made: counts of this run, without those of the record that it continues.
+        made: counts of this run alone.
         ending: status of a run that a condition ended, or "".
         events, last_slip: number of events, and time of the last start or end of slip, in s.
         solver: static states for the catalogue.
-        seconds: time that steps took, in s.
+        seconds: computing time of steps, in s.
     """
 
     def __init__(
@@ -106,7 +106,7 @@ class Recorder:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Counts of steps, of force evaluations times blocks, and of skips."""
+        """Counts of steps, of evaluated forces on blocks, and of skips."""
         old = self.before.counts if self.before else {}
         return {name: value + old.get(name, 0) for name, value in self.made.items()}
 
@@ -136,7 +136,7 @@ class Recorder:
             self.add_motion(self.scene.law.in_motion(state.memory) | motion)
 
     def add_motion(self, motion: Mapping[str, np.ndarray]) -> None:
-        """Add quantities of the interface in motion at the last point of the curve, (N_x,) each."""
+        """Add the motion of the interface at the last point of the curve, (N_x,) each."""
         types = held_in("motion")
         self.history.motion.append({k: v.astype(types[k].dtype) for k, v in motion.items()})
 
@@ -156,7 +156,7 @@ class Recorder:
         return [*columns, radiated] if self.scene.walls.absorb else columns
 
     def add_span(self, span: Span, state: State) -> None:
-        """Add the points of the curve in a span that begins in a state; energies are not known."""
+        """Add the points of the curve in a span that begins in a state, with NaN as energies."""
         begin, every = state.step, self.method.sample
         reach = span.n if span.reach is None else span.reach
         first = ((begin + span.done) // every + 1) * every
@@ -184,14 +184,14 @@ class Recorder:
             if self.before is not None and len(self.before.crossings):
                 known = self.before.crossings
                 past = known["step"] <= state.step
-                log.fast[1, known["block"][past]] = known["corner"][past]  # the last one counts
+                log.fast[1, known["block"][past]] = known["corner"][past]  # the latest is kept
                 begun = self.before.bursts["t"][self.before.bursts["kind"] > 0].max(initial=0.0)
                 sums = self.before.motion["v_x"][self.before.curve["t"] >= begun].sum(axis=1)
                 log.speeds[N_x] = np.abs(sums).max(initial=0.0) * log.fast[0].any()
         return log
 
     def take(self, state: State, begin: int) -> None:
-        """Add what the core logged in steps from number `begin` up to a state."""
+        """Add the log of the core for steps from number `begin` up to a state."""
         log = self.log
         if log.n_point:
             numbers = begin // self.every + 1 + np.arange(log.n_point)
@@ -221,11 +221,11 @@ class Recorder:
     # --- going back ------------------------------------------------------------------------------
 
     def mark(self) -> tuple[Any, ...]:
-        """Return what `back` needs to forget all that is recorded from now on."""
+        """Return a mark, to which `back` can return."""
         return self.history.mark(), self.made.copy(), self.log.fast.copy(), self.log.speeds.copy()
 
     def back(self, mark: tuple[Any, ...]) -> None:
-        """Forget what was recorded since a mark was made."""
+        """Discard the data collected since a mark."""
         recorded, made, fast, speeds = mark
         self.history.back(recorded)
         self.made.update(made)
@@ -242,8 +242,8 @@ class Recorder:
     def due(self, state: State, model: Model, last: int) -> tuple[int, str]:
         """Return the step at which a condition ends the run if nothing slips, and its status.
 
-        It is at a point of the curve beyond a state. If there is none up to step `last`, that and
-        "" are returned.
+        The step is at a point of the curve after a state. If no condition ends the run up to step
+        `last`, return `last` and "".
         """
         if self.stopping is None:
             return last, ""
@@ -253,7 +253,7 @@ class Recorder:
             return last, ""
         number = max(state.step // every + 1, math.ceil((due - state.t0) / dt / every))
         while (number - 1) * every > state.step and state.t0 + (number - 1) * every * dt >= due:
-            number -= 1  # of points, within rounding
+            number -= 1  # corrects rounding
         while state.t0 + number * every * dt < due:
             number += 1
         end = number * every
@@ -298,7 +298,7 @@ class Recorder:
             state: the state.
             model: the scene at its time in the form that the core takes.
             notes: function that returns notes on the run, once the curve is complete.
-            late: whether it has columns of events that take long.
+            late: whether to compute the slow columns of events.
         """
         scene, method, engine = self.scene, self.method, self.method.engine
         start = time.perf_counter()
@@ -336,7 +336,7 @@ class Recorder:
         )
 
     def save(self, path: str | os.PathLike[str], made: Callable[[], Record]) -> None:
-        """Save the record that `made` returns; if that fails, warn and go on."""
+        """Save the record that `made` returns; if saving fails, warn and go on."""
         try:
             made().save(path, overwrite=True)
         except OSError as error:

@@ -1,6 +1,6 @@
-"""Static states at fixed contact states, and what jumps take from earlier ones.
+"""Static states at fixed contact states, and data that later jumps reuse.
 
-The modes of contact states, and the paths on which static states lie, are kept.
+Modes of contact states, and paths on which static states lie, are stored.
 """
 
 from __future__ import annotations
@@ -24,18 +24,17 @@ if TYPE_CHECKING:
 BALANCED = 1e-10
 """Largest error of a contact force in static states of events, over F_N."""
 KEPT, KEPT_SLIPS, PATHS = 8, 3, 1e8
-"""Sets of contact states whose modes are kept, fewer where they do not fit into the available
-memory; sets of slipping blocks whose shapes are kept; and memory of the paths on which static
-states are found, in bytes."""
+"""Largest numbers of sets of contact states whose modes are stored, and of sets of slipping blocks
+whose shapes are stored; and memory for paths of static states, in bytes."""
 
 
 class Start(NamedTuple):
-    """Where searches for static states at the same contact states start.
+    """The start of searches for static states at given contact states.
 
     Attributes:
         q: coordinates of the last static state, shape (n_q,), in m.
-        drive: displacement of the driver there, in m.
-        load: F_N and T there, in N; None means those at t = 0.
+        drive: displacement of the driver in this state, in m.
+        load: F_N and T in this state, in N; None means those at t = 0.
         drift: dq/d(drive) at the end of the last jump, shape (n_q,).
         contraction: last observed factor by which an iteration reduces the error.
     """
@@ -48,16 +47,16 @@ class Start(NamedTuple):
 
 
 class RestStates:
-    """Static states at fixed contact states, and all that later jumps take from earlier ones.
+    """Static states at fixed contact states, and data that later jumps reuse.
 
-    Remembered are the modes at the tangent of the last jump that needed a new one, and where
-    searches for static states and their derivatives start. What a jump returns depends on this
-    within its accuracy in finite geometry, and in linear geometry within rounding.
+    Stored are the modes at the last tangent that a jump needed, and the starts of searches for
+    static states and their derivatives. Results of a jump depend on stored data: within its
+    accuracy in finite geometry, within rounding in linear geometry.
 
     Args:
         solver: static states of the scene in its geometry.
-        dt: step of the run, in s.
-        stepper: the stepper that makes it.
+        dt: time step of the run, in s.
+        stepper: the stepper that makes these steps.
         made: counts of the run; "modal_bases" is increased.
     """
 
@@ -94,12 +93,12 @@ class RestStates:
         return self._modes.made(stuck.tobytes(), lambda: self._found(stuck))
 
     def _found(self, stuck: np.ndarray) -> Modes:
-        """Extend the space of the loaded slider, if few of its blocks were released."""
+        """Return the modes; if few blocks were released, extend the space of the loaded slider."""
         self.made["modal_bases"] += 1
         if (stuck == self._loaded).all():
             return modes_of(loaded_space(self.known), self.dt, self.stepper)
         released = self._loaded & ~stuck
-        added = 4 * released.sum()  # two responses to each block, and their viscous corrections
+        added = 4 * released.sum()  # two responses of each block, and their viscous corrections
         extends = added <= N_MODES and not (stuck & ~self._loaded).any()
         near = loaded_space(self.known) if extends else None
         return modes_of(Space(self.known, stuck, near), self.dt, self.stepper)
@@ -110,7 +109,7 @@ class RestStates:
         return renewed
 
     def start(self, stuck: np.ndarray) -> Start:
-        """Return where searches start: first at the loaded state."""
+        """Return the start of searches, at first the loaded state."""
         known = self.known
 
         def loaded() -> Start:
@@ -130,9 +129,9 @@ class RestStates:
     ) -> tuple[np.ndarray, np.ndarray] | None:
         """Return coordinates (m) and forces (N) of the static state, or None if none is found.
 
-        The search starts on the path of a state with the same blocks at the same positions. If
-        there is none, it starts at the latest state with the same contact states, to which the slip
-        of few blocks is added; if many have slipped, at `near` (m).
+        The search starts on the stored path with the same stuck blocks at the same positions.
+        Without such a path, it starts from the latest state with these contact states, to which the
+        slip of few blocks is added. If many blocks have slipped, it starts from `near` (m).
         """
         key = stuck.tobytes()
         if key in self._unstable:
@@ -163,7 +162,7 @@ class RestStates:
         return q, forces
 
     def keep(self, u_x: np.ndarray, stuck: np.ndarray, landing: Landing) -> None:
-        """Keep the path of a jump if only the driver moves: static states lie on this path."""
+        """Store the path of a jump if only the driver moves, as static states lie on this path."""
         jump, key = landing.jump, stuck.tobytes()
         outside, drift = jump.outside, jump.drift_at(landing.n * self.dt)
         if drift is not None:
@@ -181,7 +180,10 @@ class RestStates:
         load: tuple[float, float] | None = None,
         near: Equilibrium | None = None,
     ) -> Static | Equilibrium:
-        """Return the static state, for the catalogue, at these contact states if they hold."""
+        """Return a static state for the catalogue, at these contact states if they are consistent.
+
+        Otherwise the static solver finds the state.
+        """
         scene, bottom, found = self.known.scene, ends(len(free)), None
         if not free.all():
             found = self.at(u_x, ~free, drive, load, BALANCED * scene.F_N)

@@ -1,7 +1,7 @@
-"""Ring-down as a skip: closed forms from the end of an event to just before the next one.
+"""Ring-down as a skip: closed forms from the end of an event to just before the next event.
 
 While nothing slips, the run jumps to the last step before a contact state can change (`jump`). It
-continues there with the remaining oscillation. Jumps end at the breakpoints of a protocol.
+continues from there with the remaining oscillation. Jumps end at the breakpoints of a protocol.
 """
 
 from __future__ import annotations
@@ -33,12 +33,13 @@ if TYPE_CHECKING:
     from pyfric.statics import StaticSolver
 
 AMPLIFIED = 250.0
-"""Factor by which events amplify errors of jumps. The error of forces in later events was at most
-this many times the largest estimated error of a jump, in 27 sets of off-box scenes."""
+"""Factor by which events amplify errors of jumps. In 27 sets of scenes
+(`reference_data/off_box.py`), errors of forces in later events were at most this factor times the
+largest estimated error of a jump."""
 
 
 class RingDown:
-    """The skip over rest.
+    """The skip over times of rest.
 
     Args:
         steps: steps of the run.
@@ -51,7 +52,7 @@ class RingDown:
         self.scene, self.method, self.known = steps.scene, steps.method, self.recorder.known
         _, quiet = core.room_of_step(self.scene.N_x, self.method.switching)
         self.recorder.log = self.recorder.new_log(steps.state, quiet)
-        self.accuracy = self.method.accuracy * self.scene.F_N / AMPLIFIED  # of one jump, N
+        self.accuracy = self.method.accuracy * self.scene.F_N / AMPLIFIED  # error of one jump, N
         self.schedule = Schedule(self.recorder, steps.state.step)
         self.rests = self._rests_of(self.known)
         self.recorder.solver = RememberedStates(self.rests)
@@ -67,7 +68,7 @@ class RingDown:
         return scene.law.rests
 
     def notes(self, counts: Mapping[str, int]) -> tuple[str, ...]:
-        """Return a note on dashpots that turn, and one if jumps spared little."""
+        """Return a note on dashpots that turn, and a note if jumps saved little work."""
         notes = ()
         if self.method.geometry == "finite" and self.scene.slider.dashpots == "along":
             notes += ("jumps leave out how dashpots along bonds turn during a jump",)
@@ -77,17 +78,17 @@ class RingDown:
             f"{self.method.accuracy:g} F_N, or events came too soon",
         )
 
-    # --- when it is asked ------------------------------------------------------------------------
+    # --- times of attempts -----------------------------------------------------------------------
 
     def wait(self, state: State) -> int:
-        """Return for how many steps no jump is tried."""
+        """Return the number of steps before the next attempt to jump."""
         if not (steps := self._slips_for(state)):
             return self.schedule.left(state.step)
         self.schedule.forget(state.step)
         return steps
 
     def _slips_for(self, state: State) -> int:
-        """Return for how many steps slip prevents a jump; 0 if it does not."""
+        """Return the number of steps during which slip prevents a jump."""
         slips = np.abs(state.mode) == 1
         if not slips.any():
             return 0
@@ -103,7 +104,7 @@ class RingDown:
         return span
 
     def _tried(self, state: State, n_max: int) -> tuple[Span | None, int]:
-        """Return a jump of n_max steps at most, or None, and how many steps to wait then."""
+        """Return a jump of n_max steps at most, or None; and the number of steps to wait after."""
         wait, closed = self._shortest_wait(state), state.mode != OPEN
         if n_max <= 0:
             return None, 1
@@ -133,13 +134,13 @@ class RingDown:
         )
 
     def _shortest_wait(self, state: State) -> int:
-        """Return how many steps to wait at least after an attempt."""
+        """Return the least number of steps to wait after an attempt."""
         return self.schedule.attempt
 
     def _begin(
         self, state: State, closed: np.ndarray, outside: Outside
     ) -> tuple[Modes, tuple[np.ndarray, np.ndarray]] | None:
-        """Return the modes and the static state, or None if none is found."""
+        """Return the modes and the static state, or None if no static state is found."""
         where = state.y[0, 0], closed, outside.drive, outside.load
         start = self.rests.at(*where, self.accuracy, self._coordinates(state)[0])
         return None if start is None else (self.rests.modes(closed), start)
@@ -180,7 +181,7 @@ class RingDown:
         start: tuple[np.ndarray, np.ndarray],
         landing: Landing,
     ) -> Span:
-        """Return a jump up to its landing, or to where a condition ends the run before."""
+        """Return a jump up to its landing, or up to an earlier end of the run by a condition."""
         whole = landing
         end, ending = self.recorder.due(state, self.steps.model, state.step + whole.n)
         if ending:
@@ -191,7 +192,7 @@ class RingDown:
             return self.scene.driver.K * (outside.drive_at(s) - self.scene.d * moved)
 
         def motion(s: np.ndarray) -> Iterator[dict[str, np.ndarray]]:
-            """Yield a motion that is linear between the ends; f is not known."""
+            """Yield a motion that is linear between the ends, with NaN as f."""
             begin, lasts = state.y[0, 0].copy(), whole.n * state.dt
             moves, end_x = state.mode != STUCK, self.known.displacements(whole.q)[0][0, 0]
             v = np.where(moves, end_x - begin, 0.0) / lasts

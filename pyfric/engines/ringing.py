@@ -14,7 +14,7 @@ class Ringing:
     """Amplitudes of modes over a time s, with rates that change along the path in finite geometry.
 
     Each amplitude is a sqrt(lambda(0)/lambda(s)) exp(int_0^s lambda), with lambda linear in s (the
-    WKB approximation). Rates and shapes are those of the modes until `correct` replaces them.
+    WKB approximation). Rates and shapes are those of `modes` until `correct` replaces them.
 
     Args:
         modes: the modes.
@@ -25,8 +25,8 @@ class Ringing:
         growth: mean rates of the amplitudes, shape (n,), in 1/s.
         off: errors of rates, shape (n,), in 1/s.
         gaps: gap functions of the modes at s = 0, shape (n_c, n), complex, in N.
-        which, change: indices of modes that follow the tangent, and changes of their rates over
-            time, shape (m,), in 1/s^2.
+        which, change: indices of modes that follow the tangent, and time derivatives of their
+            rates, shape (m,), in 1/s^2.
     """
 
     def __init__(self, modes: Modes, a: np.ndarray) -> None:
@@ -38,7 +38,7 @@ class Ringing:
         self._corrected = np.zeros(len(a), dtype=bool)
 
     def correct(self, which: np.ndarray) -> None:
-        """Take corrected rates of some modes, unless they were taken before.
+        """Replace rates of some modes by corrected rates, unless they are already corrected.
 
         Args:
             which: indices of the modes, shape (m,).
@@ -50,7 +50,7 @@ class Ringing:
         self._corrected[new] = True
 
     def follow(self, begin: np.ndarray, end: np.ndarray, s: float, which: np.ndarray) -> None:
-        """Let some corrected modes follow the change of the tangent up to s (s).
+        """Let rates of some corrected modes follow the change of the tangent up to s (s).
 
         Args:
             begin, end: changes of bond stiffness at 0 and s, shape (3, n_bonds), in N/m.
@@ -76,7 +76,7 @@ class Ringing:
 
         Args:
             s: time, in s.
-            which: indices of the modes that count, shape (m,).
+            which: indices of the modes, shape (m,).
         """
         a, rates = self.at(s)
         parts = np.array([a, a * rates, a * rates**2])
@@ -87,7 +87,7 @@ class Ringing:
         return motion
 
     def late(self, s: float, which: np.ndarray) -> np.ndarray:
-        """Return changes of gap functions at s (s) by errors of rates, shape (n_c, m), in N."""
+        """Return errors of gap functions at s (s) due to errors of rates, shape (n_c, m), in N."""
         a = np.abs(np.exp(self.growth[which] * s))
         return np.abs(self.gaps[:, which]) * (a * self.off[which] * s)
 
@@ -98,9 +98,9 @@ class Ringing:
         return apart.min(axis=1, initial=np.inf)
 
     def alive(self, s: float, enough: float) -> np.ndarray:
-        """Return the indices of modes that count at s (s), shape (m,).
+        """Return the indices of modes that have not decayed at s (s), shape (m,).
 
-        All others together change no gap function by more than `enough` (N).
+        All other modes together change no gap function by more than `enough` (N).
         """
         level = np.abs(self.gaps).max(axis=0, initial=0.0) * np.exp(self.growth.real * s)
         return np.flatnonzero(level * len(level) > enough)

@@ -1,4 +1,4 @@
-"""When the next attempt to skip is worth its work."""
+"""The schedule of attempts to leave out steps, which limits their work."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ if TYPE_CHECKING:
     from pyfric.engines.recorder import Recorder
 
 SPENT = 1 / 4
-"""Largest work of all attempts to jump, over that of full dynamics up to the same time. An attempt
-waits for it, so that no run takes much longer than full dynamics."""
+"""Largest work of all attempts to jump, over the work of full dynamics up to the same time. No run
+therefore takes much longer than full dynamics."""
 COUNTED = ("attempts", "landings", "slides", "modal_bases")
 """Operations of attempts."""
 
 
 class Schedule:
-    """When attempts to jump are made: each waits until all before it have paid off.
+    """Times of attempts to jump: each waits until the work of earlier attempts is a small share.
 
     Args:
-        recorder: what the run keeps, with counts of these operations.
-        step: its first step.
+        recorder: recorder of the run, with counts of these operations.
+        step: first step of the run.
 
     Attributes:
-        attempt, slide: steps that take as long as an attempt to jump, and over slip.
-        shortest: steps of a jump that is worth an attempt.
+        attempt, slide: work of an attempt to jump over rest, and over slip, in steps.
+        shortest: least number of steps of a jump that saves work.
     """
 
     def __init__(self, recorder: Recorder, step: int) -> None:
@@ -45,18 +45,18 @@ class Schedule:
         return max(self._next - step, 0)
 
     def put_off(self, step: int, wait: int) -> None:
-        """Put off the next attempt after one that ended at a step, for so many steps at least."""
+        """Put off the next attempt until at least `wait` steps after one that ended at a step."""
         self._asked, self._next = step, max(step + wait, self._paid_off())
 
     def forget(self, step: int) -> None:
-        """Forget what the last attempt waits for: an event ends it."""
+        """Cancel the wait after the last attempt, because an event came since."""
         if step > self._asked:
             self._next = self._paid_off()
 
     def _paid_off(self) -> int:
         """Return the step by which all attempts so far take a share `SPENT` of the work.
 
-        Those of the run that it continues are included.
+        Attempts of a run that this run continues are included.
         """
         counts = self.recorder.counts
         spent = self.prices.in_steps({name: counts[name] for name in COUNTED})

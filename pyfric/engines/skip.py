@@ -1,12 +1,12 @@
-"""A skip: what leaves out steps because it knows their answer otherwise.
+"""A skip replaces steps of the hybrid engine by a solution that takes less work.
 
-A run asks its skip in turns with steps:
+Between steps, a run asks its skip:
 
-    wait(state)        for how many steps it is not worth asking, or 0
-    span(state, last)  what happens in the steps that can be left out now, or None
+    wait(state)        number of steps before the next attempt, or 0
+    span(state, last)  the motion over the steps that can be left out now, or None
 
-Ring-down, stable slip and slow slip are skips. An attempt takes work itself, and so each of them
-waits until its attempts take no more than a share of what steps take (`Prices`).
+Ring-down, stable slip and slow slip are skips. An attempt takes work itself. Each skip waits until
+its attempts take no more than a set share of the work of steps (`Prices`).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
 
 MOSTLY = 0.5
-"""Integrated share of the time above which the record carries a note."""
+"""The record has a note if a larger share of the time than this was integrated step by step."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,13 +34,12 @@ class Span:
 
     Args:
         n: number of steps.
-        F_T: function of times since its beginning (s), at the points of the curve, that returns the
-            forces of the driver, in N.
+        F_T: function that returns the driver's forces (N) at times since the beginning (s).
         motion: function of the same times that yields the motion of the interface.
-        put: function that sets a state to the end of the span, energies included; None: the end is
-            not known well enough, and steps lead to it.
-        reach: number of steps up to which `F_T` is asked; None: n.
-        done: number of steps that a run before this one has recorded.
+        put: function that sets a state to the end of the span, energies included; None if the end
+            has to be reached by steps.
+        reach: number of steps at which `F_T` is evaluated; None: n.
+        done: number of steps that an earlier run has recorded.
         ending: status of a run that ends with the span, or "".
     """
 
@@ -54,23 +53,23 @@ class Span:
 
 
 class Skip(Protocol):
-    """What leaves out steps of one run."""
+    """A solution that replaces steps of one run."""
 
     def wait(self, state: State) -> int:
-        """Return for how many steps it is not worth asking for a span, 0 if it is now."""
+        """Return the number of steps before the next attempt, 0 for an attempt now."""
         ...
 
     def span(self, state: State, last: int) -> Span | None:
-        """Return what can be left out from a state to step `last` at most, or None."""
+        """Return steps that can be left out, from a state to step `last` at most, or None."""
         ...
 
     def notes(self, counts: Mapping[str, int]) -> tuple[str, ...]:
-        """Return notes on what was left out."""
+        """Return notes on the steps that were left out."""
         ...
 
 
 class Prices:
-    """Work of operations in steps of a run that take as long.
+    """Work of operations, in units of the work of a step.
 
     Args:
         scene: the scene.
@@ -82,12 +81,12 @@ class Prices:
         self._step = work_of_step(scene, method.geometry, method.stepper)
 
     def in_steps(self, counts: Mapping[str, int]) -> float:
-        """Return the number of steps that take as long as counted operations."""
+        """Return the work of counted operations, in units of a step."""
         return work(self.scene, self.geometry, counts) / self._step
 
 
 def mostly_stepped(counts: Mapping[str, int], why: str) -> tuple[str, ...]:
-    """Return a note if most of the time was integrated like in full dynamics."""
+    """Return a note if most of the time was integrated step by step, as in full dynamics."""
     share = counts["steps"] / max(counts["steps"] + counts["steps_spared"], 1)
     if share <= MOSTLY or counts["steps"] < 1000:
         return ()

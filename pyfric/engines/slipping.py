@@ -1,22 +1,23 @@
-"""The slider while blocks slip with friction that depends on slip: a contact state like others.
+"""The slider while some blocks slip, with friction that depends on slip.
 
 A block i that slips in direction sigma carries the friction mu(s) p, with p = -k_f (u_z + gap) and
-s = s_0 + sigma u_x, on one linear piece of the law. Its u_x is free, and the tangent contains its
+s = s_0 + sigma u_x, on one linear piece of the law. Its u_x is free. The tangent contains its
 friction:
 
     (K w)_i = (K_elastic w)_i + mu' p w_x - sigma mu k_f w_z .
 
-Weakening, mu' < 0, is a negative stiffness. The second term makes K unsymmetric. A solution is the
-one with slipping blocks held, plus the responses to their displacements. The same responses extend
-the slow shapes.
+Weakening, mu' < 0, is a negative stiffness. The last term makes K unsymmetric. A static solution is
+the solution with slipping blocks held, plus static responses to their displacements. The same
+responses extend the space of slow shapes.
 
-Friction follows these equations until a block reverses, because a block that stops has its full
-strength again. In units of N, the gap functions of a slipping block are
+These equations hold until a block stops, which restores its full strength. In units of N, the gap
+functions of a slipping block are
 
     sqrt(k m) sigma v_x ,   p ,   k (s_knot - s) .
 
-As long as they are positive, the deviation of the slider from its path has no lasting effect. The
-path ends where the largest eigenvalue of the slider passes zero: slip goes on without the driver.
+While they are positive, deviations of the slider from its quasi-static path have no lasting effect.
+The path ends where the largest eigenvalue of the slider reaches zero. Slip then goes on without the
+driver.
 
 Source: J. R. Rice and A. L. Ruina, J. Appl. Mech. 50, 343 (1983), stability against a stiffness.
 """
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 
 
 def slides(law: Law) -> bool:
-    """Whether slipping blocks have friction of slip alone, besides a viscous part."""
+    """Whether friction depends on slip alone, apart from a viscous part."""
     return law.rests and not law.junctions and law.tables.speed is None and law.tables.age is None
 
 
@@ -90,7 +91,7 @@ class SlipSpace(Space):
             self.C = self.C + self._entries(self.alpha)
 
     def at(self, weakening: Weakening, q: np.ndarray) -> Self:
-        """Return the slider linearised at coordinates q (m), shape (n_q,). The same blocks slip."""
+        """Return the slider with the same slipping blocks, linearised at q (m), shape (n_q,)."""
         now, slips = copy.copy(self), self.slips
         now.weakening, now.way = weakening, weakening.way[slips]
         now.weakens, now.rubs = now._friction(q)
@@ -101,7 +102,7 @@ class SlipSpace(Space):
         return now
 
     def _entries(self, along: np.ndarray, across: np.ndarray | None = None) -> sp.csr_array:
-        """Return a matrix that acts on slipping blocks: on u_x from u_x, and from u_z."""
+        """Return a matrix of forces on u_x of slipping blocks, from their u_x and their u_z."""
         rows, columns = np.tile(self.slips, 2), np.concatenate([self.slips, self.lifted])
         values = np.concatenate([along, np.zeros_like(along) if across is None else across])
         return sp.csr_array((values, (rows, columns)), shape=(self.n_q, self.n_q))
@@ -131,7 +132,7 @@ class SlipSpace(Space):
         return force
 
     def damping(self, q: np.ndarray) -> sp.csr_array:
-        """Return the damping matrix at q, with that of slip, shape (n_q, n_q), in N s/m."""
+        """Return the damping matrix at q, viscous friction included, (n_q, n_q), in N s/m."""
         C = self.solver.damping(q)
         return C + self._entries(self.alpha) if self.alpha.any() else C
 
@@ -144,18 +145,18 @@ class SlipSpace(Space):
         return found
 
     def elastic(self, w: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """Return the part of a resisting force K w (N) that is no friction, shape (n_q,)."""
+        """Return a resisting force K w (N) without its friction, shape (n_q,)."""
         force = force.copy()
         force[self.slips] -= self.frictional(w)
         return force
 
     @property
     def linear(self) -> bool:
-        """False: friction is a product of slip and load."""
+        """False, because friction contains products of displacements."""
         return False
 
     def tangent_at(self, q: np.ndarray) -> Tangent:
-        """Return the tangent at coordinates q (m), shape (n_q,), at which it was linearised."""
+        """Return the tangent at coordinates q (m), shape (n_q,), of the linearisation."""
         if self.solver.geometry == "linear":
             return self.tangent
         tangent = self.near.tangent_at(q)
@@ -163,7 +164,7 @@ class SlipSpace(Space):
         return Tangent(tangent.K + friction, self.damping(q), tangent.stiffer)
 
     def stiffer(self, q: np.ndarray) -> Stiffer:
-        """Return the change of the tangent to a state q."""
+        """Return the change of the tangent from the linearisation to a state q."""
         weakens, rubs = self._friction(q)
         return Stiffer(self.near.stiffer(q), weakens - self.weakens, rubs - self.rubs)
 
@@ -200,7 +201,7 @@ class SlipGaps(GapFunctions):
         return found
 
     def of(self, q: np.ndarray, f: np.ndarray, v: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return gap functions, or changes of them; see `GapFunctions.of`."""
+        """Return gap functions, or their changes; see `GapFunctions.of`."""
         space = self.space
         along = v[space.slips] if np.ndim(v) else np.zeros(q[space.slips].shape)
         paces = self._pace * (space.way * along.T).T
@@ -212,8 +213,8 @@ class SlipGaps(GapFunctions):
     def bound(self) -> np.ndarray:
         """Largest change of each gap function by a truncated part of 1 J, shape (n_c,), in N.
 
-        That of slip up to a knot is an estimate, from the bonds of one block: a knot that is passed
-        a little late changes friction to second order only.
+        The change of k (s_knot - s) is an estimate from the bonds of one block. An estimate is
+        enough, because a knot that is passed late changes friction to second order only.
         """
         space, slips = self.space, self.space.slips
         paces = self._pace**2 / space.M[slips]

@@ -1,21 +1,20 @@
 """Slow slip as a skip: rate-and-state friction between ruptures, without inertia.
 
 Elasticity is linear about a static state, and the slider is condensed onto its interface
-(`Linearised`). Friction then gives the speed of each block from the load on it and from its state:
+(`Linearised`). Friction then gives the speed of each block from its load and its state:
 
     p_i(u, v, t) a asinh( v_i/(2V*) exp((f* + b psi_i)/a) ) + alpha v_i = tau_i(u, v, t) ,
-    du_i/dt = v_i ,   d(ln theta_i)/dt by the evolution law ,
+    du_i/dt = v_i ,   d(ln theta_i)/dt by the evolution law .
 
-2 N_x equations. An implicit method of order 5 advances them, for seconds or years alike
-(pyfric_slow_slip in Fortran). The viscosity of bonds and inertia act to first order. In finite
-geometry a phase ends where its loads are no longer those of static states, and the next one is
-linear about its own beginning.
+An implicit method of order 5 advances these 2 N_x equations over seconds or years
+(pyfric_slow_slip in Fortran). Viscosity of bonds and inertia act to first order. In finite geometry
+a phase ends where its loads differ from those of static states. The next phase is linear about its
+own beginning.
 
-`SlowSlip` hands over to full dynamics where the loads by inertia are no longer small. It
-returns where the waves of a rupture move the interface by what is known, and can change loads by
-no more beside it (`Waves.effect`). Both directions keep u, v and theta of the interface. The rest
-of the slider is then in its static state for these u, with the lag of viscosity and inertia, and
-moves with its rates.
+`SlowSlip` hands over to full dynamics where loads due to inertia are no longer small. It takes over
+again after a rupture, when the slip due to remaining waves is known and its effect on loads is
+small (`Waves.effect`). Both transitions keep u, v and theta of the interface. After a phase, the
+rest of the slider is in its static state for these u, with the lag by viscosity and inertia.
 
 Source of the equations: J. R. Rice, J. Geophys. Res. 98, 9885 (1993), without radiation damping.
 """
@@ -46,31 +45,31 @@ if TYPE_CHECKING:
     from pyfric.statics import Equilibrium
 
 SPENT = 1 / 4
-"""Work of a look at waves, over that of the steps of full dynamics up to the next one."""
+"""Work of a check for waves, over the work of full dynamics up to the next check."""
 KEPT = 4
-"""Sets of contacts about whose loaded state the slider is kept."""
+"""Number of sets of contact states whose linearised slider is stored."""
 SLOW_STEPS, SLOW_POINTS, SLOW_WORK = 1000, 1000, 4e8
-"""Most slow steps, points of the curve, and steps times N_x^3 between two looks at Ctrl-C."""
+"""Most slow steps, points of the curve, and steps times N_x^3 between two checks for Ctrl-C."""
 OF_STEP = 0.01
-"""Error of a slow step over the accuracy, as some hundred steps lead to an event."""
+"""Error of a slow step over the accuracy. About a hundred steps lead to an event."""
 SLIPPED, WAVES, INERTIA, BENT = 0.5, 0.05, 0.1, 0.02
-"""Shares of the accuracy: what waves left out may do to loads by slip, and their load when an event
-may begin; the load by inertia during slow slip; and by how much loads may differ from those of
-static states at the end of a phase in finite geometry. They are small, as a block that creeps near
-`v_slip` reaches it much sooner or later if the load on it is a little wrong."""
+"""Largest errors of loads over the accuracy: due to slip by neglected waves; due to the load of
+waves when an event begins; due to inertia during slow slip; and, in finite geometry, the difference
+from static states at the end of a phase. These shares are small, because the time at which a
+creeping block reaches `v_slip` is sensitive to its load."""
 
 
 class Phase(NamedTuple):
     """Slip without inertia from a static state on.
 
     Attributes:
-        about: the slider about that state.
-        interface: the same, condensed.
-        at: that state.
-        found: what the core made.
-        points: steps of points of the curve, since the beginning.
-        n_last: steps asked for.
-        n_end: steps up to the end of the phase.
+        about: the slider, linear about the static state.
+        interface: the condensed slider.
+        at: the static state.
+        found: solution of the core.
+        points: numbers of steps to points of the curve.
+        n_last: number of steps asked for.
+        n_end: number of steps up to the end of the phase.
     """
 
     about: Linearised
@@ -88,7 +87,7 @@ def values_of(at: Equilibrium) -> Values:
 
 
 def is_bursting(fast: np.ndarray) -> bool:
-    """Return whether a block is fast that became so with contact; see `core.Log`."""
+    """Return whether a block is faster than the threshold, corner slip left out; see `core.Log`."""
     return bool(((fast[0] != 0) & (fast[1] == 0)).any())
 
 
@@ -107,29 +106,29 @@ class SlowSlip:
         prices, state = Prices(self.scene, self.method), steps.state
         look = prices.in_steps({"attempts": 1, "landings": 1})
         self.look_every = math.ceil(look / SPENT)
-        self.shortest = 2 * self.look_every  # steps of a phase in finite geometry worth its work
+        self.shortest = 2 * self.look_every  # least steps of a phase in finite geometry
         self.least = prices.in_steps({"slow_steps": 1}) * state.dt
         self.pays = self.look_every * state.dt
-        self.look_at = state.step  # the step at which waves are looked at next
+        self.look_at = state.step  # step of the next check for waves
         if not (state.sub or state.since):
             self.look_at += -self.look_at % self.look_every
         self.kept: Memory[Linearised] = Memory(KEPT)
 
     @staticmethod
     def fits(scene: Scene) -> bool:
-        """Return whether friction of a scene follows from speeds, so that slip can be slow."""
+        """Return whether friction of a scene is a function of speed and state."""
         return scene.law.flows
 
     @staticmethod
     def check(scene: Scene) -> None:
-        """Raise SceneError for a scene whose slow slip is not followed."""
+        """Raise SceneError for a scene with gaps, in which slow slip is not computed."""
         if np.any(scene.gap):
             reason = "steps without inertia between events leave gaps out"
             gap, allowed = float(np.max(scene.gap)), "0 m, or fidelity = 'dynamic'"
             raise SceneError("interface.gap", gap, "m", allowed, reason)
 
     def notes(self, counts: Mapping[str, int]) -> tuple[str, ...]:
-        """Return a note if slow slip spared little."""
+        """Return a note if slow slip saved little work."""
         return mostly_stepped(
             counts,
             "slip was fast, its waves or its inertia were too large for an accuracy of "
@@ -137,11 +136,11 @@ class SlowSlip:
         )
 
     def wait(self, state: State) -> int:
-        """Return the number of steps until the next look at waves."""
+        """Return the number of steps until the next check for waves."""
         return max(self.look_at - state.step, 0)
 
     def span(self, state: State, last: int) -> Span | None:
-        """Leave out inertia while it is small."""
+        """Return a span of slip without inertia, or None if inertia or waves are too large."""
         moved = np.zeros((2, self.scene.N_x)) if state.since else self.calm()
         span = None if moved is None else self.slip(last, moved)
         if span is None:
@@ -149,7 +148,7 @@ class SlowSlip:
         return span
 
     def _put_off(self, state: State, step: int) -> None:
-        """Put off the next look at waves after slow slip that ended at a step."""
+        """Put off the next check for waves after slow slip that ended at a step."""
         state.sub = 0.0
         self.look_at = step + self.look_every - step % self.look_every
 
@@ -163,14 +162,14 @@ class SlowSlip:
         return Outside(self.known, self.state.t, just_after(self.state))
 
     def about(self, closed: np.ndarray) -> Linearised:
-        """Return the slider about its loaded state, which is kept for the last sets of contacts."""
+        """Return the slider about its loaded state; the last sets of contact states are stored."""
         return self.kept.made(closed.tobytes(), lambda: Linearised(self.known, closed))
 
     def calm(self) -> np.ndarray | None:
-        """Return how waves move the interface before they are gone, or None if that is not known.
+        """Return the changes of the interface by waves until they have decayed, or None if unknown.
 
-        It is known where waves can change loads by no more than the accuracy beside it, and slip
-        stays slow until their load has decayed to the accuracy.
+        They are known if two conditions hold. Effects of higher order on loads are below the
+        accuracy. Slip stays slow until the load of waves has decayed to the accuracy.
 
         Returns:
             Changes of u_x (m) and ln theta, shape (2, N_x).
@@ -191,7 +190,7 @@ class SlowSlip:
         lasts = max(self.pays, 2 * math.log(left) / waves.decay if left > 1 else 0.0)
         interface = about.interface(waves.rest, outside)
         limits = self.limits(interface, lasts)
-        if left > 1 and self.method.threshold:  # no event begins or ends before
+        if left > 1 and self.method.threshold:  # no event may begin or end while waves last
             limits = limits._replace(speed=min(limits.speed, self.method.threshold))
         times = np.array([0.0, min(1 / waves.frequency, lasts)])
         found = self.slow(interface, closed, limits, times=times)
@@ -205,10 +204,10 @@ class SlowSlip:
         return np.array([slip, -slip * np.sign(first) * weakens])
 
     def slip(self, last: int, moved: np.ndarray) -> Span | None:
-        """Leave out inertia up to step `last` at most.
+        """Return a span of slip without inertia, up to step `last` at most.
 
-        No slow step is shortened to end at `last`. A run that goes on from there repeats the slow
-        steps of this phase, so that it has the bits of the whole run.
+        No slow step is shortened to end at `last`. A run that continues from there repeats the slow
+        steps of this phase. It therefore has the same bits as a run without interruption.
         """
         state, cut = self.state, self._moving()
         done, begin, closed = state.since, state.phase, state.mode != OPEN
@@ -225,7 +224,7 @@ class SlowSlip:
         outside = self.outside()
         phase = self.phase(closed, outside, end)
         n = 0 if phase is None else round(phase.found.t / state.dt)
-        if n < done:  # on a processor that rounds in another way
+        if n < done:  # another processor rounded differently
             self._put_back(state.step + done, cut)
             return self.slip(last, moved)
         if phase is None or not n:
@@ -234,7 +233,7 @@ class SlowSlip:
         return self._span(phase, outside, n, done, ending if state.step + n == end else "")
 
     def _span(self, phase: Phase, outside: Outside, n: int, done: int, ending: str) -> Span:
-        """Return the first n steps of a phase, of which a run before this one made some."""
+        """Return the first n steps of a phase; an earlier run has recorded `done` of them."""
         interface, points, state = phase.interface, phase.found.points, self.state
         points = points[np.count_nonzero(phase.points <= done) :]
         by_v, _ = self.about(state.mode != OPEN).by_v
@@ -263,10 +262,10 @@ class SlowSlip:
         return Span(n, F_T, motion, put, done=done, ending=ending)
 
     def phase(self, closed: np.ndarray, outside: Outside, last: int) -> Phase | None:
-        """Return slip without inertia up to step `last` at most; None if it is not worth its work.
+        """Return slip without inertia up to step `last` at most; None if it saves no work.
 
-        Its end does not depend on `last`. In finite geometry it is made shorter until its loads
-        are those of static states.
+        The end of the phase does not depend on `last`. In finite geometry the phase is shortened
+        until its loads agree with static states.
         """
         state, every = self.state, self.method.sample
         first = every - state.step % every
@@ -305,10 +304,10 @@ class SlowSlip:
         return phase if finite and n_last == n_end else made(n_last)
 
     def straight(self, about: Linearised, outside: Outside) -> int:
-        """Return after how many steps loads bend, while the interface is held.
+        """Return the number of steps after which loads are no longer linear, with held interface.
 
-        The second derivative of the spring forces, in the loaded state, then makes their share of
-        the accuracy, although it is included.
+        After these steps, the second derivative of spring forces in the loaded state changes loads
+        by the share `BENT` of the accuracy.
         """
         known = self.known
         q = known.coordinates(known.loaded.u, known.loaded.rod)
@@ -320,7 +319,7 @@ class SlowSlip:
     def bent(self, phase: Phase, outside: Outside) -> bool:
         """Return whether loads at the end of a phase differ too much from those of a static state.
 
-        Slip changes them, too, beside what driver and loads do.
+        The static state has the slip, driver and loads of the end of the phase.
         """
         interface, at, found = phase.interface, phase.at, phase.found
         s, u_x, free = found.t, self.state.y[0, 0] + found.u, self.state.mode == OPEN
@@ -333,7 +332,7 @@ class SlowSlip:
         return float(error.sum()) > BENT * self.limit
 
     def limits(self, interface: Interface, end: float, last: float = math.inf) -> core.SlowLimits:
-        """Return what ends slow slip, and its errors; times in s."""
+        """Return limits that end slow slip, and its allowed errors; times in s."""
         scene, law, N_x = self.scene, self.scene.law, self.scene.N_x
         tolerance, unit = OF_STEP * self.method.accuracy, scene.F_N / N_x
         return core.SlowLimits(
@@ -363,16 +362,16 @@ class SlowSlip:
         return np.array([self.state.y[0, 0], self.state.theta, self.state.y[0, 2]])
 
     def _put_back(self, step: int, moving: np.ndarray) -> None:
-        """Set the interface to what `_moving` returned at this step."""
+        """Set the step, and the interface to an array that `_moving` returned."""
         self.state.step = step
         self.state.y[0, 0], self.state.theta[:], self.state.y[0, 2] = moving
         if self.method.threshold:
             self.recorder.log = self.recorder.new_log(self.state)
 
     def _log_passages(self, interface: Interface, found: core.SlowSlip, n: int, done: int) -> None:
-        """Log passages through the threshold in steps of a phase, and fast slip, up to step n.
+        """Log passages through the threshold, and starts and ends of fast slip, up to step n.
 
-        Those of the first `done` steps are in the logs.
+        The first `done` steps are already in the logs.
         """
         state, N_x = self.state, self.scene.N_x
         buffers = self.recorder.log
@@ -411,7 +410,7 @@ class SlowSlip:
             self.recorder.add_logs({"crossings": log.crossings(), "bursts": log.bursts()})
 
     def _put(self, phase: Phase, outside: Outside, n: int) -> None:
-        """Set the state to that after n steps of a phase, in its static state under viscosity."""
+        """Set the state to the static state with viscous lag after n steps of a phase."""
         about, found = phase.about, phase.found
         state, known, closed, v = self.state, self.known, about.closed, found.v
         s, u_x = n * state.dt, state.y[0, 0] + found.u

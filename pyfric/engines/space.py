@@ -10,13 +10,14 @@ K phi = omega^2 M phi, found by shift-invert block Lanczos; the static response 
 the viscous corrections K^-1 C phi of all these shapes.
 
 The truncated part of the motion, outside B, decays. A mode of frequency omega with at least half of
-its elastic energy in bonds has -Re lambda >= eta omega^2/(4 k). The reason is that the viscosity of
-a bond resists the whole relative motion, and its spring only one component. Here omega is at least
-the frequency of the fastest undamped mode in B. The slower one of two overdamped modes decays at
-least at the ratio of elastic to viscous forces, which is k/(6 eta) or more in plane waves.
+its elastic energy in bonds decays at the rate eta omega^2/(4 k) or faster. The reason is that the
+viscosity of a bond resists the whole relative motion, and its spring only one component. In the
+truncated part, omega is at least the frequency of the fastest undamped mode in B. Overdamped modes
+come in pairs. The slower mode of a pair decays at least at the ratio of elastic to viscous forces,
+which is k/(6 eta) or more in plane waves.
 
-In finite geometry K is factorised at one state, the loaded one. Solutions at other tangents are
-corrected for the change of bond stiffness.
+In finite geometry K is factorised at the loaded state. Solutions at other tangents are corrected
+for the change of bond stiffness.
 
 Source: B. N. Parlett, The Symmetric Eigenvalue Problem (1998), Lanczos and Rayleigh-Ritz methods.
 """
@@ -43,14 +44,14 @@ if TYPE_CHECKING:
 N_MODES = 28
 """Number of undamped modes in the space."""
 BLOCK, APPLIED = 16, 6
-"""Vectors that block Lanczos solves for together, and how often. The squared frequency of the
-fastest mode is then 4e-4 off: what the space misses of it counts as truncated. Policies."""
+"""Vectors in a block of block Lanczos, and number of solutions for a block. They leave an error of
+4e-4 in the squared frequency of the fastest mode. Policies."""
 FEW, KEPT = 4, 32
-"""Blocks whose slip a static state follows by their responses, and responses that are kept: an
-event of few blocks comes again and again at the same ones. Policies."""
+"""Largest number of slipped blocks for which a static state is found from stored responses, and
+number of stored responses. Events of few blocks recur at the same blocks. Policies."""
 SLOWEST = 7.0
-"""Viscous over elastic forces of overdamped motion, over eta/k: 6 in plane waves. Edges of a
-lattice raise it to 6.6."""
+"""Largest ratio of viscous to elastic forces in overdamped motion, in units of eta/k. It is 6 in
+plane waves; edges of a lattice raise it to 6.6."""
 
 
 def ends_of_spectrum(
@@ -58,13 +59,13 @@ def ends_of_spectrum(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return eigenvalues of a symmetric operator, shape (m,), ascending, and vectors, (n, m).
 
-    They are those of block Lanczos: of the operator in the space of a block of vectors to which it
-    was applied `APPLIED` times. The first and the last ones are those of the operator.
+    They are Ritz values and vectors of block Lanczos after the operator was applied `APPLIED`
+    times. The smallest and the largest values have converged.
 
     Args:
         apply: the operator, on vectors of shape (n, k).
         start: a vector that the first block contains, shape (n,).
-        count: number of the largest ones that are asked for, at most n/2.
+        count: number of largest eigenvalues needed, at most n/2.
     """
     n = len(start)
     first = np.random.default_rng(0).standard_normal((n, min(BLOCK, n)))
@@ -101,12 +102,12 @@ class Tangent(NamedTuple):
 class Space:
     """Static solutions and slow shapes with stuck blocks held and all other blocks open.
 
-    Blocks without friction touch the foundation where they do in the loaded state.
+    Blocks without friction are in contact if they are in contact in the loaded state.
 
     Args:
         solver: static states of the scene in its geometry.
         stuck: stuck blocks, shape (N_x,), bool; all others are open.
-        near: the space with more stuck blocks, which is extended; None: a new space.
+        near: a space with more stuck blocks, to extend; None: a new space.
         modes: number of undamped modes in a new space.
 
     Attributes:
@@ -116,9 +117,9 @@ class Space:
         M: masses, shape (n_q,), in kg.
         B: shapes, with B'M B = 1, shape (n_q, r).
         cut: frequency up to which the space contains all undamped modes, in 1/s.
-        fastest: largest decay rate that may be expected of the truncated part, in 1/s.
+        fastest: upper limit for the expected decay rate of the truncated part, in 1/s.
         decay: smallest possible decay rate of the truncated part, in 1/s.
-        slips: indices of slipping blocks; none here, see `pyfric.engines.slipping`.
+        slips: indices of slipping blocks; empty here, see `pyfric.engines.slipping`.
 
     Raises:
         EquilibriumError: all blocks are open, or the static state is unstable.
@@ -184,21 +185,21 @@ class Space:
         return 1 / math.sqrt(squares[0])
 
     def _extend(self, near: Space) -> float:
-        """Extend the space with more stuck blocks; return its largest frequency, in 1/s.
+        """Extend a space with more stuck blocks; return its largest frequency, in 1/s.
 
-        Added are the responses to displacements and forces of the released blocks (`Released`),
-        and their viscous corrections. Any motion w is a combination of these responses and of a
-        motion w_0 without displacements of the released blocks, which is orthogonal to them in K.
-        If w is orthogonal in M to the new space, w'M w = w'M w_0 is at most |w| times the part of
-        w_0 outside the old modes, whose elastic energy is at most that of w. So no such motion is
-        slower than the modes that the old space lacks.
+        The extension consists of responses to displacements and forces of the released blocks
+        (`Released`), and of their viscous corrections. Any motion w is a combination of these
+        responses and of a motion w_0 with the released blocks held. The two parts are orthogonal in
+        K. If w is orthogonal in M to the new space, w'M w = w'M w_0 is at most |w| times the part
+        of w_0 outside the old modes. The elastic energy of this part is at most that of w. So no
+        such motion is slower than the modes that the old space lacks.
         """
         shapes = self._factor.shapes[self.free]
         self._span(near.B[self.free], np.hstack([shapes, self._viscous(shapes)]))
         return near.cut
 
     def _viscous(self, shapes: np.ndarray) -> np.ndarray:
-        """Return the viscous corrections K^-1 C phi of shapes (n_free, m), none if eta = 0."""
+        """Return the viscous corrections K^-1 C phi of shapes (n_free, m); none if eta = 0."""
         if not self.solver.scene.eta:
             return shapes[:, :0]
         return self._factor.solve(self.C[self.free][:, self.free] @ shapes)
@@ -227,7 +228,8 @@ class Space:
     def carried(self, q: np.ndarray, u_x: np.ndarray, drive: float) -> np.ndarray | None:
         """Return the static state after a slip of few stuck blocks and a motion of the driver.
 
-        None if many blocks have moved. In finite geometry it is off to second order.
+        If more than `FEW` blocks have slipped, return None. In finite geometry the state has an
+        error of second order.
 
         Args:
             q: the static state before, shape (n_q,), in m.
@@ -255,7 +257,7 @@ class Space:
 
     @functools.cached_property
     def lag(self) -> np.ndarray:
-        """Lag of the slider behind its static state per speed of the driver, (n_q,), in s."""
+        """Lag of the slider behind its static state over the driver's speed, (n_q,), in s."""
         return self.answer(-(self.C @ self.drift))
 
     def damping(self, q: np.ndarray) -> sp.csr_array:
@@ -267,7 +269,7 @@ class Space:
         return self.solver.bends(q, rate)
 
     def elastic(self, w: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """Return the part of a resisting force K w (N) that is no friction, shape (n_q,)."""
+        """Return a resisting force K w (N) without its friction, shape (n_q,)."""
         return force
 
     def forces(
@@ -287,7 +289,7 @@ class Space:
         return force - self._grounded * q + solver.of_springs(q)
 
     def on_held(self, x: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """Return the part of a force (N), (n_q,), on stuck blocks that displacements x leave."""
+        """Return force - K x on stuck blocks, for a force (N) and displacements x, (n_q,) each."""
         return force[self.held] - self._K_held @ x
 
     # --- other tangents --------------------------------------------------------------------------
@@ -309,7 +311,7 @@ class Space:
         return self.solver.geometry == "linear"
 
     def stiffer(self, q: np.ndarray) -> np.ndarray | None:
-        """Return the change of bond stiffness to a state q, (3, n_bonds), in N/m.
+        """Return the change of bond stiffness from the factorised tangent to q, (3, n_bonds), N/m.
 
         None in linear geometry.
         """
@@ -324,17 +326,17 @@ class Space:
     def refined(
         self, x: np.ndarray, force: np.ndarray, stiffer: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the response to a force, what it leaves on stuck blocks, and the correction.
+        """Return the response to a force, corrected once for changes of bond stiffness.
 
         Args:
-            x: response without changes of bond stiffness, which are corrected once, (n_q,), in m.
+            x: response without changes of bond stiffness, shape (n_q,), in m.
             force: shape (n_q,), in N.
             stiffer: changes of bond stiffness, shape (3, n_bonds), in N/m; None means none.
 
         Returns:
-            The response, shape (n_q,), in m; the force, shape (n_stuck,), in N; and by how much the
-            response was corrected, shape (n_q,), in m. What the correction does to the changed
-            stiffness is of second order, and left out.
+            The response, shape (n_q,), in m; the force that it leaves on stuck blocks, shape
+            (n_stuck,), in N; and the correction, shape (n_q,), in m. Terms of second order in the
+            correction are left out.
         """
         if stiffer is None:
             return x, self.on_held(x, force), np.zeros_like(x)
@@ -344,11 +346,11 @@ class Space:
 
 
 class Released:
-    """Static solutions after some blocks were released, from those while they were stuck.
+    """Static solutions after some blocks were released, from solutions with these blocks stuck.
 
-    A solution is the one with these blocks stuck, plus a combination of the responses to
-    displacements u_x of the released blocks and to forces on their u_z (Woodbury's formula). So
-    there is no new factorisation.
+    A solution is the solution with these blocks stuck, plus a combination of responses: to
+    displacements u_x of the released blocks, and to forces on their u_z (Woodbury's formula).
+    This spares a factorisation.
 
     Args:
         near: the space with these blocks stuck.
@@ -379,7 +381,7 @@ class Released:
 
 
 def loaded_space(solver: StaticSolver) -> Space:
-    """Return the space of the loaded slider, which runs with the same solver share."""
+    """Return the space of the loaded slider, shared by runs with the same solver."""
     if "space" not in solver.kept:
         stuck = ~(solver.loaded.open | solver.scene.bare)
         solver.kept["space"] = Space(solver, stuck)

@@ -1,4 +1,4 @@
-"""Stable slip as a skip: jumps over rest, and over slow slip with friction of slip alone."""
+"""Stable slip as a skip: jumps over rest, and over slow slip if friction depends on slip alone."""
 
 from __future__ import annotations
 
@@ -19,24 +19,25 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
 
 FAST = 10.0
-"""Slip speed over that of the driver above which no jump over slip is tried: a static path has such
-speeds just before slip becomes unstable only."""
+"""Slip speed over the driver's speed above which no jump over slip is tried. A static path reaches
+such speeds only just before slip becomes unstable."""
 
 
 class StableSlip(RingDown):
-    """The skip over rest and stable slip. With energies it is that over rest: the heat of slip
-    would not be known.
+    """The skip over rest and stable slip. With the option `energies` it skips only rest, because
+    the heat of slip in jumps is unknown.
     """
 
     @staticmethod
     def fits(scene: Scene) -> bool:
-        """Return whether slipping blocks of a scene have friction of slip alone."""
+        """Return whether friction of a scene depends on slip alone, apart from a viscous part."""
         return slides(scene.law)
 
     def _slips_for(self, state: State) -> int:
-        """Return for how many steps slip prevents a jump; 0 if it does not.
+        """Return the number of steps during which slip prevents a jump.
 
-        Slip has to be slow, and to go on unchanged for as many steps as an attempt costs.
+        For a jump, slip has to be slow. No block may have started or stopped during as many steps
+        as an attempt costs.
         """
         slips = np.abs(state.mode) == 1
         if self.method.budget or not slips.any():
@@ -54,7 +55,7 @@ class StableSlip(RingDown):
     def _begin(
         self, state: State, closed: np.ndarray, outside: Outside
     ) -> tuple[Modes, tuple[np.ndarray, np.ndarray]] | None:
-        """Return the modes and the static state, or None if none is stable."""
+        """Return the modes and the static state, or None if no static state is stable."""
         slips = np.abs(state.mode) == 1
         if not slips.any():
             return super()._begin(state, closed, outside)

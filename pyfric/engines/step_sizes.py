@@ -1,4 +1,4 @@
-"""The step of a run: its default, its limits, and where contact states switch."""
+"""The time step of a run: its default, its limits, and where contact states switch."""
 
 from __future__ import annotations
 
@@ -15,26 +15,27 @@ if TYPE_CHECKING:
     from pyfric.scene import Number, Scene, SceneLike
 
 ACCURACY = 1e-5
-"""Default of the option `accuracy`: error over F_N that steps and jumps may leave in forces."""
+"""Default of the option `accuracy`: error of forces over F_N that steps and jumps may leave."""
 AUTO_SHARE = 0.5
-"""dt = "auto" over the stability limit, for other steppers than those of `ERRORS`, and for switches
-at step ends, whose errors are proportional to the step."""
+"""dt = "auto" over the stability limit, for steppers outside `ERRORS`, and for switches at step
+ends."""
 ERRORS = {"rk46": 1e-6, "rk46_waves": 1e-5}
-"""Largest error of forces of events over F_N with located switches and steps of half the limit, in
-the scenes of `studies finer --errors`. It falls with the order of linear motion."""
+"""Largest error of forces of events over F_N, with located switches and steps of half the stability
+limit, in the scenes of `studies finer --errors`. It falls with the order of linear motion."""
 LONGEST = 0.9
-"""Longest step over the stability limit, which is that of the lattice at rest. Forces and switches
-leave a tenth."""
+"""Longest step over the stability limit. The limit is computed for the lattice at rest; the margin
+is for forces and switches."""
 HALVED = 2
-"""A step that is so many halvings too long for weakening is shortened: a policy."""
+"""A step that is at most this many halvings too long to resolve weakening is shortened. A
+policy."""
 DIGITS = 3
-"""Digits of dt = "auto" over sqrt(m/k)."""
+"""Digits to which dt = "auto" over sqrt(m/k) is rounded."""
 ALMOST = 1e-9
-"""A last digit that lacks less than this is reached: rounding."""
+"""Relative rounding error that may not lower the last digit."""
 LONGEST_LOCATED = 30.0
 """Longest step of the adaptive stepper with located switching, over the stability limit of RK4."""
 MAX_STEPS = 10**14
-"""Most steps of one run: the time, as a multiple of the step, is then rounded to 1 % of it."""
+"""Most steps of one run. Rounding of the time is then 1 % of a step."""
 
 
 def check_steps(t_begin: float, t_end: float, dt: float) -> None:
@@ -51,17 +52,16 @@ def default_switching(scene: Scene, method: str | None = None) -> Switching:
 
 
 def is_auto(dt: Any) -> bool:
-    """Whether a time step is "auto"; an array is not."""
+    """Whether a time step is the text "auto"."""
     return isinstance(dt, str) and dt == "auto"
 
 
 @functools.lru_cache(maxsize=256)
 def default_stepper(scene: Scene, switching: Switching | None = None) -> str:
-    """Return the default of the option `stepper`, for a way to switch; None means the default.
+    """Return the default of the option `stepper`, given `switching`; None means its default.
 
-    Errors of switches at step ends are proportional to the step, so that six stages, which serve
-    long steps, gain nothing. Without enough viscosity, waves would grow in steps of "rk46" that are
-    not short.
+    With switches at step ends, errors are proportional to the step. The long steps that six stages
+    allow then gain nothing. With little viscosity, "rk46" lets waves grow unless steps are short.
     """
     if scene.law.flows:
         return "imex"
@@ -72,14 +72,14 @@ def default_stepper(scene: Scene, switching: Switching | None = None) -> str:
 
 
 def keeps(stepper: str, switching: Switching) -> bool:
-    """Whether it is known which error steps of a stepper leave."""
+    """Whether the error of steps of a stepper is known."""
     return stepper in ERRORS and switching == "located"
 
 
 def share_of_limit(stepper: str, switching: Switching, accuracy: float) -> float:
     """Return the step over the stability limit that leaves an error `accuracy` over F_N.
 
-    It is `AUTO_SHARE` where that is not known.
+    If errors of the stepper are unknown, return `AUTO_SHARE`.
     """
     if not keeps(stepper, switching):
         return AUTO_SHARE
@@ -98,11 +98,11 @@ def step_size(
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
-        dt: step in s, or "auto" for `share_of_limit`, rounded down to three digits over sqrt(m/k):
-            so it hangs neither on units nor on the last bits of the limit. It resolves weakening
-            of friction, if a step that is not much shorter can. For the stepper "adaptive", which
-            makes sub-steps inside dt, any dt is allowed, and "auto" uses the limit of RK4.
-        stepper: the stepper; None means the default one.
+        dt: step in s, or "auto" for `share_of_limit`, rounded down to three digits over sqrt(m/k).
+            "auto" is shortened to resolve weakening of friction, by at most a factor of four. The
+            stepper "adaptive" makes sub-steps inside dt. It allows any dt, and "auto" uses the
+            limit of RK4.
+        stepper: the stepper; None means the default.
         accuracy: error of forces of events over F_N that "auto" allows.
         switching: where contacts switch; None means the default.
 
@@ -124,7 +124,7 @@ def step_size(
 
 
 def resolving(scene: Scene, dt: float) -> float:
-    """Return a step (s), shortened to resolve weakening if few (`HALVED`) halvings do."""
+    """Return a step (s), shortened to resolve weakening if `HALVED` halvings or fewer suffice."""
     resolves = scene.resolving_step
     return min(dt, resolves) if resolves >= dt / 2**HALVED else dt
 
@@ -138,7 +138,7 @@ def rounded_step(scene: Scene, dt: float) -> float:
 
 
 def step_of_waves(scene: Scene) -> float:
-    """Return the default time step (s) of the scene without viscosity, which shortens steps."""
+    """Return the default time step (s) of the scene without viscosity."""
     return step_size(scene.replace({"slider.eta": 0.0, "slider.damping": None}))
 
 

@@ -7,9 +7,9 @@ scene files and in sweep files (`pyfric.scene.ends`):
     pyfric.simulate(scene, 1.0, stop_when=["arrested", "reached = 50 mm"])
 
 Engines with time steps check conditions at the points of the loading curve, the quasi-static engine
-after each event. Conditions do not change a run: up to its end, it has the same bits as the run
-without them. Each condition is one function of the history of a run. It returns the time from which
-the condition holds if nothing slips again, or inf if this time is not known.
+after each event. Up to its end, a run has the same bits as the run without conditions. Each
+condition is one function of the history of a run. It returns the time from which the condition
+holds if nothing slips again, or inf if this time is unknown.
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ if TYPE_CHECKING:
 ENDED = "ended by stop_when ("
 """Beginning of the status of a run that a condition ended."""
 TRANSITS = 3.0
-"""Transits of a shear wave in a pause after which slip is over; see `pyfric.engines.pauses`."""
+"""Transits of a shear wave that fit into the shortest pause between two events; see
+`pyfric.engines.pauses`."""
 CONDITIONS: dict[str, Callable[..., float]] = {}
 """Name of a condition -> function of the history and the values of the condition."""
 
@@ -60,7 +61,7 @@ def arrested(seen: Stopping) -> float:
 
 @holds
 def at_rest(seen: Stopping) -> float:
-    """As `arrested`, and the displacement of the driver until t_end makes no block slip."""
+    """As `arrested`, and the driver makes no block slip until t_end."""
     more = force_to_come(seen.scene, seen.t, seen.t_end)
     if not more < seen.weakest():
         return math.inf
@@ -71,7 +72,7 @@ def at_rest(seen: Stopping) -> float:
 
 @holds
 def reached(seen: Stopping, x: float) -> float:
-    """The block at distance x from the trailing edge, or the next one beyond, has slipped."""
+    """The block at distance x from the trailing edge, or the next block beyond x, has slipped."""
     n = math.ceil(x / seen.scene.slider.l * (1 - 1e-12)) + 1
     return float(seen.first[seen.scene.n_of_i == n][0]) if n <= seen.scene.N_x else math.inf
 
@@ -92,7 +93,7 @@ def precursors(seen: Stopping, n: float) -> float:
 
 @holds
 def main_events(seen: Stopping, n: float) -> float:
-    """The n-th main event has ended: at least four blocks slipped, or all of fewer."""
+    """The n-th main event has ended: at least four blocks slipped, or all if fewer."""
     return seen.ended("is_main", n)
 
 
@@ -106,7 +107,7 @@ def system_size(seen: Stopping, n: float) -> float:
 def slow(seen: Stopping, v: float, lasting: float) -> float:
     """Slip has begun, but for a time `lasting` no block has started to slip or exceeded speed v.
 
-    Speeds are taken at the points of the loading curve.
+    Speeds are known at the points of the loading curve.
     """
     if seen.speed > v:
         seen.t_fast[v] = seen.t
@@ -145,7 +146,7 @@ def stopping_of(
 ) -> Stopping | None:
     """Return the `Stopping` of a run, or None if it has no conditions.
 
-    If a condition ended the run before, only slip after that time counts.
+    If a condition ended `before`, only later slip counts.
     """
     if not texts:
         return None
@@ -155,7 +156,7 @@ def stopping_of(
 
 
 class Stopping:
-    """The history of a run that conditions need, and their check.
+    """The history of a run as conditions need it, and the check of conditions.
 
     Args:
         conditions: texts of the conditions.
@@ -166,9 +167,9 @@ class Stopping:
 
     Attributes:
         t: time of the last check, in s.
-        first: time of each block's first slip, without corner slip, in s; NaN if there is none.
+        first: time of each block's first slip, corner slip left out, in s; NaN if there is none.
         region: blocks that slipped, lifted off or landed in the present or last event.
-        slips: whether blocks slip now, without corner slip.
+        slips: whether blocks slip now, corner slip left out.
         t_rest: time at which slip last stopped, in s.
         begun: number of events that have begun after `since`.
         t_switch: time at which slip last stopped or a block last began to slip, in s.
@@ -194,10 +195,10 @@ class Stopping:
         self._known: tuple[int, pd.DataFrame | None] = (-1, None)
         self._settled: dict[str, tuple[int, int]] = {}
 
-    # --- what a run reports ----------------------------------------------------------------------
+    # --- input from a run ------------------------------------------------------------------------
 
     def begin(self, state: State) -> None:
-        """Count the blocks that slip in an initial state as slipping from its time on."""
+        """Count the blocks that slip in an initial state, from the time of this state on."""
         slipping = (np.abs(state.mode) == 1) & (state.corner == 0)
         self.slips, self.region = bool(slipping.any()), slipping
         self.begun += int(self.slips)
@@ -241,7 +242,7 @@ class Stopping:
         slips = np.abs(state.mode) == 1
         self.speed = float(np.abs(state.y[0, 2, slips]).max(initial=0.0))
 
-    # --- what conditions use ---------------------------------------------------------------------
+    # --- quantities for conditions ---------------------------------------------------------------
 
     @property
     def events(self) -> pd.DataFrame:
@@ -260,7 +261,7 @@ class Stopping:
         return self._known[1]
 
     def ended(self, which: str, n: float) -> float:
-        """Return the end (s) of the n-th main event that has 1 in the column `which`."""
+        """Return the end (s) of the n-th main event with 1 in the column `which`."""
         if not self._logs or self.most_ended(which) < n:
             return math.inf
         events = self.events
@@ -270,21 +271,22 @@ class Stopping:
         return self.quiet(float(stops.iloc[math.ceil(n) - 1])) if len(stops) >= n else math.inf
 
     def most_ended(self, which: str) -> int:
-        """Return the most main events with 1 in the column `which` that can have ended.
+        """Return an upper bound of the ended main events with 1 in the column `which`.
 
-        It takes no catalogue. All events but the last one of the latest catalogue stay as they are.
-        Each later one may count, but the present one only if it can have ended as a main event.
+        The bound needs no new catalogue. In the last catalogue, all events except the last are
+        final. Each later event may count. The present event counts only if it can have ended as a
+        main event.
         """
         known, wanted = self._settled.get(which, (0, 0))
         present = not self.slips and int(self.region.sum()) >= main_blocks(self.scene.N_x)
         return wanted + max(self.begun - known - 1, 0) + present
 
     def quiet(self, t: float) -> float:
-        """Return the time (s) after which new slip is not part of an event that stopped at t."""
+        """Return the time (s) after which new slip does not join an event that stopped at t."""
         return (t + self.t_gap) * (1 + 1e-12)
 
     def rested(self) -> float:
-        """Return the time (s) from which the slider counts as at rest, if nothing slips."""
+        """Return the time (s) from which the slider counts as at rest, if nothing slips again."""
         if self.scene.N_z > 1:
             return self.quiet(self.t_rest)
         return min(self.quiet(self.t_rest), self.t_rest + pause_of_waves(self.scene))
@@ -304,7 +306,7 @@ class Stopping:
     # --- the end ---------------------------------------------------------------------------------
 
     def due(self) -> tuple[float, str]:
-        """Return the time (s) from which a first condition holds if nothing slips, and its text."""
+        """Return the time (s) at which a condition first holds if nothing slips, and its text."""
         dues = ((CONDITIONS[name](self, *with_), text) for text, name, with_ in self.conditions)
         return min(((math.inf if math.isnan(t) else t, text) for t, text in dues))
 

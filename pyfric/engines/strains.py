@@ -1,4 +1,4 @@
-"""Strains of bonds: the largest that is expected, cells turned inside out, and notes on both."""
+"""Strains of bonds: the largest strain expected, cells turned inside out, and notes on both."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
 
 STRAIN_SHARE = 0.65
-"""Largest strain of a bond, at the driven block, over F_T/(k l). Under a plate it is smaller."""
+"""Largest strain of a bond, at the driven block, over F_T/(k l). It is smaller under a plate."""
 LINEAR = 0.1
-"""Strain above which results of linear geometry carry a note."""
+"""Strain above which results of linear geometry have a note."""
 
 
 def folded(scene: Scene, u: np.ndarray) -> tuple[int, int] | None:
@@ -43,7 +43,7 @@ def folded(scene: Scene, u: np.ndarray) -> tuple[int, int] | None:
 
 
 def largest_strain(scene: Scene, F_T: float, t_end: float = math.inf) -> float:
-    """Return the largest strain of a bond under the driver force F_T or under F_N and T.
+    """Return the largest strain of a bond under the driver force F_T, or under F_N and T.
 
     Args:
         scene: the scene.

@@ -1,8 +1,8 @@
-"""Quasi-static sequences of many scenes at a time, over threads, without their records.
+"""Quasi-static sequences of many scenes at a time, on threads, without records.
 
-Scenes that differ in their interface only share the condensed slider and the protocol, and run in
-one call of the core. Each has the same bits as `QuasistaticRun` gives it alone. While the core
-follows one batch of scenes, the next one is prepared.
+Scenes that differ only in their interface share the condensed slider and the protocol. They run in
+one call of the core. Each gets the same bits as in a `QuasistaticRun` of its own. While the core
+follows one batch of scenes, the next batch is prepared.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ if TYPE_CHECKING:
     from pyfric.statics import ContactProblem, Stretch
 
 BATCH, BATCH_BYTES = 64, 64_000_000
-"""Most scenes in a batch, and most bytes that their states and logs take."""
+"""Most scenes in a batch, and most bytes of their states and logs."""
 KEPT = 16
-"""Foundations of which the loaded state is kept."""
+"""Number of foundations whose loaded state is stored."""
 
 
 class Asked(NamedTuple):
@@ -65,16 +65,16 @@ class Asked(NamedTuple):
 def outlines(
     asked: Iterable[Asked | Exception], threads: int | None = None
 ) -> Iterator[Outline | Exception]:
-    """Yield what happens in the quasi-static sequences of scenes, in their order.
+    """Yield outlines of the quasi-static sequences of scenes, in the order of scenes.
 
     Args:
-        asked: scenes that `check_ladder` passes, or exceptions, which are passed on. They are taken
-            a batch ahead.
+        asked: scenes that `check_ladder` accepts, or exceptions, which are passed on. They are read
+            one batch ahead.
         threads: number of threads of the core; None means one for each processor. Results do not
             depend on it.
 
     Yields:
-        The outline of each run, or why there is none: a SceneError or an EquilibriumError.
+        The outline of each run, or the SceneError or EquilibriumError that prevented it.
     """
     threads, together, stop = threads or processors(), _Together(), Event()
     with ThreadPoolExecutor(1, "pyfric") as pool:
@@ -93,17 +93,17 @@ def outlines(
 
 
 def has_outline(scene: Scene, options: Options) -> bool:
-    """Return whether `outlines` makes a run: a quasi-static sequence without conditions to end it.
+    """Return whether `outlines` can make a run: a quasi-static sequence without end conditions.
 
-    Other options than `t_gap` then have no effect.
+    All options except `t_gap` then have no effect.
     """
     ends = scene.stop_when if options.stop_when is None else options.stop_when
     return options.fidelity == QUASISTATIC.name and options.verify in (None, "none") and not ends
 
 
 class _Loaded(NamedTuple):
-    """A foundation under a slider: its condensed slider and t_gap, its start, F_T then (N), and
-    which blocks hold which forces while the load is applied, if none of them slips."""
+    """The loaded state of a slider on a foundation: condensed slider, t_gap, start of runs, and F_T
+    at the start (N). If no block slips under the load, `held` has stuck blocks and their forces."""
 
     problem: ContactProblem
     t_gap: float
@@ -113,7 +113,7 @@ class _Loaded(NamedTuple):
 
 
 class _Group(NamedTuple):
-    """Runs that share slider and protocol: numbers in the batch, sequences, and their logs."""
+    """Runs that share slider and protocol: their numbers in the batch, sequences, and logs."""
 
     numbers: list[int]
     runs: Sequences
@@ -125,7 +125,7 @@ class _Group(NamedTuple):
 
 
 class _Run(NamedTuple):
-    """A run of a batch: what was asked, its t_gap (s), first force (N), and its group and place."""
+    """A run of a batch: its scene, t_gap (s), first F_T (N), group, and place in the group."""
 
     asked: Asked
     t_gap: float
@@ -151,7 +151,7 @@ class _Together:
     def prepared(
         self, batch: Sequence[Asked | Exception]
     ) -> tuple[list[_Run | Exception], list[_Group]]:
-        """Return the runs of a batch, and groups of those that share slider and protocol."""
+        """Return the runs of a batch, and their groups with equal slider and protocol."""
         shared: dict[Any, list[tuple[int, Asked, _Loaded, Start]]] = {}
         made: list[Any] = list(batch)
         for n, each in enumerate(batch):
@@ -177,9 +177,9 @@ class _Together:
         return made, groups
 
     def loaded(self, scene: Scene) -> tuple[_Loaded, Start]:
-        """Return what is known of the foundation of a scene, and how its run starts.
+        """Return the loaded state of a scene, and the start of its run.
 
-        If no block slips while the load is applied, scenes share the loaded state.
+        If no block slips under the load, scenes with equal foundations share the loaded state.
         """
         fields = (np.asarray(field).tobytes() for field in (scene.k_f, scene.gap))
         kinds = (scene.touches.tobytes(), scene.bare.tobytes())
@@ -219,7 +219,7 @@ def _group(parts: Sequence[Stretch], loaded: _Loaded, members: list[tuple[int, S
 
 
 def _follow(groups: Sequence[_Group], threads: int, stop: Event) -> None:
-    """Follow all runs of some groups to their ends."""
+    """Follow all runs of groups to their ends."""
     for group in groups:
         runs, left = group.runs, np.arange(len(group.runs))
         while len(left) and not stop.is_set():
@@ -234,14 +234,14 @@ def _follow(groups: Sequence[_Group], threads: int, stop: Event) -> None:
 
 
 def _finished(made: Sequence[_Run | Exception], begun: Any) -> Iterator[Outline | Exception]:
-    """Yield what happened in the runs of a batch, once the core is done with them."""
+    """Yield the outlines of a batch, once the core has finished it."""
     begun.result()
     for run in made:
         yield run if isinstance(run, Exception) else _outline(run)
 
 
 def _outline(run: _Run) -> Outline | Exception:
-    """Return what happened in a run, or why it could not go on."""
+    """Return the outline of a run, or the error that stopped it."""
     group, n, scene = run.group, run.place, run.asked.scene
     logs, status = group.logs[n], Status(group.status[n])
     points = np.concatenate([[[0.0, run.F_T]], *(log.points[:, :2] for log in logs)])

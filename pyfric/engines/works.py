@@ -1,12 +1,12 @@
 """The energy budget of a jump over rest.
 
-While nothing slips, blocks move along a polynomial and in decaying modes, so that the integrals of
-forces over the motion have closed forms, with the position x of the driver and loads b:
+While nothing slips, the motion is a polynomial plus decaying modes. Works then have closed forms.
+With the position x of the driver and loads b they are
 
     driver   int F_T dx = K [x^2/2 + d u_drv0 x] - K d int u_h V ds ,
     loads    int b.q' ds = [b.q] - b' . int q ds .
 
-Dashpots take what the works and the change of the stored energy leave.
+The heat of dashpots is the work minus the change of the stored energy.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def works_of_jump(solver: StaticSolver, landing: Landing, q: np.ndarray) -> np.n
     Args:
         solver: static states of the scene in its geometry.
         landing: end of the jump.
-        q: coordinates at its begin, shape (n_q,), in m.
+        q: coordinates at the start of the jump, shape (n_q,), in m.
     """
     scene, jump, outside = solver.scene, landing.jump, landing.jump.outside
     s, K, d, home = landing.n * jump.dt, scene.driver.K, scene.d, np.mean(solver.u_drv0)
@@ -47,16 +47,16 @@ def works_of_jump(solver: StaticSolver, landing: Landing, q: np.ndarray) -> np.n
 def add_jump(
     solver: StaticSolver, model: Model, state: State, landing: Landing, q: np.ndarray
 ) -> None:
-    """Add the works of a jump, and what dashpots take, to the budget of a state.
+    """Add the works of a jump and the heat of dashpots to the budget of a state.
 
-    What dashpots take is divided evenly among their rows: jumps do not compute it row by row.
+    The heat is divided evenly among rows of dashpots.
 
     Args:
         solver: static states of the scene in its geometry.
         model: the scene in the form that the core takes.
-        state: the state at the begin of the jump.
+        state: the state at the start of the jump.
         landing: end of the jump.
-        q: coordinates at its begin, shape (n_q,), in m.
+        q: coordinates at the start of the jump, shape (n_q,), in m.
     """
     works, t = works_of_jump(solver, landing, q), state.t + landing.n * state.dt
     then = dataclasses.replace(state, y=state.y.copy())

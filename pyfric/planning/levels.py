@@ -1,7 +1,8 @@
-"""Levels: the models of a scene in the order of their cost.
+"""Levels of a scene, in the order of their cost.
 
-Each level differs from the one before in everything that the answer hangs on. With h a step short
-enough to have an order (`STEP_ERROR`), a scene of finite geometry has these:
+Each level is more exact than the one before in engine, geometry, step and accuracy of jumps. h is a
+step at which errors fall with a power of the step (`STEP_ERROR`). A scene of finite geometry has
+these levels:
 
 tolerance     engine        geometry   step    jumps
 -----------   -----------   --------   -----   -----
@@ -14,11 +15,10 @@ less          hybrid        linear     h       1e-4
               hybrid        finite     4h/9    1e-6
               hybrid        finite     8h/27   1e-7
 
-A static sequence only measures the error of the run that follows. Linear geometry is left out where
-it neglects more than the tolerance, and in scenes that have no other; their steps are all of one
-geometry. Without states of rest the levels are full dynamics with these steps. Steps of other
-steppers than "rk46", those at whose ends contacts switch, and one that was given are halved
-instead: their order is lower.
+A quasi-static sequence usually serves only to measure errors. The first level with linear geometry
+is left out if linear geometry neglects more than the tolerance. If the law has no states of rest,
+all levels are full dynamics. A step is 2/3 of the step before with the stepper "rk46" and located
+switches. In all other cases, or if the step was given, steps are halved.
 """
 
 from __future__ import annotations
@@ -54,32 +54,32 @@ if TYPE_CHECKING:
 
 STEP_ERROR = 7e-7
 """Error of forces over F_N that steps of the first level leave in most scenes (`share_of_limit`):
-0.47 of the stability limit of "rk46". Longer steps have no order: two wrong histories can agree. Of
-the errors tried it is the largest with which none did in 200 scenes."""
+0.47 of the stability limit of "rk46". With longer steps, two runs with wrong events can agree. In
+200 scenes, no two runs did with these steps."""
 SHORTER, HALF = 2 / 3, 1 / 2
-"""Step of a level over that of the one before: policies; see the module."""
+"""Step of a level over the step of the level before. Policies; see the module."""
 FIRST, STRICTER = 1e-4, 0.1
-"""Accuracy of jumps at the first level, and of a level over that of the one before: policies."""
+"""Accuracy of jumps at the first level, and ratio of accuracies of successive levels. Policies."""
 STEPPED = 4
-"""Levels with steps, with linear geometry; one less without: a policy."""
+"""Number of levels with steps if one has linear geometry; otherwise one less. A policy."""
 LOOSE = 0.05
-"""Least tolerance that a quasi-static sequence can tell anything of: it is off by up to 0.04 F_N in
-the paper's scenes."""
+"""Least tolerance for which a quasi-static sequence is made. The error of a sequence is up to 0.04
+F_N in the paper's scenes."""
 ROTATION = 0.2
-"""Error of forces over F_N without rotation of bonds, over the strain: order of magnitude. Linear
-geometry is left out where it exceeds the tolerance."""
+"""Order of magnitude of the error of forces without rotation of bonds, over F_N and strain. Linear
+geometry is left out if this error exceeds the tolerance."""
 ALONE = ((0.1, 0), (0.02, 1), (0.0, 2))
-"""Least tolerance -> kind of the level that is made where no errors are measured: the cheapest, the
-cheapest with steps, the cheapest with steps in the scene's own geometry. A policy."""
+"""Least tolerance -> level that is run if no errors are measured: 0 the cheapest, 1 the cheapest
+with steps, 2 the cheapest with steps in the scene's own geometry. A policy."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Level(Model):
-    """A model that a plan may run; see `Model` for the other attributes.
+    """A level; see `Model` for the other attributes.
 
     Attributes:
-        answers: whether its run may be returned. Otherwise it only measures errors.
-        cannot: why it cannot run; "" if it can.
+        answers: whether its run may be returned. If not, the run only measures errors.
+        cannot: reason why the level cannot run; "" if it can.
     """
 
     answers: bool = True
@@ -93,7 +93,7 @@ class Level(Model):
         return Model.of(self)
 
     def options(self, asked: Options) -> Options:
-        """Return the options of its run."""
+        """Return the options of a run at this level."""
         how: dict[str, Any] = {"fidelity": self.engine, "geometry": self.geometry, "verify": None}
         how |= {"method": None, "dt": self.dt or "auto", "accuracy": self.accuracy}
         how |= {"stepper": self.stepper or None, "switching": self.switching or None}
@@ -104,15 +104,15 @@ class Level(Model):
 
 
 def levels(scene: Scene, options: Options, *, begun: bool = False) -> tuple[Level, ...]:
-    """Return the levels of a scene, the cheapest first, with those that cannot run.
+    """Return the levels of a scene, the cheapest first, including levels that cannot run.
 
-    Options that were given hold for all runs that may be returned. If the step is among them, a run
-    with half of it measures errors.
+    Given options hold for all runs that may be returned. If the step is given, a run with half this
+    step measures errors.
 
     Args:
         scene: the scene.
         options: options of the run, on this scene.
-        begun: whether the run begins at a state of motion.
+        begun: whether the run begins at a given state.
     """
     moves, own = _moves(scene, options), options.geometry or default_geometry(scene)
     given = options.dt != "auto"
@@ -131,7 +131,7 @@ def levels(scene: Scene, options: Options, *, begun: bool = False) -> tuple[Leve
 
 
 def of_named(scene: Scene, options: Options) -> tuple[Level, ...]:
-    """Return the level of a run whose engine is named, and those that measure its errors.
+    """Return the level of a run whose engine is named, and levels that measure its errors.
 
     Args:
         scene: the scene.
@@ -153,9 +153,9 @@ def of_named(scene: Scene, options: Options) -> tuple[Level, ...]:
 def _stepped(
     scene: Scene, options: Options, engine: str, geometries: Sequence[Geometry]
 ) -> tuple[Level, ...]:
-    """Return the levels of an engine with steps, of these geometries one after the other.
+    """Return the levels of an engine with steps, one for each geometry.
 
-    If the step was given, one of them answers, and the others measure its errors.
+    If the step was given, only the first run may be returned.
     """
     stepper, switching = options.stepper_on(scene), options.switching or default_switching(scene)
     given = options.dt != "auto"
@@ -183,15 +183,15 @@ def _stepped(
 
 
 def _rtol(options: Options, shorter: float) -> float:
-    """Return the largest error of a sub-step, which is of order 4 in its length."""
+    """Return the largest error of a sub-step; it falls with power 4 of the step."""
     return max((options.rtol or RTOL) * shorter**4, 1e-12)
 
 
 def first_step(scene: Scene, options: Options) -> float:
     """Return the step of the first level with steps, in s.
 
-    It resolves weakening of friction if a step that is not much shorter can: then the steps of all
-    levels do. Otherwise friction drops at once at all of them.
+    The step is shortened to resolve weakening of friction, if a few halvings suffice. All levels
+    then resolve it. Otherwise friction drops at once at all levels.
     """
     if options.dt != "auto":
         return step_size(scene, options.dt, options.stepper_on(scene))
@@ -202,12 +202,12 @@ def first_step(scene: Scene, options: Options) -> float:
 
 
 def rotation(scene: Scene) -> float:
-    """Return the order of magnitude of what linear geometry leaves out, over F_N."""
+    """Return the order of magnitude of the error of forces in linear geometry, over F_N."""
     return ROTATION * largest_strain(scene, float(np.max(scene.law.mean.mu_k)) * scene.F_N)
 
 
 def _moves(scene: Scene, options: Options) -> str:
-    """Return why only full dynamics can answer, "" if jumps can."""
+    """Return the reason why only full dynamics can answer; "" if jumps are possible."""
     if options.want == "motion":
         return "motion between events is wanted, which only full dynamics has"
     if options.energies:
@@ -218,14 +218,14 @@ def _moves(scene: Scene, options: Options) -> str:
 
 
 def _no_statics(scene: Scene, options: Options) -> str:
-    """Return why the quasi-static sequence tells nothing of what is wanted, "" if it does."""
+    """Return the reason why a quasi-static sequence cannot answer; "" if it can."""
     if options.want == "front_speed":
         return "it has no front speed"
     return ENGINES["quasistatic"].cannot(scene)
 
 
 def alone(of: tuple[Level, ...], tolerance: float) -> Level:
-    """Return the level that is made where no errors are measured; see `ALONE`."""
+    """Return the level that is run if no errors are measured; see `ALONE`."""
     able = [level for level in of if level.answers and not level.cannot]
     row = next(number for least, number in ALONE if tolerance >= least)
     stepped = [level for level in able if level.dt is not None]
@@ -236,5 +236,5 @@ def alone(of: tuple[Level, ...], tolerance: float) -> Level:
 
 
 def as_full(level: Level) -> Level:
-    """Return a level with full dynamics, which makes no jumps."""
+    """Return a level with full dynamics as engine."""
     return dataclasses.replace(level, engine="dynamic", accuracy=None)

@@ -1,9 +1,9 @@
-"""Two runs of a scene at different levels: their difference is the error of the coarser one.
+"""Two runs of a scene at different levels: their difference is the error of the coarser run.
 
-The finer run is returned, and the error of the coarser one is reported for it. It is not scaled by
-an order in the step: errors of rupture times in short runs do not fall as those of steps do. Where
-an event slips other blocks, one of them once more, or has ended in one run alone, the difference
-says less, because two wrong outcomes can be alike. `SAFETY` times the difference is then reported.
+The finer run is returned, with the error of the coarser run. The error is not extrapolated with an
+order of convergence, because rupture times do not have the order of the stepper. Two runs may also
+differ in the blocks that slip in an event, or only one of them may have ended it. Such differences
+are less reliable, because two wrong outcomes can be alike. They are multiplied by `SAFETY`.
 
 If the two finest runs still differ by more than the tolerance, single events cannot be trusted from
 the first difference on. Later events are compared by their statistics.
@@ -29,15 +29,15 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
 
 SAFETY = 3.0
-"""Factor of safety for two grids: of differences in which an event took another turn, and of the
-coarser run if it is the one that is returned."""
+"""Factor of safety for two grids. It multiplies differences if the slip of an event differs, or if
+the coarser run is returned."""
 PERTURBATION = 1e-9
 """Relative increase of the driver's speed in the perturbed run."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Asked:
-    """What is asked for, and the function that makes a run.
+    """A scene, the time and options of its run, and the function that makes a run.
 
     Attributes:
         scene: the scene.
@@ -54,7 +54,7 @@ class Asked:
 
 
 class Made(NamedTuple):
-    """A run that was made: its level, its record, and the wall time that it took, in s."""
+    """A finished run: its level, its record, and its wall time, in s."""
 
     level: Level
     record: Record
@@ -62,15 +62,15 @@ class Made(NamedTuple):
 
 
 class Pair:
-    """Two runs, of which the answer is the finer one if it may be returned.
+    """Two runs. The answer is the finer run, if it may be returned.
 
     Args:
-        asked: what is asked for.
+        asked: the scene, with time and options.
         coarse, fine: the runs.
 
     Attributes:
-        answer, other: the run that is returned, and the other one.
-        found: how far they are apart.
+        answer, other: the run that is returned, and the other run.
+        found: differences of the runs.
     """
 
     def __init__(self, asked: Asked, coarse: Made, fine: Made) -> None:
@@ -82,9 +82,9 @@ class Pair:
             self.found = differences(*self._further())
 
     def _further(self) -> tuple[Record, Record]:
-        """Return both runs, of which one that lacks the last event of the other one goes on.
+        """Return both runs; a run that lacks the last event of the other is continued.
 
-        It goes on until the driver has added the tolerance to F_T.
+        It is continued until the driver has added the tolerance to F_T.
         """
         scene, own = self.asked.scene, self.found.events["own"][self.found.lacking]
         pace, records = scene.driver.K * scene.driver.fastest, []
@@ -99,7 +99,7 @@ class Pair:
         return records[0], records[1]
 
     def errors(self, found: Differences | None = None) -> Errors:
-        """Return the errors of the answer, from some of the differences; None means all."""
+        """Return the errors of the answer from given differences; None means all differences."""
         asked, found = self.asked, self.found if found is None else found
         end, t_end = float(self.answer.record.curve["t"].iloc[-1]), asked.t_end
         t_end = min(t_end, end) if ended_by_condition(self.answer.record) else t_end
@@ -111,17 +111,17 @@ class Pair:
 
     @property
     def resolved(self) -> bool:
-        """Whether the finer run resolves weakening of friction; otherwise both drop it at once."""
+        """Whether the finer run resolves weakening; if not, friction drops at once in both runs."""
         dt = self.fine.level.dt
         return dt is None or dt <= self.asked.scene.resolving_step
 
     @property
     def by(self) -> Model:
-        """What the answer is compared with."""
+        """The model with which the answer is compared."""
         return self.other.level.model
 
     def factor(self, turned: bool) -> float:
-        """Return reported errors over differences."""
+        """Return the ratio of reported errors to differences."""
         return SAFETY if turned or not self.finer else 1.0
 
     def as_far_as_it_goes(self) -> tuple[Errors, list[str]]:
@@ -141,8 +141,7 @@ class Pair:
     def until(self, errors: Errors, t: float) -> tuple[Errors, list[str]]:
         """Return the errors before an event that begins at t (s), and statistics of later events.
 
-        The event may begin a little earlier or later in the other run. Where earlier events do not
-        tell what is wanted, the errors remain those of all events.
+        If earlier events leave the wanted error unknown, errors of all events are returned.
         """
         asked, record = self.asked, self.answer.record
         ended = record.events["t_stop"][record.events["t_stop"] < t]
@@ -173,7 +172,7 @@ class Pair:
 
 
 class Faster(Pair):
-    """A run, and the same run with a driver that is faster by `PERTURBATION`."""
+    """A run, and the same run with a driver faster by `PERTURBATION`."""
 
     @property
     def by(self) -> Model:
@@ -181,7 +180,7 @@ class Faster(Pair):
 
 
 def finest(asked: Asked, runs: list[Made]) -> Pair:
-    """Return the pair of the finest run that may be returned and the finest other run."""
+    """Return the pair of the finest run that may be returned, and the finest other run."""
     able = [n for n, made in enumerate(runs) if made.level.answers and made.record.done]
     last = len(runs) - 1
     return Pair(asked, runs[last - 1 if able[-1] == last else able[-1]], runs[last])

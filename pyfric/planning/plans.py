@@ -1,7 +1,7 @@
-"""What levels cost, and `plan`, which shows them.
+"""The expected cost of levels, and `plan`, which shows it.
 
-Work is expected from the counts of another run: of a quasi-static sequence before a run, of the
-level before during one.
+Work is estimated from the counts of another run. Before a run this is a quasi-static sequence, and
+later the level before.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ if TYPE_CHECKING:
 
 ROTATION_OF_BONDS = "rotation of bonds"
 MOVING = 0.8
-"""Front speed over the limiting one, c_R or the speed of sound in a chain, at which plans state the
-length of the cohesive zone, too: a policy."""
+"""Front speed at which plans also give the length of the cohesive zone, over c_R, or over the speed
+of sound in a chain. A policy."""
 PILOT = 0.5
-"""Largest work of the sequence by which costs are expected, in s: a policy."""
+"""Largest work of the quasi-static sequence that estimates costs, in s. A policy."""
 
 
 def expected_work(scene: Scene, level: Level, lasts: float, before: Record | None) -> float:
@@ -70,14 +70,14 @@ def expected_work(scene: Scene, level: Level, lasts: float, before: Record | Non
     else:
         events = int(before.events["is_main"].sum()) if before is not None else 0
         times = 1.0
-        if level.engine == "hybrid":  # an event takes time: viscosity makes more steps of it
+        if level.engine == "hybrid":  # the shorter steps of viscosity make an event take more steps
             times = EVENT_STEPS * (1 + events) * step_of_waves(scene) / max(lasts, level.dt)
         counts = {name: count * times for name, count in full.items()}
     return first + work(scene, level.geometry, full if level.engine == "dynamic" else counts)
 
 
 def as_made(scene: Scene, level: Level, lasts: float, before: Record | None) -> Level:
-    """Return a level with full dynamics if jumps are not expected to spare work.
+    """Return a level, with full dynamics instead if jumps are not expected to save work.
 
     The arguments are those of `expected_work`.
     """
@@ -89,7 +89,7 @@ def as_made(scene: Scene, level: Level, lasts: float, before: Record | None) -> 
 
 
 def left_out(scene: Scene, level: Level) -> str:
-    """Return what a level leaves out, in words."""
+    """Return the physics that a level leaves out, in words."""
     words = [word for word in ENGINES[level.engine].leaves_out if word != ROTATION_OF_BONDS]
     if words and scene.law.flows:
         words = ["inertia between ruptures"]
@@ -107,9 +107,9 @@ def work_done(record: Record) -> float:
 
 @functools.lru_cache(maxsize=16)
 def pilot(scene: Scene, t_end: float, stop_when: tuple[str, ...] = ()) -> Record | None:
-    """Return the quasi-static sequence of a scene to t_end (s), or None where there is none.
+    """Return the quasi-static sequence of a scene to t_end (s), or None if there is none.
 
-    A scene of many blocks has larger ones.
+    A large lattice is replaced by larger blocks.
     """
     small = coarser(scene)
     small = dataclasses.replace(small, interface=small.interface.coulomb())
@@ -130,18 +130,18 @@ def pilot(scene: Scene, t_end: float, stop_when: tuple[str, ...] = ()) -> Record
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """The levels of a scene, and what they are expected to cost.
+    """The levels of a scene, and their expected cost.
 
     Attributes:
-        want: the quantity that the run is made for.
+        want: the wanted quantity.
         tolerance: accepted error, over F_N (relative error for front speeds).
-        levels: the levels, the cheapest first, with those that cannot run.
-        left_out: what each of them leaves out.
-        seconds: expected time of each on one core of this machine, in s.
-        alone: the level that is made where no errors are measured.
+        levels: the levels, the cheapest first, including levels that cannot run.
+        left_out: physics that each level leaves out.
+        seconds: expected time of each level on one core of this machine, in s.
+        alone: the level that is run if no errors are measured.
         t_end: time at which the run is expected to end, in s.
         lattice: for front speeds, the lattice constant that the tolerance needs, and the time of a
-            run with it; "" if the present one suffices, and for other quantities.
+            run with it. "" if the present lattice suffices, and for other quantities.
     """
 
     want: Want
@@ -185,17 +185,17 @@ def plan(
     t_end: Number = 1.0,
     stop_when: str | Sequence[str] | None = None,
 ) -> Plan:
-    """Return the levels that `simulate` makes for a quantity and a tolerance, and their cost.
+    """Return the levels that `simulate` runs for a quantity and a tolerance, and their cost.
 
-    A quasi-static sequence tells how many events there are, and when a condition ends the run.
+    A quasi-static sequence gives the expected number of events and the end of the run.
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
         want: "loading_curve", "precursors", "stress", "front_speed" or "motion".
         tolerance: accepted error over F_N; relative error for front speeds.
         t_end: time of the end of the run, in s.
-        stop_when: conditions that end the run before t_end; None means those of the scene; see
-            `Options`.
+        stop_when: conditions that end the run before t_end, see `Options`; None means the
+            conditions of the scene.
 
     Raises:
         SceneError: an argument is refused.
@@ -235,7 +235,7 @@ def plan(
 
 
 def _lattice(scene: Scene, options: Options, seconds: float) -> str:
-    """Return the lattice constant that front speeds need, and the time of a run, if it is smaller.
+    """Return the lattice constant that front speeds need, and the time of a run; "" if not smaller.
 
     Half the lattice constant takes 8 times as long: 4 times the blocks, twice the steps.
     """
@@ -261,7 +261,7 @@ def _lattice(scene: Scene, options: Options, seconds: float) -> str:
 def expected_cost(scene: Scene, t_end: float, options: Options) -> tuple[float, float]:
     """Return the expected time of a run to t_end (s) in s, and the size of its record in bytes.
 
-    A planned run is expected to make all levels up to that of its tolerance, at least two. A run
+    A planned run is assumed to make at least two levels, and all levels up to `Plan.alone`. A run
     that would be refused costs nothing.
     """
     options = options.on(scene)

@@ -1,7 +1,7 @@
-"""What a run at one point tells of the levels that other points need.
+"""The level that a scene needs, from the verified run of a similar scene.
 
-The difference of two runs is the error of the coarser one. Where it is within the tolerance, the
-coarser level suffices, although the finer run is returned.
+The difference of two runs is the error of the coarser run. If it is within the tolerance, the
+coarser level suffices.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
 
 
 class Told(NamedTuple):
-    """What a run tells of levels, by their numbers from 0.
+    """Measured errors of levels in a run; levels are numbered from 0.
 
     Attributes:
         made: the model of the record.
-        level: number of its level; full dynamics may be in the place of the hybrid engine.
-        needs: the cheapest level that keeps the tolerance, as far as was measured. If the two
-            levels that were compared differ by more than that, it is the next one above both.
-        errors: errors of the levels that were compared, of all events or of those before the first
-            one that differs.
-        holds: whether the record keeps the tolerance; None where not all was measured.
+        level: number of its level; full dynamics may replace the hybrid engine.
+        needs: cheapest level known to keep the tolerance. If the two compared levels differ by more
+            than the tolerance, it is the next level above both.
+        errors: errors of the compared levels, of all events or of events before the first
+            difference.
+        holds: whether the record keeps the tolerance; None if not measured over the whole run.
     """
 
     made: Model
@@ -39,12 +39,12 @@ class Told(NamedTuple):
 
 
 def levels_of(scene: Scene, options: Options) -> tuple[Level, ...]:
-    """Return the levels of a run from the loaded slider, whether its engine is named or not."""
+    """Return the levels of a run from the loaded slider, with a named engine or "auto"."""
     return (levels if options.fidelity == "auto" else of_named)(scene, options)
 
 
 def told(record: Record, of: Sequence[Level]) -> Told:
-    """Return what a record tells of the levels of its scene that can be made."""
+    """Return the measured errors in a record, by levels of its scene that can run."""
     numbers: dict[Model, int] = {}
     for number, level in enumerate(of):
         numbers |= {level.model: number, as_full(level).model: number}

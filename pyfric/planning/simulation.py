@@ -1,4 +1,4 @@
-"""`simulate`: a run with the engine that the user names or the plan chooses."""
+"""`simulate`: a run with a named engine, or with levels chosen by a tolerance."""
 
 from __future__ import annotations
 
@@ -58,13 +58,13 @@ if TYPE_CHECKING:
     from pyfric.scene import Number, Scene, SceneLike
 
 STATIC_SHARE = 0.25
-"""Largest work of a quasi-static sequence over that of full dynamics: a policy."""
+"""Largest work of a quasi-static sequence, over the work of full dynamics. A policy."""
 BUDGET = "4 x"
-"""Default of the option `budget`: a policy."""
+"""Default of the option `budget`. A policy."""
 LONG = 600.0
 """Expected duration above which a run prints a note before it starts, in s."""
 SHORT = 10.0
-"""How many times longer steps without viscosity have to be for a note on its cost: a policy."""
+"""Least ratio of steps without and with viscosity for a note on the cost of viscosity. A policy."""
 LOGGER = logging.getLogger("pyfric")
 
 
@@ -82,12 +82,12 @@ def simulate(
     """Simulate a scene from the loaded slider, or continue another run.
 
     A `Record` as `initial` continues its run, and the result holds the whole run. Engine, geometry,
-    stepper, switching, step, rtol, accuracy, energies, sampling and t_gap are kept; other values of
-    these options are refused. So are `want`, `tolerance` and `verify`: no model is chosen, and no
-    errors are measured. The speed of the driver or the loads may differ from then on; the scene of
-    the result then has a protocol that joins both. The driver continues from its position, so that
-    F_T does not jump. Times of protocols count from t = 0. Full dynamics continues with the same
-    bits. The hybrid engine finds the same events, with forces that agree to its accuracy.
+    stepper, switching, step, rtol, accuracy, energies, sampling and t_gap are kept. Other values of
+    these options are refused. `want`, `tolerance` and `verify` are refused, too, because no level
+    is chosen. The speed of the driver or the loads may differ from the end of the record on. The
+    scene of the result then has a protocol that joins both. The driver continues from its position,
+    so that F_T does not jump. Times of protocols count from t = 0. Full dynamics continues with the
+    same bits. The hybrid engine finds the same events, with forces that agree to its accuracy.
 
     Ctrl-C ends a run with status "interrupted". The record is then valid, and `initial=record`
     continues the run. The next call of `simulate`, `plan`, `run_all` or `prediction_curve` in the
@@ -96,25 +96,25 @@ def simulate(
 
     The logger "pyfric" of `logging` gets status and notes of the record, at level INFO.
 
-    Full dynamics and planned runs that are expected to take more than ten minutes carry a note. It
+    Full dynamics and planned runs that are expected to take more than ten minutes have a note. It
     is also printed on stderr before the start, unless progress is False or a function.
 
     Args:
         scene: a scene, the name of a preset, or the path of a scene file.
-        t_end: time of the end, in s; it has to be given. The last step ends there or just beyond.
+        t_end: time of the end, in s. It is required. The last step ends at t_end or just beyond.
         options: options of the run; None means `Options()`.
-        initial: None starts at t = 0 from the loaded state with F_T = 0. A `State` starts from that
+        initial: None starts at t = 0 from the loaded state with F_T = 0. A `State` starts from this
             state, also with another scene; if K or the driven blocks differ, F_T is kept. A
             `Record` continues its run.
         progress: True for a bar on stderr, False for none, or a function that is called about ten
             times per second. None shows the bar if stderr is a terminal.
-        **keywords: single options, in place of those in `options`; see `Options`.
+        **keywords: single options, which replace those in `options`; see `Options`.
 
     Returns:
         The record. Its status begins with "ended" if an engine could not continue to t_end, as in
         "ended at first slip", or if a condition ended the run, as in "ended by stop_when
-        (arrested)". Its `notes` say where that was. With fidelity = "auto" they also say which
-        model was chosen, and why another model replaced it.
+        (arrested)". Its `notes` tell where the run ended. With fidelity = "auto" they also tell
+        which levels were run.
 
     Raises:
         SceneError: an argument is refused, or the run needs more memory than is available. No run
@@ -174,7 +174,7 @@ def simulate(
 
 
 def _logged(record: Record) -> Record:
-    """Tell the logger "pyfric" how a run ended, and each of its notes; return the record."""
+    """Send status and notes of a record to the logger "pyfric"; return the record."""
     LOGGER.info("%s: %s", record.scene.name or "scene", record.status)
     for note in record.notes:
         LOGGER.info("%s", note)
@@ -189,9 +189,9 @@ def _check_steps(of: tuple[Level, ...], asked: Asked) -> None:
 
 
 def check_run(scene: Scene, options: Options, given: Mapping[str, Any] | None = None) -> None:
-    """Raise SceneError if the named engine cannot have a scene or an option.
+    """Raise SceneError if the named engine cannot run a scene, or lacks an option.
 
-    `given` are the options that a user named; None: those that differ from their defaults.
+    `given` are the options that a user set; None means all options that differ from their defaults.
     """
     named = options.fidelity != "auto" and options.verify in (None, "none")
     of_plan = owned("plan") - {"fidelity"}
@@ -223,7 +223,7 @@ def _going_on(before: Record, options: Options) -> Options:
 
 
 def _both(before: Record, scene: Scene) -> tuple[Scene, tuple[str, ...]]:
-    """Return the scene of a record that continues as another scene, and notes on the changes."""
+    """Return the scene of a record that is continued with changes, and notes on the changes."""
     if before.scene == scene:
         return scene, ()
     t = _begin(before)
@@ -247,7 +247,7 @@ def _run(
     progress: bool | Callable[[Progress], None] | None,
     enough: Callable[[Counted], bool] | None = None,
 ) -> Record:
-    """Run one engine. `enough` can end the run of an engine with time steps."""
+    """Run one engine; `enough` can end the run."""
     engine, said = ENGINES[options.fidelity], []
     if engine.name == "dynamic":
         begin = _begin(initial)
@@ -257,7 +257,7 @@ def _run(
             said = _said(scene, engine.name, made * machine_speed(), progress)
     how: dict[str, Any] = {"initial": initial, "progress": progress, "enough": enough}
     record = engine.run(scene, t_end, options, **how)
-    if engine.steps and (last := density_notes(scene)):  # statics know no density
+    if engine.steps and (last := density_notes(scene)):  # static states do not depend on density
         record = record.replace(notes=(*(n for n in record.notes if n not in last), *last))
     return _with_notes(record, *said)
 
@@ -265,8 +265,7 @@ def _run(
 def _short_steps(asked: Asked, progress: object) -> list[str]:
     """Return the note on events that take long because of viscosity, and print it; or none.
 
-    The hybrid engine then takes between the cost of its events, which is not known before, and that
-    of full dynamics.
+    The note gives the cost of full dynamics, which is the most that the hybrid engine can take.
     """
     scene, fidelity, lasts = asked.scene, asked.options.fidelity, asked.t_end - asked.t_begin
     if fidelity not in ("auto", "hybrid") or ENGINES["hybrid"].cannot(scene) or not scene.eta:
@@ -289,7 +288,7 @@ def _short_steps(asked: Asked, progress: object) -> list[str]:
 
 
 def _said(scene: Scene, engine: str, seconds: float, progress: object) -> list[str]:
-    """Return the note on a run that is expected to take long, and print it; none if it is not."""
+    """Return and print the note on a run that is expected to take long; [] for short runs."""
     if seconds <= LONG:
         return []
     hint = "larger blocks take less: twice l, about a tenth of the time"
@@ -317,7 +316,7 @@ def _begin(initial: State | Record | None) -> float:
 
 
 def _budget(asked: Asked, level: Level, before: Record) -> float:
-    """Return the largest work of all runs, in s; a multiple is of a run of this engine alone."""
+    """Return the largest work of all runs, in s; multiples refer to one run of this engine."""
     budget = asked.options.budget or BUDGET
     times = multiple(budget)
     if times is None:
@@ -341,13 +340,13 @@ class _Slower:
 
 
 def leveled(asked: Asked, of: tuple[Level, ...], progress: object = None) -> Record:
-    """Make levels until two that follow each other agree, and return the finest that may be.
+    """Run levels until two successive ones agree; return the finest run that may be returned.
 
-    With verify = "none" one level is made, with "shared" the first one that can be. With "full" a
-    level more is made than otherwise, and a run whose driver is faster by `PERTURBATION`.
+    With verify = "none" or "shared" one level is run: with "shared" the first that can run. With
+    "full" one more level is run, and then the answer again with a driver faster by `PERTURBATION`.
 
     Raises:
-        RunError, EquilibriumError: no level could be made, or the motion of all left the model.
+        RunError, EquilibriumError: no level could be run to its end.
     """
     options, todo = asked.options, [level for level in of if not level.cannot]
     notes = [f"left out: {level.engine} ({level.cannot})" for level in of if level.cannot]
@@ -398,7 +397,7 @@ def _leveled(asked: Asked, todo: list[Level], notes: list[str], progress: object
             pair = finest(asked, runs)
             errors = pair.errors()
             agreed = bool(errors.holds)
-            enough = errors.measured() is None and not errors.partly  # finer ones tell no more
+            enough = errors.measured() is None and not errors.partly  # finer levels do not help
             if enough or (agreed and options.verify != "full"):
                 break
     alone_is_enough = options.verify == "none" or not isinstance(failed, RunError)
@@ -444,14 +443,14 @@ def simulate_point(
     count: int | None = None,
     progress: bool | Callable[[Progress], None] | None = None,
 ) -> Record:
-    """Return the run of a point among others that share one verification.
+    """Return the run of one scene of a sweep that shares one verification.
 
     Args:
         scene: the scene.
         t_end: time of the end, in s.
-        options: options of all points.
-        first: number of the first level that is made, from 0, among those that can be.
-        count: how many levels are made; with 1 no error is measured. None: until two agree.
+        options: options of all scenes.
+        first: number of the first level to run, from 0, among levels that can run.
+        count: number of levels to run. With 1 no error is measured. None means until two agree.
         progress: as in `simulate`.
 
     Raises:

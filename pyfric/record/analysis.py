@@ -1,14 +1,14 @@
-"""What the paper reads off a run: lengths, stresses, front speeds, friction coefficients.
+"""Quantities of the paper from a record: lengths, stresses, front speeds, friction coefficients.
 
-Every function takes a `pyfric.Record` of any engine and returns a table in the paper's normalised
-quantities. Blocks are numbered n = 1 ... N_x from the trailing edge, the driven side, and lie at
-x/L = (n-1)/(N_x-1); the tables list them in that order whichever side is driven. Forces are over
-F_N, interface forces over F_N/N_x. ``event`` is always the number of an event, counted from 1: the
-index of ``record.events``.
+Functions take a `pyfric.Record` of any engine. Tables are in the paper's normalised quantities.
+Blocks are numbered n = 1 ... N_x from the trailing edge, the driven side, and are at
+x/L = (n-1)/(N_x-1). Tables list blocks in this order, whichever side is driven. Forces are over
+F_N, interface forces over F_N/N_x. ``event`` is the number of an event, counted from 1: the index
+of ``record.events``.
 
 tau is positive where friction resists the drive. The *scaled prestress* is
-(tau/p - mu_k)/(mu_s - mu_k): 0 at the kinetic and 1 at the static threshold. tau/p and everything
-made from it is NaN where a block is open (p = 0), and the scaled prestress where mu_s = mu_k.
+(tau/p - mu_k)/(mu_s - mu_k): 0 at the kinetic and 1 at the static threshold. tau/p and the scaled
+prestress are NaN where a block is open (p = 0). The scaled prestress is NaN where mu_s = mu_k.
 
 Source: PRL 107, 074301 (2011).
 """
@@ -61,7 +61,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Say what does what no function of this name does."""
+    """Raise AttributeError with the nearest known name."""
     raise no_attribute("analysis", name, sys.modules[__name__], known=__all__)
 
 
@@ -71,40 +71,40 @@ BINS = 20
 """Default number of bins of `collapse_spread`."""
 
 SHIFTS = 2001
-"""Shifts in time that `compare_curve` tries; the best one is refined between its neighbours."""
+"""Number of time shifts that `compare_curve` tries. The best is refined between its neighbours."""
 
 ROUNDED = 1e-7
-"""Energy that changes hands below this share of what is stored is next to nothing (rounding): sums
-of some 1e3 terms are known to 1e-13 of them, and a smaller change to no better than 1e-6."""
+"""Exchanged energy below this share of stored energy counts as almost none. Sums of about 1e3 terms
+are known to 1e-13, so smaller changes are known to no better than 1e-6."""
 
 PER_BIN = 5
-"""Fewest points for each bin of `collapse_spread`: the median of five lies in the middle half of
-what they are drawn from four times out of five (binomial)."""
+"""Fewest points for each bin of `collapse_spread`. The median of five points is in the middle half
+of their distribution with a probability of four fifths (binomial)."""
 
 
 def budget_left(curve: pd.DataFrame | RecordData) -> pd.Series:
-    """Return the residual of an energy budget since its start, in J: 0 except for errors of steps.
+    """Return the residual of an energy budget since its start, in J: the error of time steps.
 
     Args:
         curve: a run with energies = True, or its loading curve.
 
     Raises:
-        SceneError: it has no budget.
+        SceneError: the curve has no energy budget.
     """
     stored, given, lost = _moved(curve)
     return stored - given + lost
 
 
 def budget_error(curve: pd.DataFrame | RecordData) -> float:
-    """Return the largest error of an energy budget, over the largest energy exchanged.
+    """Return the largest residual of an energy budget, over the largest energy exchanged.
 
-    If almost none was exchanged, it is taken over the stored energy.
+    If almost no energy was exchanged, the residual is over a share `ROUNDED` of the stored energy.
 
     Args:
         curve: a run with energies = True, or its loading curve.
 
     Raises:
-        SceneError: it has no budget.
+        SceneError: the curve has no energy budget.
     """
     curve = getattr(curve, "curve", curve)
     moved = max(term.abs().max() for term in _moved(curve))
@@ -117,9 +117,9 @@ def _energies(curve: pd.DataFrame) -> list[str]:
 
 
 def _moved(curve: pd.DataFrame | RecordData) -> tuple[pd.Series, pd.Series, pd.Series]:
-    """Return what was stored, given and lost since the first point, in J.
+    """Return energy stored, work and heat since the first point, in J.
 
-    A run from a state goes on with the work and the heat of what was before.
+    In a run that starts from a state, sums of work and heat at the first point need not be 0.
     """
     curve = getattr(curve, "curve", curve)
     if "work_driver" not in curve:
@@ -136,12 +136,12 @@ class FrictionCoefficients(NamedTuple):
     """Friction of the slider as a whole.
 
     Attributes:
-        mu_s_macro: the largest static (F_T + T)/F_N at which an event started, with the loads then,
-            or its peak in sliding that goes on.
-        mu_k_macro: mean F_T + T over mean F_N over whole stick-slip cycles; NaN with fewer than two
-            system-size events, or if the driver moves back between them.
-        R: (mu_s_macro - mu_k)/(mu_s - mu_k): 0 if mu_k alone limits the force, 1 if mu_s does;
-            NaN if mu_s = mu_k.
+        mu_s_macro: largest static (F_T + T)/F_N at the start of an event, or the peak of
+            (F_T + T)/F_N in steady sliding.
+        mu_k_macro: mean F_T + T over mean F_N, over whole stick-slip cycles; NaN with fewer than
+            two system-size events, or if the driver moves back between them.
+        R: (mu_s_macro - mu_k)/(mu_s - mu_k): 0 if mu_k limits the force, 1 if mu_s limits it; NaN
+            if mu_s = mu_k.
     """
 
     mu_s_macro: float
@@ -156,7 +156,7 @@ class Collapse(NamedTuple):
         rms: root mean square of ln y (or y) minus the median of its bin.
         n: number of points.
         edges: edges of the bins in x, between points, shape (bins + 1,).
-        median: median of y in each bin, shape (bins,); NaN in an empty bin, which equal x cause.
+        median: median of y in each bin, shape (bins,); NaN in a bin that is empty due to equal x.
     """
 
     rms: float
@@ -173,8 +173,9 @@ def precursors(record: RecordData) -> pd.DataFrame:
     """Return the precursors: finished main events with 0 < L_p < L, at any time of the run.
 
     Returns:
-        One row for each, in order of time. Columns: ``event``, those of ``record.events``, and
-        ``force_start`` and ``force_arrest``, static forces at first slip and last stick over F_N.
+        One row for each precursor, in order of time. Columns: ``event``; all columns of
+        ``record.events``; ``force_start`` and ``force_arrest``, static forces at first slip and
+        last stick over F_N.
     """
     events = record.events
     return _chosen(record, events["is_main"] & events["finished"] & events["is_precursor"])
@@ -191,7 +192,7 @@ def system_size_events(record: RecordData) -> pd.DataFrame:
 def precursor_lengths(record: RecordData) -> pd.DataFrame:
     """Return length against force of the precursors, as in the paper's Fig. 2.
 
-    Only the first loading counts: precursors after the first system-size event start from another
+    Only precursors before the first system-size event count, because later ones start from another
     state of the interface.
 
     Returns:
@@ -213,17 +214,17 @@ def stress_profile(
     """Return the static stresses along the interface, as in the paper's Fig. 3.
 
     Args:
-        event: its number, from 1; None is the loaded slider at F_T = 0.
-        when: "before" is the state at the event's first slip, "after" at its last stick; without
-            meaning for event = None.
+        event: its number, from 1; None means the loaded slider at F_T = 0.
+        when: "before" means the state at the event's first slip, "after" at its last stick; it is
+            ignored if event is None.
 
     Returns:
         One row per block. Columns: n; x_over_L; tau and p over F_N/N_x; tau_over_p;
-        p_over_p_initial, over p at F_T = 0, NaN where that was 0; scaled, the scaled prestress;
-        region, 1 slipped in the event, 2 corner slip or open in it, 0 neither.
+        p_over_p_initial, p over p at F_T = 0, NaN for 0/0; scaled, the scaled prestress; region, 1
+        slipped in the event, 2 corner slip or open in the event, 0 neither.
 
     Raises:
-        SceneError: no such event, its state was never reached, or unknown ``when``.
+        SceneError: no such event, the event did not reach this state, or unknown ``when``.
     """
     if when not in get_args(When):
         raise SceneError("when", when, "", " or ".join(map(repr, get_args(When))))
@@ -261,7 +262,7 @@ def front(record: RecordData, event: int) -> pd.DataFrame:
     """Return the rupture front of one event, as in the paper's Fig. 4.
 
     Args:
-        record: its front speeds need the smaller steps of want = "front_speed".
+        record: a run planned for want = "front_speed", whose smaller steps front speeds need.
         event: its number, from 1.
 
     Returns:
@@ -270,8 +271,8 @@ def front(record: RecordData, event: int) -> pd.DataFrame:
         the event; X_c0_over_l and X_c_over_l, blocks in the cohesive zone at rest and at v_c.
 
         v_c is NaN within two blocks of either end, and where the five times do not increase.
-        X_c_over_l is NaN where v_c is, or is not below c_R. Six or more blocks in X_c0 resolve a
-        front; with fewer the lattice sets its speed.
+        X_c_over_l is NaN where v_c is NaN or, in two dimensions, at least c_R. Six or more blocks
+        in X_c0 resolve a front. With fewer blocks, the lattice sets its speed.
 
     Raises:
         SceneError: no such event.
@@ -287,7 +288,7 @@ def fronts(record: RecordData) -> pd.DataFrame:
 
 
 def _fronts(record: RecordData, rows: np.ndarray) -> pd.DataFrame:
-    """Return the fronts of events in these rows, from 0, one below the other."""
+    """Return one table of the fronts of events, given by their rows from 0."""
     order, shape = np.argsort(record.scene.n_of_i), (len(rows), record.scene.N_x)
     names = ("rupture_times", "tau_before", "p_before", "X_c0_over_l", "X_c_over_l")
     t, tau, p, at_rest, moving = (record.arrays[name][rows][:, order] for name in names)
@@ -310,13 +311,13 @@ def _fronts(record: RecordData, rows: np.ndarray) -> pd.DataFrame:
 
 
 class Beside(NamedTuple):
-    """How far a measured curve is from a run.
+    """Difference of a measured curve from a run.
 
     Attributes:
         rms: root mean square of the difference in force, N.
-        shift: time added to the measured times that makes it smallest, s.
-        rms_shifted: the smallest one, N.
-        n: measured points that count there.
+        shift: time added to the measured times for the smallest rms, s.
+        rms_shifted: the smallest rms, N.
+        n: number of measured points that count at this shift.
     """
 
     rms: float
@@ -332,22 +333,22 @@ def compare_curve(
     *,
     largest_shift: float | None = None,
 ) -> Beside:
-    """Return how far a measured loading curve is from a run, as it stands and shifted in time.
+    """Return the difference of a measured loading curve from a run, also after a shift in time.
 
     The force of the run is linear between its points. Measured points outside the run do not
-    count, and a shift leaves at least half of them inside. Points that are masked in one of the
-    arrays, as netCDF4 returns gaps, are left out. In stick-slip this says little, as a small
-    difference of the period puts events beside each other; `pyfric.measured.events` compares them.
+    count, and a shift leaves at least half of them inside. Masked points, such as gaps of netCDF4,
+    are left out. In stick-slip, a small difference of the period makes the rms large. Compare
+    events with `pyfric.measured.events` instead.
 
     Args:
         t, F_T: measured times, s, increasing, and forces, N, shape (n,), n >= 2.
-        largest_shift: largest shift either way, s, >= 0; None means half of the measured time.
+        largest_shift: largest absolute shift, s; None means half of the measured time.
 
     Returns:
         `Beside`; its rms is NaN if no measured point lies within the run.
 
     Raises:
-        SceneError: times and forces do not fit together, no shift leaves half of them inside, or
+        SceneError: times and forces differ in shape, no shift leaves half of the points inside, or
             largest_shift is refused.
     """
     if F_T is None or isinstance(t, str | os.PathLike):
@@ -376,7 +377,7 @@ def compare_curve(
         allowed = f"times of which half lie within the run, {known[0]:g} to {known[-1]:g} s"
         raise SceneError("t", float(t[0]), "s", allowed, "outside the run")
     ends = shifts[max(n - 1, 0)], shifts[min(n + 1, SHIFTS - 1)]
-    found = scipy.optimize.minimize_scalar(  # slow to import: first use does
+    found = scipy.optimize.minimize_scalar(  # imported at first use, which is slow
         rms, bounds=ends, method="bounded", options={"xatol": 1e-9 * widest}
     )
     shift, least = (found.x, found.fun) if found.fun < tried[n] else (shifts[n], tried[n])
@@ -406,15 +407,14 @@ def _check_measured(t: np.ndarray, F_T: np.ndarray) -> None:
 def friction_coefficients(record: RecordData) -> FrictionCoefficients:
     """Return the friction coefficients of the slider as a whole.
 
-    The friction force is that of the driver and the shear force T together. In a first system-size
-    event that is not finished, the largest one is the peak of the curve, which has to be passed.
+    The friction force is the sum of the driver's force and the shear force T. If the first
+    system-size event is not finished, the largest force is the peak of the curve.
 
     Args:
         record: a run in which all blocks slip in one event.
 
     Raises:
-        SceneError: the run ended before, or before the peak, so that its largest force says
-            nothing.
+        SceneError: the run ended before such an event, or before the peak of the force.
     """
     scene, events, sliding = record.scene, record.events, system_size_events(record)
     mu_s_macro = float(_over_load(scene, events["t_start"], events["F_T_start"]).max())
@@ -431,7 +431,7 @@ def friction_coefficients(record: RecordData) -> FrictionCoefficients:
 
 
 def _over_load(scene: Scene, t: pd.Series, F_T: pd.Series) -> pd.Series:
-    """Return (F_T + T)/F_N at times (s), with the loads then."""
+    """Return (F_T + T)/F_N, with F_N and T at the times (s) of F_T (N)."""
     F_N, T = ([scene.piece(what, at).at(at) for at in t] for what in ("F_N", "T"))
     return (F_T + T) / F_N
 
@@ -440,7 +440,7 @@ def _peak(record: RecordData) -> float:
     """Return the largest (F_T + T)/F_N of the curve in the event that makes all blocks slip.
 
     Raises:
-        SceneError: there is no such event, or the force rises up to the end.
+        SceneError: there is no such event, or the force rises up to the end of the run.
     """
     events, curve = record.events, record.curve
     whole = events["t_start"][events["L_p_over_L"] == 1]
@@ -468,7 +468,7 @@ def _mean_load(scene: Scene, what: str, begin: float, end: float) -> float:
 def mean_force(record: RecordData, begin: float, end: float) -> float:
     """Return the mean of F_T between two times (s) of a run, in N; F_T is linear between samples.
 
-    At one time it is the force there.
+    For equal times, return F_T at this time.
 
     Raises:
         SceneError: the times are not in order, or not in the run.
@@ -484,19 +484,19 @@ def mean_force(record: RecordData, begin: float, end: float) -> float:
 def collapse_spread(
     x: np.ndarray, y: np.ndarray, *, bins: int = BINS, log: bool = True
 ) -> Collapse:
-    """Return how far points lie from one curve, the median of y in bins of x.
+    """Return the spread of points about one curve, the median of y in bins of x.
 
-    The bins hold equal numbers of points, except for a remainder and for equal x. Points with a NaN
-    in x or y, or masked in one, are left out.
+    Bins hold equal numbers of points, except for a remainder and for equal x. Points that are NaN
+    or masked in x or y are left out.
 
     Args:
         x, y: the points, equal shapes.
         bins: number of bins.
-        log: take ln y, so that the spread is relative; y has to be positive.
+        log: take ln y, so that the spread is relative. y then has to be positive.
 
     Raises:
-        SceneError: bins is not a whole number >= 1, fewer than 5 points per bin, or y not positive
-            with log.
+        SceneError: bins is not an integer >= 1, there are fewer than 5 points per bin, or y is not
+            positive with log.
     """
     x, y = np.broadcast_arrays(
         *(np.ma.filled(_numbers(*pair), np.nan) for pair in (("x", x), ("y", y)))
@@ -511,7 +511,7 @@ def collapse_spread(
         raise SceneError("y", float(y.min()), "", "positive values, or log=False")
     values = np.log(y) if log else y
     edges = np.quantile(x, np.linspace(0, 1, bins + 1))
-    points = np.sort(x)  # edges are midway between them: the last digit of one must not count
+    points = np.sort(x)  # edges are midway between points, so that rounding of x does not matter
     after = np.clip(np.searchsorted(points, edges[1:-1]), 1, len(x) - 1)
     edges[1:-1] = (points[after - 1] + points[after]) / 2
     in_bin = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, bins - 1)
@@ -524,7 +524,7 @@ def collapse_spread(
 
 
 def _numbers(name: str, values: ArrayLike) -> np.ndarray:
-    """Return numbers as an array, which keeps its mask."""
+    """Return numbers as an array; a masked array keeps its mask."""
     try:
         return np.asanyarray(values, dtype=float)
     except (TypeError, ValueError):

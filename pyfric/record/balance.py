@@ -1,24 +1,24 @@
-"""What slip of an event comes to: extent, onset of its fast part, potency and energies.
+"""Extent of slip in an event, onset of its fast part, potency and energies.
 
 **Extent.** l(t) is l times the number of blocks that have slipped in the event by t. Its speed is
-an average over five blocks, 4 l/(t_{k+4} - t_k) with t_k the time at which the k-th block first
-slips, in whatever direction. The *fast part* is the longest stretch of blocks at which this speed
-is at least `SLOW` times the limit of fronts, c in a chain and c_R in two dimensions. l at its onset
-is the length to which slip grows slowly: the precursor of a front that creeps.
+averaged over five blocks, 4 l/(t_{k+4} - t_k), with t_k the time of first slip of the k-th block to
+slip. The *fast part* is the longest row of blocks at which this speed is at least `SLOW` times the
+limit of fronts, c in a chain and c_R in two dimensions. l at its onset is the length to which slip
+grows slowly, before a fast front.
 
 **Potency.** l times the sum over blocks of their displacement between the first and the last slip
-of the event, in m^2 (per width). By contact all slip without corner slip is that of events, so that
-potencies add up to all slip. By rate slip below the threshold is missing.
+of the event, in m^2 (per width). By contact, potencies of events add up to all slip except corner
+slip. By rate, slip below the threshold is missing.
 
-**Energies.** Differences of the budget between first slip and last stick, which full dynamics and
-the hybrid engine keep at these times, if energies are asked for. In one event
+**Energies.** Differences of the energy budget between first slip and last stick. Full dynamics and
+the hybrid engine record them with the option `energies`. In one event
 
-    work = kinetic + elastic + friction_heat + switching_loss + damped + radiated ,
+    work = kinetic + elastic + friction_heat + switching_loss + damped + radiated .
 
-of which `elastic` is what the event leaves as stress, less what it found, and `kinetic` what it
-leaves in motion. Of the friction heat, `weakening_heat` is above mu_k p and `viscous_heat` is by
-viscosity of slip. `damped` is by dashpots of bonds, `radiated` through absorbing walls. On
-junctions the work includes that of their stiffness.
+`elastic` and `kinetic` are changes of elastic and kinetic energy. `weakening_heat` is the part of
+the friction heat above mu_k p. `viscous_heat` is the part of the friction heat from viscosity of
+slip. `damped` is heat of dashpots of bonds. `radiated` leaves through absorbing walls. On
+junctions, `work` includes the work of changes of their stiffness.
 
 Source: extent and speed as in the paper's Fig. 4; potency: K. Aki and P. G. Richards, Quantitative
 Seismology (2002), chapter 3.
@@ -51,8 +51,9 @@ def extent(record: RecordData, event: int) -> pd.DataFrame:
 
     Returns:
         One row for each block that slips, in the order of first slips. Columns: n, its number; t
-        (s), its first slip, or the begin of the record; length (m), l(t) with it; slipping (m), l
-        times the number of blocks that slip just then; speed (m/s) of l(t), NaN at the last four.
+        (s), its first slip, or the start of the record; length (m), l(t), this block included;
+        slipping (m), l times the number of blocks that slip at t; speed (m/s) of l(t), NaN for the
+        last four blocks.
 
     Raises:
         SceneError: no such event.
@@ -69,9 +70,9 @@ def extent(record: RecordData, event: int) -> pd.DataFrame:
 
 
 def _growth(episodes: Mapping[str, np.ndarray], l: float) -> tuple[np.ndarray, ...]:
-    """Return event, number and time (s) of each block's first slip, and the speed of l(t) there.
+    """Return event, block, time (s) of each first slip of a block, and the speed of l(t) then.
 
-    They are in the order of events and, in each, of time. Corner episodes are left out.
+    First slips are ordered by event, then by time. Corner episodes are left out.
     """
     event, n, t = (episodes[name] for name in ("event", "n", "t_start"))
     order = np.lexsort((n, t, event))
@@ -92,7 +93,7 @@ def potency_history(record: RecordData, event: int | None = None) -> pd.DataFram
     """Return potency and potency rate at the points of the curve; see the module.
 
     Args:
-        event: its number, from 1; None is the whole record.
+        event: its number, from 1; None means the whole record.
 
     Returns:
         Columns: t (s); potency (m^2) since the first row; rate (m^2/s).
@@ -128,7 +129,7 @@ def _onset(record: RecordData) -> np.ndarray:
     """Return time (s) and length (m) at the onset of the fast part of events, (n_events, 2)."""
     found, l = np.full((_count(record), 2), np.nan), record.scene.slider.l
     event, _, t, speed = _growth(record.columns("episodes"), l)
-    fast = speed >= SLOW * pace_limits(record.scene)[0]  # nowhere at the last four of an event
+    fast = speed >= SLOW * pace_limits(record.scene)[0]  # False for the last four of an event
     edges = np.flatnonzero(np.diff(np.concatenate([[False], fast, [False]]).astype(int)))
     begin, end = edges[::2], edges[1::2]
     order = np.lexsort((begin, begin - end, event[begin]))  # in each event, longest first
@@ -142,7 +143,7 @@ def _onset(record: RecordData) -> np.ndarray:
 def _ends(record: RecordData, name: str) -> np.ndarray:
     """Return values at first slip and last stick of each event, (2, n_events, ...); NaN for none.
 
-    In an event that is not finished, the second is that at the end of the record.
+    In an unfinished event, the end of the record replaces the last stick.
     """
     events, log = record.columns("events"), record.transitions
     values = np.asarray(log[name], dtype=float)
@@ -160,7 +161,7 @@ def _ends(record: RecordData, name: str) -> np.ndarray:
 
 
 def _moved(record: RecordData, *names: str) -> np.ndarray:
-    """Return the sum of what columns of the budget changed in each event, J."""
+    """Return the change of a sum of columns of the budget in each event, J."""
     curve = record.columns("curve")
     held = [name for name in names if name in record.transitions and name in curve]
     if not held:
@@ -169,7 +170,7 @@ def _moved(record: RecordData, *names: str) -> np.ndarray:
 
 
 def _part(record: RecordData, name: str) -> np.ndarray:
-    """Return a part of the heat; it is 0 where the law of the scene has none."""
+    """Return a part of the heat in each event; 0 if the law of the scene has no such part."""
     curve = record.columns("curve")
     known = "friction_heat" in curve and record.scene.law.rests
     if known and name not in curve:
@@ -198,7 +199,7 @@ def potency_rate(record: RecordData) -> np.ndarray:
     if "v_x" in record.motion:
         v = record.motion["v_x"].astype(float).sum(axis=1)
         found.append(_largest(events, record.columns("curve")["t"], np.abs(v)))
-    if "sum_v" in log:  # it stands at the end of fast slip
+    if "sum_v" in log:  # logged at the end of fast slip
         ends = np.flatnonzero(log["kind"] < 0)
         begins = np.append(log["t"], np.nan)[ends - 1]
         found.append(_largest(events, begins, log["sum_v"][ends]))

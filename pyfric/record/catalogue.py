@@ -1,25 +1,25 @@
-"""From the log of slip to events and what is known of each.
+"""The catalogue of events of a run, made from its logs of slip.
 
-Every engine writes the same two logs and this room alone turns them into a catalogue, so that
-engines are compared on one set of definitions. Logs of slip faster than a threshold have the same
-form (`pyfric.record.rates`), and the same definitions hold for them:
+All engines write the same two logs, from which the catalogue is made here. So the same definitions
+hold for all engines. They also hold for slip faster than a threshold, whose logs have the same form
+(`pyfric.record.rates`):
 
 event
-    Non-corner episodes (see `pyfric.record.episodes`) that follow each other within ``t_gap``: a
-    new event begins when the next start comes more than ``t_gap`` after the end of all earlier
-    slip. Corner episodes are recorded, but neither start, join nor end an event.
+    Non-corner episodes (see `pyfric.record.episodes`) with pauses of at most ``t_gap``. A new event
+    begins with slip more than ``t_gap`` after the end of all earlier slip. Corner episodes are
+    recorded, but belong to no event.
 slipped region of an event
-    Per block: 1 slipped in an episode of the event; 2 only slipped in a corner episode that
-    overlaps the event, or was open at some time of it; 0 stuck all the time. L_p/L is the number of
+    Per block: 1 slipped in an episode of the event; 2 slipped only in a corner episode that
+    overlaps the event, or was open during the event; 0 stuck all the time. L_p/L is the number of
     consecutive non-zero blocks, counted from block 1, divided by N_x.
 front of an event
     See `pyfric.record.rupture`.
 
 Each column of the table of events, and each array over events and blocks, is one function of a
-`Catalogue`, which may ask it for others by name; unit and meaning stand in its decorator.
+`Catalogue`. It may read others by name. Its decorator holds unit and meaning.
 
 Arrays over blocks run from left to right. Block *numbers* n run from 1 at the trailing edge, the
-driven side, and events are counted from 1. Times are in s, lengths in m, forces in N.
+driven side. Events are counted from 1. Times are in s, lengths in m, forces in N.
 """
 
 from __future__ import annotations
@@ -53,10 +53,10 @@ from pyfric.scene import Scene
 from pyfric.statics import EquilibriumError, StaticSolver
 
 ROUNDED = 1e-9
-"""Share of t_gap below which a difference is rounding of times."""
+"""Differences of times below this share of t_gap count as rounding."""
 
 MAIN_EVENT_BLOCKS = 4
-"""Fewest distinct blocks that slip in a main event of an interface that has so many: a policy."""
+"""Fewest distinct blocks that slip in a main event, if the interface has as many. A policy."""
 
 
 class Statics(NamedTuple):
@@ -76,16 +76,16 @@ class Statics(NamedTuple):
 
 @dataclass(kw_only=True)
 class Catalogue:
-    """What slipped in a run: episodes, events, and arrays over events and blocks.
+    """Slip in a run: episodes, events, and arrays over events and blocks.
 
-    ``catalogue["t_stop"]`` is the column of events, or the array, of that name.
+    ``catalogue[name]`` is a column of events, or an array over events and blocks.
 
     Attributes:
         slips: columns of the episodes, with the event of each.
         quiet, switches: the logs, as dicts of arrays.
         t_gap: longest pause inside an event, s.
-        t_end: time of the end of the run, s; inf if that is not known.
-        solver: finds static states; None leaves them NaN.
+        t_end: time of the end of the run, s; inf if unknown.
+        solver: computes static states; None leaves them NaN.
         statics: static states at the rows of the quiet log, if they are known.
     """
 
@@ -128,7 +128,7 @@ class Catalogue:
 
     @functools.cached_property
     def joined(self) -> dict[str, np.ndarray]:
-        """Columns of the episodes that are part of events, and `row`, that of the event, from 0."""
+        """Columns of the episodes that are part of events, and `row`, the event's row from 0."""
         of_event = self.slips["event"] > 0
         columns = {name: column[of_event] for name, column in self.slips.items()}
         return columns | {"row": columns["event"] - 1}
@@ -139,7 +139,7 @@ class Catalogue:
         return np.flatnonzero(np.diff(self.joined["row"], prepend=-1))
 
     def of_each(self, function: np.ufunc, name: str) -> np.ndarray:
-        """Return the least or largest of a column of the episodes in each event."""
+        """Return the least or largest value of a column of episodes in each event."""
         return function.reduceat(self.joined[name], self.first)
 
     @functools.cached_property
@@ -154,15 +154,15 @@ class Catalogue:
         return front_speed(self["rupture_times"], self.scene.slider.l, self.scene.ahead)
 
     def force(self, rows: np.ndarray) -> np.ndarray:
-        """Return the forces in rows of the quiet log, in N; NaN where there is none (-1)."""
+        """Return the forces in rows of the quiet log, in N; NaN for row -1."""
         return np.append(self.quiet["F_T"], np.nan)[rows]
 
     @functools.cached_property
     def static(self) -> dict[str, dict[str, np.ndarray]]:
         """F_T, tau and p (N) of the static states at the "start" and the "stop" of events.
 
-        The bottom row is held at the u_x of the quiet log, open blocks are free, and the driver
-        stands where it is then: without ring-down and drift, whichever engine wrote the log.
+        The bottom row is held at the u_x of the quiet log. Open blocks are free. The driver stands
+        at its position at this time. The states of all engines are thus without ring-down.
         """
         scene, failed, found = self.scene, [], {}
         rows = {at: self[f"quiet_{at}"] for at in ("start", "stop")}
@@ -191,7 +191,7 @@ class Catalogue:
         return found
 
     def quiet_rows(self, kind: int, steps: np.ndarray) -> np.ndarray:
-        """Return rows of the quiet log with this kind and step, -1 where there is none."""
+        """Return rows of the quiet log of a kind at given steps, -1 where there is none."""
         rows = np.flatnonzero(self.quiet["kind"] == kind)
         have = self.quiet["step"][rows]
         first, last = (np.searchsorted(have, steps, side) for side in ("left", "right"))
@@ -218,20 +218,18 @@ def build_catalogue(
             `QUIET_COLUMNS`.
         scene: gives N_x, the driven side, l, h, V and the lattice's shear speed.
         t_gap: longest pause inside an event, s. The number of events depends on it.
-        t_begin: time at which the logs begin, s. Blocks already slipping then start their episode
-            there.
-        t_end: time at which the run ended, s. If given, an event that stopped within ``t_gap`` of
-            it is not finished, because a later episode could still have joined it.
-        last: state at the end of the logs. Blocks that slip in it and are not in the logs slipped
-            all the time; without it they do not count.
-        solver: a `StaticSolver` for the static forces and stresses; without it they are NaN.
-        statics: static states at the rows of the quiet log, if they are known; the solver is then
-            not needed.
+        t_begin: time at which the logs begin, s. Episodes of blocks that already slip begin there.
+        t_end: time at which the run ended, s. An event that stopped within ``t_gap`` of t_end is
+            not finished, because a later episode could still have joined it.
+        last: state at the end of the logs. Blocks that slip in this state and are not in the logs
+            slipped all the time. If None, such blocks do not count.
+        solver: a `StaticSolver` for static forces and stresses; if None, they are NaN.
+        statics: static states at the rows of the quiet log. They replace the solver.
 
     Returns:
-        The catalogue: its columns and arrays are the functions of this module; columns.csv of
-        `Record.to_csv` lists them with unit and meaning. A record adds nucleation_length, m, where
-        friction weakens with slip alone: the length of `pyfric.analysis.nucleations`.
+        The catalogue. columns.csv of `Record.to_csv` lists its columns and arrays with unit and
+        meaning. If friction weakens with slip alone, a record also has the column
+        nucleation_length (m), from `pyfric.analysis.nucleations`.
 
     Raises:
         RecordError: a log lacks a column, is inconsistent, or does not fit the scene.
@@ -258,7 +256,7 @@ def build_catalogue(
 
 
 def parts(pause: Any, t_gap: float) -> Any:
-    """Whether a pause (s) parts two events: one that is t_gap but for rounding does not."""
+    """Whether a pause (s) separates two events: it is longer than t_gap by more than rounding."""
     return pause > t_gap * (1 + ROUNDED)
 
 
@@ -275,16 +273,16 @@ def _event_numbers(episodes: Mapping[str, np.ndarray], t_gap: float) -> np.ndarr
 
 
 def main_blocks(N_x: int) -> int:
-    """Return the fewest distinct blocks that slip in a main event: four, or all of fewer."""
+    """Return the fewest distinct blocks that slip in a main event: four, or all if fewer."""
     return min(MAIN_EVENT_BLOCKS, N_x)
 
 
 def count_main(episodes: Mapping[str, np.ndarray], t_gap: float, N_x: int) -> int:
-    """Return how many main events the episodes of N_x blocks make with a longest pause, in s.
+    """Return the number of main events of the episodes of N_x blocks.
 
     Args:
         episodes: columns of the episodes.
-        t_gap: longest pause, in s.
+        t_gap: longest pause inside an event, s.
         N_x: number of blocks.
     """
     event = _event_numbers(episodes, t_gap)
@@ -293,7 +291,7 @@ def count_main(episodes: Mapping[str, np.ndarray], t_gap: float, N_x: int) -> in
 
 
 def _distinct_blocks(row: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """(n_events,) how many different blocks slip in each event, of a row and block per episode."""
+    """(n_events,) number of distinct blocks in each event, from row and block of each episode."""
     blocks = max(n.max(initial=0), 1)
     return np.bincount(np.unique(row * blocks + n - 1) // blocks)
 
@@ -432,7 +430,7 @@ def nucleation_length(record: RecordData) -> np.ndarray | None:
 
 
 def _share_resolved(blocks: np.ndarray, of: np.ndarray) -> np.ndarray:
-    """(n_events,) share of some blocks that have `RESOLVED` blocks in a zone; NaN of none."""
+    """(n_events,) share of chosen blocks with `RESOLVED` blocks in the zone; NaN without blocks."""
     enough, nan = (blocks >= RESOLVED) & of, np.full(len(blocks), np.nan)
     return np.divide(enough.sum(axis=1), of.sum(axis=1), out=nan, where=of.any(axis=1))
 
@@ -442,9 +440,10 @@ def _share_resolved(blocks: np.ndarray, of: np.ndarray) -> np.ndarray:
 
 @block_array("1", "1 slipped in the event, 2 corner slip or open in it, 0 neither", np.int8)
 def region(of: Catalogue) -> np.ndarray:
-    """Corner slip counts where it overlaps the event; a block that also slipped is 1.
+    """Corner slip counts if it overlaps the event. A block with both 1 and 2 has 1.
 
-    A block is open in an event if it is at its end, or if it lifts off or lands before.
+    A block is open in an event if it is open at the end of the event, or lifts off or lands during
+    the event.
     """
     found = np.zeros((of.first.size, of.scene.N_x), dtype=np.int8)
     if len(found) == 0:
@@ -460,11 +459,11 @@ def region(of: Catalogue) -> np.ndarray:
     known = of["quiet_stop"] >= 0
     open_at_end = np.zeros(found.shape, dtype=bool)
     open_at_end[known] = of.quiet["mode"][of["quiet_stop"][known]] == OPEN
-    if np.isinf(end[-1]):  # only the last event can be unfinished: it ends with the log
+    if np.isinf(end[-1]):  # an unfinished last event ends with the log
         open_at_end[-1] = _last_modes(of) == OPEN
     found[open_at_end] = 2
     old, new, t = (of.switches[name] for name in ("old", "new", "t"))
-    row = np.searchsorted(begin, t, side="right") - 1  # of the last event that has begun
+    row = np.searchsorted(begin, t, side="right") - 1  # row of the last event that has begun
     within = ((old == OPEN) != (new == OPEN)) & (row >= 0) & (t <= end[row])
     found[row[within], of.switches["block"][within]] = 2
     found[of.joined["row"], of.joined["i"]] = 1

@@ -1,23 +1,23 @@
-"""Classes of rupture: how a front ends, what it leaves behind, and how fast it is.
+"""Classes of rupture: how a front ends, which blocks stick behind it, and how fast it is.
 
-The definitions are pyfric's own. Blocks are counted from 1 at the trailing edge, N is the last one,
-and t_n is the first slip of block n in the event.
+The definitions are pyfric's own. Blocks are counted from 1 at the trailing edge; the last is block
+N.
 
 kind
-    nothing slipped: the run has no event; its pace says the same.
+    nothing slipped: the run has no event.
     arrested: the event ends before block N slips: all blocks are stuck or open, or creep to rest.
     alternating: block N slips, and some block n >= 5 sticks before block n + 1 slips.
-    pulse: block N slips, and blocks behind the front are stuck by then.
-    crack: block N slips, and all others slip or are open then.
+    pulse: when block N first slips, some block behind it is stuck.
+    crack: when block N first slips, all other blocks slip or are open.
     unfinished: none of these yet.
 pace, of fronts that reach block N
     slow: v < `slow` times the limit; `slow` is 0.1 by default.
     sub-Rayleigh: slower than the limit: c in a chain, c_R in two dimensions.
-    supershear: faster than c in a chain, than c_S in two dimensions; "beyond c_R" between c_R
-    and c_S.
+    beyond c_R: between c_R and c_S, in two dimensions.
+    supershear: faster than c in a chain, than c_S in two dimensions.
 
-v is the mean speed over the last quarter of the blocks. c = l sqrt(k/m); c_R and c_S are those of
-the lattice at long wavelengths.
+v is the mean speed over the last quarter of the blocks. c = l sqrt(k/m). c_R and c_S are speeds of
+long waves in the lattice.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ from pyfric.scene import Scene
 from pyfric.values import check_number
 
 FROM_BLOCK = 5
-"""First block whose stick before the next one slips makes a front alternate: a policy."""
+"""First block that is checked for stick before the next block slips. A policy."""
 SLOW = 0.1
-"""Pace below which a front is slow, over the limit, where none is given."""
+"""Default speed below which a front is slow, over c in a chain, over c_R in two dimensions."""
 LAST = 0.25
-"""Share of the blocks over which the speed is a mean: a policy."""
+"""Share of the blocks over which the speed is averaged. A policy."""
 
 
 NOTHING = "nothing slipped"
@@ -48,7 +48,7 @@ NOTHING = "nothing slipped"
 
 
 class RuptureClass(NamedTuple):
-    """What became of a front: its kind and pace, speed (m/s), and the blocks that it reached."""
+    """Kind and pace of a front, its speed (m/s), and the last block that it reached."""
 
     kind: str
     pace: str
@@ -62,15 +62,15 @@ class RuptureClass(NamedTuple):
 def creeps_to_rest(
     scene: Scene, state: State, accelerations: Callable[[], np.ndarray], more: float = 0.0
 ) -> bool:
-    """Return whether all slip comes to rest by itself and nothing else starts.
+    """Return whether all slip comes to rest by itself and no other block starts to slip.
 
-    What slipping blocks still pass on is less than the force that any block lacks to slip: their
-    friction alpha v, the forces m a that are not in balance, and what the kinetic energy E can do
-    to a block held by a stiffness of 6 k, sqrt(12 k E).
+    This is so if the forces that motion can still add are smaller than the force that any block
+    lacks to slip. These forces are viscous friction alpha v, inertia m a, and sqrt(12 k E): the
+    most that the kinetic energy E can add on a block held by a stiffness of 6 k.
 
     Args:
-        state: blocks in motion.
-        accelerations: returns those of all blocks, shape (N_z, 2, N_x), in m/s^2.
+        state: state with blocks in motion.
+        accelerations: function that returns accelerations of blocks, (N_z, 2, N_x), in m/s^2.
         more: force that the driver adds, in N.
     """
     weakest = float(state.margin[state.mode != OPEN].min(initial=math.inf))
@@ -89,9 +89,9 @@ def rupture_class(record: RecordData, event: int | None = None, slow: float = SL
     """Return the class of the rupture of an event; see `pyfric.record.classes`.
 
     Args:
-        event: its number in `events`; None means the one in which most blocks slip. Without events
-            the class is "nothing slipped".
-        slow: pace below which a front is slow, over c in a chain, over c_R in two dimensions.
+        event: its number in `events`; None means the event in which most blocks slip. Without
+            events the class is "nothing slipped".
+        slow: speed below which a front is slow, over c in a chain, over c_R in two dimensions.
 
     Raises:
         SceneError: there is no such event.
@@ -118,7 +118,7 @@ def rupture_class(record: RecordData, event: int | None = None, slow: float = SL
 
 
 def _at_rest(record: RecordData) -> bool:
-    """Whether a run ends at rest, or creeps there."""
+    """Whether a run ends at rest, or in slip that creeps to rest."""
     if record.status.startswith("ended by stop_when (a"):
         return True
     state, scene = record.final_state, record.scene
@@ -129,11 +129,12 @@ def _at_rest(record: RecordData) -> bool:
 
 
 def _kind(t: np.ndarray, stop: np.ndarray, n: np.ndarray, end: np.ndarray) -> str:
-    """Return what a front left behind that reached the last block.
+    """Return the kind of a front that reached the last block.
 
     Args:
-        t, stop: begin and end of the first episode of each block, shape (N_x,), in s.
-        n, end: block and end (s) of the episodes that began until then, in order of time.
+        t, stop: start and end of the first episode of each block, shape (N_x,), in s.
+        n, end: block and end (s) of the episodes that began before the last block slipped, in order
+            of time.
     """
     after = slice(FROM_BLOCK - 1, None)
     if (stop[:-1][after] < t[1:][after]).any():
@@ -144,7 +145,7 @@ def _kind(t: np.ndarray, stop: np.ndarray, n: np.ndarray, end: np.ndarray) -> st
 
 
 def _speed(t: np.ndarray, scene: Scene) -> float:
-    """Return the mean speed over the last blocks, in m/s; NaN where the front does not run on."""
+    """Return the mean speed over the last blocks, in m/s; NaN if the front does not advance."""
     n = math.floor(len(t) * (1 - LAST))
     lasts = t[-1] - t[n - 1]
     return (len(t) - n) * scene.slider.l / lasts if lasts > 0 else math.nan

@@ -1,4 +1,4 @@
-"""What a record holds: its fields, checked and read-only; see `Record`."""
+"""The fields of a record, checked and read-only; see `Record`."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ if TYPE_CHECKING:
 TEXTS = ("versions", "timings", "counts")
 """Fields of a record that are mappings from names to texts or numbers."""
 COPY_ON_WRITE = int(pd.__version__.partition(".")[0]) >= 3
-"""Whether a shallow copy of a table is copied where it is written to, as from pandas 3 on."""
+"""Whether pandas copies a shallow copy of a table when it is changed, as from pandas 3 on."""
 
 
 class Table(pd.DataFrame):
-    """A table of a record, a data frame that says which column a word means."""
+    """A table of a record: a data frame that suggests columns for unknown names."""
 
     @property
     def _constructor(self) -> type[pd.DataFrame]:
-        return pd.DataFrame  # a part of the table is any data frame
+        return pd.DataFrame  # parts of a table are plain data frames
 
     def __getitem__(self, key: Any) -> Any:
         try:
@@ -60,14 +60,14 @@ class Table(pd.DataFrame):
             raise AttributeError(f"no column {name!r}; write {found!r} in brackets") from None
 
     def _said(self, key: Any) -> str:
-        """Return what to write for a column that there is not."""
+        """Return the message for an unknown column."""
         found = nearest(key, self.columns) if isinstance(key, str) else ""
         hint = f"; did you mean {found!r}?" if found else ""
         return f"{key!r} is no column{hint}; columns: {', '.join(map(str, self.columns))}"
 
 
 class Events(Table):
-    """The table of events of a record. Called, it is that by another criterion."""
+    """The table of events of a record; a call returns the events by another criterion."""
 
     def _said(self, key: Any) -> str:
         if isinstance(key, int):
@@ -82,7 +82,7 @@ class Events(Table):
 
 
 class _Guarded:
-    """A field of which everybody gets a copy of his own: what he changes there is his alone."""
+    """A field whose value is copied at each access, so that changes of a copy stay there."""
 
     def __init__(self, default: Any = dataclasses.MISSING) -> None:
         self.default = default
@@ -113,7 +113,7 @@ class _Guarded:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordData:
-    """What a record holds, whatever is done with it; see `Record`."""
+    """The fields of a record, checked and read-only; see `Record`."""
 
     scene: Scene
     method: Method
@@ -164,11 +164,11 @@ class RecordData:
         raise no_attribute("record", name, self, instead, dir(type(self)))
 
     def __getitem__(self, name: str) -> Any:
-        """Say that what a record holds are attributes."""
+        """Raise TypeError with the attribute to write instead."""
         raise TypeError(f"a record has attributes; write record.{name}")
 
     def _place(self, name: str) -> str:
-        """Return what to write for a name that is a column of a table, or of the scene."""
+        """Return the expression to write for a column of a table, or an attribute of the scene."""
         for group in TABLES:
             if name in held_in(group):
                 return f'record.{group}["{name}"]'
@@ -180,13 +180,13 @@ class RecordData:
     def columns(self, group: str) -> Mapping[str, np.ndarray]:
         """Return the columns of "curve", "events" or "episodes" as read-only arrays.
 
-        They take less time than the table. Columns of events that take long are not among them,
-        unless the table was asked for.
+        This takes less time than the table. Slow columns of events are missing until the table of
+        events has been read once.
         """
         return self.__dict__[f"_{group}"]
 
     def _frame(self, group: str) -> pd.DataFrame:
-        """Return a table, which is made when it is asked for first."""
+        """Return a table, which is made at the first access."""
         kept = f"_{group}_frame"
         if kept not in self.__dict__:
             self.__dict__[kept] = table(group, self.columns(group))
@@ -194,12 +194,12 @@ class RecordData:
 
     @property
     def done(self) -> bool:
-        """Whether the run is complete, or ended where its engine ends."""
+        """Whether the run is complete, or was ended by its engine or by a condition."""
         return self.status == "complete" or self.status.startswith("ended ")
 
     @property
     def transitions(self) -> Mapping[str, np.ndarray]:
-        """Starts and ends of slip by the criterion of the record's events, `quiet` or `bursts`."""
+        """Starts and ends of slip that define the events: `quiet` by contact, `bursts` by rate."""
         return self.quiet if self.method.threshold is None else self.bursts
 
     def row(self, event: int) -> int:

@@ -1,8 +1,8 @@
 """The logs of contact switches, and the slip episodes in them.
 
-An episode is one block's uninterrupted slip, by contact or by rate (`pyfric.record.rates`). A
-direct reversal (+1 to -1) continues it. Episodes that start with almost no contact force are
-*corner episodes*, flagged by the engine.
+An episode is the uninterrupted slip of one block, by contact or by rate (`pyfric.record.rates`). An
+episode goes on through a direct reversal (+1 to -1). *Corner episodes* start with almost no contact
+force. The engine flags them.
 
 Arrays over blocks run from left to right (index i). Block *numbers* n run from 1 at the trailing
 edge, the driven side. Times are in s, lengths in m, forces in N.
@@ -24,13 +24,13 @@ SWITCH_COLUMNS = {name: held.dtype for name, held in held_in("switches").items()
 """Columns of the switch log: one row per change of a block's contact mode, in order of time."""
 
 QUIET_COLUMNS = {name: held.dtype for name, held in held_in("quiet").items() if held.required}
-"""Columns of the quiet log: one row whenever the number of slipping non-corner blocks leaves 0
-(kind +1) or returns to 0 (kind -1). ``u_x`` and ``mode`` have a second axis of N_x blocks."""
+"""Columns of the quiet log: a row for each start (kind +1) and end (kind -1) of slip anywhere,
+corner slip left out. ``u_x`` and ``mode`` have a second axis of N_x blocks."""
 
 
 class LastSlip(NamedTuple):
-    """Direction of slip of each block at the end of a log, 0 for none, and whether it is corner
-    slip, shape (N_x,)."""
+    """Direction of slip of each block at the end of a log (0 for none), and whether the slip is
+    corner slip, shape (N_x,)."""
 
     mode: np.ndarray
     corner: np.ndarray
@@ -49,8 +49,8 @@ def build_episodes(
         log: the switch log, with columns of the types of `SWITCH_COLUMNS`.
         n_of_i: (N_x,) block number from the trailing edge of each column.
         t_begin: time at which the log begins, s.
-        last: state or slip at the end of the log. A block that slips in it and is not in the log
-            has slipped from t_begin on. Without it, such blocks have no episode.
+        last: state or slip at the end of the log. A block that slips at the end and is not in the
+            log has slipped from t_begin on. If None, such blocks have no episode.
 
     Returns:
         The columns of the group "episodes" (`pyfric.record.held`) except event. If an episode is
@@ -58,7 +58,7 @@ def build_episodes(
         u_x_start, slip and p_start are NaN.
 
     Raises:
-        RecordError: a block's modes do not fit together from each other.
+        RecordError: successive contact states of a block contradict each other.
     """
     if log["block"].size and (log["block"].min() < 0 or log["block"].max() >= n_of_i.size):
         raise RecordError(f"switch log: block number outside 0...{n_of_i.size - 1}")
@@ -95,7 +95,7 @@ def build_episodes(
 def _starts_and_stops(
     block: np.ndarray, old: np.ndarray, new: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows of a log sorted by block: where episodes start, where they stop (-1: not), reversals."""
+    """Return rows where episodes start and stop (-1: not), and reversals; rows sorted by block."""
     broken = (block[1:] == block[:-1]) & (old[1:] != new[:-1])
     if broken.any():
         i = int(block[1:][broken][0])

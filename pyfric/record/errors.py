@@ -1,21 +1,21 @@
 """Measured errors of a run: two records of one scene, compared event by event.
 
-Each main event of either record is paired with an event of the other one (`pairing`); without main
-events, all events are. The partner may begin after the shorter run has ended.
+Each main event of one record is paired with an event of the other record (`pairing`). If neither
+record has main events, all events are paired. A partner may begin after the end of the shorter run.
 
-The comparison ends where an event begins that the other run has not had. Its error is at least the
-force that the other run still lacks; by how much more is not known. The comparison also ends at an
-event in which blocks slip again and again, and not alike in both runs (`AGAIN`).
+The comparison ends at the start of the first event that the other run has not had by its end. The
+error of this event is at least the force that the other run still lacks. The comparison also ends
+at an event in which blocks slip many times (`AGAIN`) and the two runs differ.
 
-A pause near `t_gap` may part one event in two. So an event that begins while the last event of the
-other run goes on belongs to that one. What goes on in one of the runs is compared as far as both
-know it: forces on the way in place of arrests, and front speeds where both runs know the five
-rupture times of a block. A prescribed interface has no forces: its rupture times are compared.
-Where nothing slips in either run, only their loading curves are compared. That tells nothing of
-events.
+A pause near `t_gap` may split one event in two. An event that begins during the last event of the
+other run is therefore taken as a part of that last event. An event that has not ended in one of the
+runs is compared as far as both runs know it. Forces during the event replace arrest forces. Front
+speeds are compared at blocks whose five rupture times are known in both runs. A prescribed
+interface has no forces, so rupture times are compared. If nothing slips in either run, only the
+loading curves are compared.
 
-What is local stays with its event: lengths, front speeds, arrest. Start forces hang on the stresses
-that all earlier events left.
+Errors of lengths, front speeds and arrest forces belong to one event. The error of a start force
+contains the errors of stresses after all earlier events.
 """
 
 from __future__ import annotations
@@ -35,32 +35,31 @@ from pyfric.record.rupture import five_known, front_speed
 from pyfric.values import SceneError
 
 SAME = 0.5
-"""Events that share fewer than half of their blocks are not taken for one another, if one of them
-may be one that the other run has after its end: a policy."""
+"""Events that share fewer than this part of their blocks are not paired, if the true partner may
+come after the end of the other run. A policy."""
 AGAIN = 2.0
-"""Slips of each block in an event, on average, above which two runs that do not agree on them say
-nothing of its outcome: each slip is a decision. In the paper's scenes there are up to 1.12. A
-policy."""
+"""Mean number of slips of a block in an event, above which two runs that differ in the event leave
+its outcome unknown. In the paper's scenes the number is at most 1.12. A policy."""
 BLOCKS = ("n_blocks", "first_block", "last_block", "L_p_over_L")
 """Columns that tell which blocks slip in an event."""
 BY_EVENT = ("start", "arrest", "length", "stress", "rupture")
-"""Those of which there is one for each pair of events."""
+"""Differences with one value for each pair of events."""
 MARKS = ("turned", "open")
-"""What is marked at a pair of events."""
+"""Flags of each pair of events."""
 
 
 class Differences(NamedTuple):
-    """How far apart two runs are: one row for each pair of events, one for each front speed.
+    """Differences of two runs: a row for each pair of events, and for each front speed.
 
     Attributes:
-        events: event of one run and of the other (0 for none), t_start (s), and the differences
-            `BY_EVENT`; NaN where there is nothing to compare. `turned` is 1 for an event that slips
-            other blocks, or one of them once more, or has ended in one run alone. `own` is False
-            for main events of the other run alone.
+        events: number of the event in either run (0 for none), t_start (s), and the differences
+            `BY_EVENT`, NaN if unknown. `turned` is 1 if other blocks slip, if a block slips once
+            more, or if the event has ended in one run alone. `own` is False for main events of the
+            other run alone.
         speeds: event, t_start (s) and error.
-        curve: largest difference of forces over F_N, and how many points were compared, where
-            nothing slips in either run; () otherwise.
-        covered: time up to which both runs are known to agree or differ, s.
+        curve: if nothing slips in either run, largest difference of forces over F_N, and number of
+            points compared; () otherwise.
+        covered: end of the comparison, s.
     """
 
     events: pd.DataFrame
@@ -70,17 +69,17 @@ class Differences(NamedTuple):
 
     @property
     def turned(self) -> bool:
-        """Whether an event took another turn: such differences have no order in the step."""
+        """Whether the slip in an event differs: such errors do not shrink with a power of dt."""
         return bool((self.events["turned"] > 0).any())
 
     @property
     def open(self) -> pd.Series:
-        """Whether it is not known by how much each event differs, shape (n,)."""
+        """Whether the error of each event may be larger than its value here, shape (n,)."""
         return self.events["open"] > 0
 
     @property
     def lacking(self) -> pd.Series:
-        """Whether each event is one that the other run has not had when it ends, shape (n,)."""
+        """Whether the other run has not had each event by its end, shape (n,)."""
         return self.open & ((self.events["event"] == 0) | (self.events["other"] == 0))
 
     def before(self, t: float) -> Differences:
@@ -89,10 +88,9 @@ class Differences(NamedTuple):
         return Differences(*kept, self.curve, min(self.covered, t))
 
     def beyond(self, tolerance: float, want: str | None = None) -> pd.DataFrame:
-        """Return the rows of `events` that are further apart than this.
+        """Return the rows of `events` whose differences exceed a tolerance.
 
-        If front speeds are wanted, these include events that end at another block: their fronts are
-        not the same.
+        With `want="front_speed"`, rows of events of different length are included.
         """
         if want == "front_speed":
             by_event = self.speeds.groupby("event")["error"].quantile(0.95)
@@ -104,7 +102,7 @@ class Differences(NamedTuple):
         return self.events[(self.events[list(names)] > tolerance).any(axis=1)]
 
     def errors(self, factor: float = 1.0) -> dict[str, Any]:
-        """Return the differences as fields of `Errors`, times a factor."""
+        """Return the differences, times a factor, as fields of `Errors`."""
         values = {name: self.events[name].dropna().to_numpy() for name in BY_EVENT}
         speeds, found = self.speeds["error"].to_numpy(), {}
         for name, known in values.items():
@@ -120,10 +118,11 @@ class Differences(NamedTuple):
 
 
 def differences(record: RecordData, other: RecordData, until: float = math.inf) -> Differences:
-    """Return how far two runs of a scene are apart.
+    """Return the differences of two runs of a scene.
 
-    They are compared up to where the shorter one ends, up to a time, in s, or up to an event that
-    one of them has not had when it ends.
+    Args:
+        record, other: the runs.
+        until: the comparison ends at this time (s), or at the end of the shorter run.
 
     Raises:
         SceneError: the runs have different numbers of blocks.
@@ -155,7 +154,7 @@ Event = dict[str, Any]
 
 
 class _Pairs:
-    """Main events of a run a, each with its partner among the events of another one, b."""
+    """Main events of a run a, each with its partner among the events of a run b."""
 
     def __init__(self, a: RecordData, b: RecordData, covered: float) -> None:
         self.a, self.b, self.covered = a, b, covered
@@ -172,7 +171,7 @@ class _Pairs:
         self.force = float(np.interp(covered, b.curve["t"], b.curve["F_T"]))
 
     def rows(self) -> tuple[dict[tuple[int, int], dict[str, float]], pd.DataFrame]:
-        """Return differences of events by their pairs, and those of front speeds."""
+        """Return differences of events by pairs of numbers, and differences of front speeds."""
         rows, speeds = {}, [np.zeros((3, 0))]
         unknown = dict.fromkeys(BY_EVENT, np.nan) | dict.fromkeys(MARKS, 0.0)
         for e, k in self._chosen():
@@ -185,7 +184,7 @@ class _Pairs:
     def _chosen(self) -> list[tuple[int, int]]:
         """Return the events of a, each with its partner in b.
 
-        The partner is 0 if b ends before it can have had one.
+        The partner is 0 if b ends before the partner begins.
         """
         cost = event_distances(self.ours, self.theirs, self.a.scene, self.covered)
         late = (self.covered - self.ours["t_start"].to_numpy()) * pace(self.a.scene, self.covered)
@@ -196,7 +195,7 @@ class _Pairs:
         return [(ours[e], theirs[k]) for e, k in zip(i.tolist(), j.tolist(), strict=True)]
 
     def _pair(self, e: int, k: int) -> tuple[dict[str, float], np.ndarray]:
-        """Return the differences of event e of a from event k of b, and those of front speeds."""
+        """Return the differences of event e of a from event k of b, and of their front speeds."""
         event, partner = self.events[e], self.partners[k]
         ended = bool(event["finished"] and partner["finished"])
         F_N, start = self.a.scene.F_N, event["F_T_start"] - partner["F_T_start"]
@@ -214,10 +213,9 @@ class _Pairs:
         return row | {"open": turned and again > AGAIN}, self._speeds(e, k, ended)
 
     def _turned(self, event: Event, partner: Event, ended: bool) -> bool:
-        """Return whether an event slips other blocks than another one, or outlasts it.
+        """Return whether two events differ in the blocks that slip, or only one of them ends.
 
-        Of events that go on to the end, only those that go on in both runs can tell, by their
-        episodes.
+        Two unfinished events are compared by their numbers of episodes.
         """
         off = event["n_episodes"] != partner["n_episodes"]
         off &= event["finished"] == partner["finished"]
@@ -226,12 +224,12 @@ class _Pairs:
         return bool(off or self._outlasts(event, partner) or self._outlasts(partner, event))
 
     def _outlasts(self, event: Event, partner: Event) -> bool:
-        """Return whether an event goes on, after another one has ended within both runs."""
+        """Return whether an event has not ended, and its partner has ended within both runs."""
         ended = partner["finished"] and parts(self.covered - partner["t_stop"], self.a.method.t_gap)
         return bool(ended and not event["finished"])
 
     def _alone(self, e: int) -> dict[str, float]:
-        """Return what is known of an event that b has not had yet, or has in another one."""
+        """Return what is known of an event of a that b has not had, or has in a longer event."""
         a, b, event, F_N = self.a, self.b, self.events[e], self.a.scene.F_N
         begun = (other for other in self.partners.values() if other["t_start"] < event["t_start"])
         if any(not other["finished"] for other in begun):
@@ -246,10 +244,9 @@ class _Pairs:
         return {"rupture": late / span if span > 0 else np.nan, "open": True}
 
     def _going_on(self, event: Event, partner: Event) -> float:
-        """Return how far forces are apart in an event that goes on in one of two runs, in N.
+        """Return the difference of forces in an event that has not ended in a run, in N.
 
-        Where both have come to rest, they differ as their arrests do, even if that is too late to
-        know whether they go on.
+        If slip has stopped in both runs, it is the difference of arrest forces.
         """
         if np.maximum(event["t_stop"], partner["t_stop"]) <= self.covered:
             return float(event["F_T_arrest"] - partner["F_T_arrest"])
@@ -274,9 +271,8 @@ class _Pairs:
     def _rupture(self, e: int, k: int, *, forces: bool, ended: bool) -> float:
         """Return the root mean square of differences of rupture times, over the front's time.
 
-        If forces are compared, a shift of the whole front in time is left out, because start forces
-        show it. Where the event has ended in both runs, a block that one front alone has passed
-        counts as 1.
+        If forces are compared, the mean difference is subtracted, because start forces show it.
+        If the event has ended in both runs, a block that only one front has passed counts as 1.
         """
         t, other = self._of_both("rupture_times", e, k)
         known, others = np.isfinite(t), np.isfinite(other)
@@ -292,11 +288,10 @@ class _Pairs:
         return float(np.sqrt((square + alone) / (len(off) + alone)))
 
     def _speeds(self, e: int, k: int, ended: bool) -> np.ndarray:
-        """Return relative differences of front speeds, |v - w| over the larger one.
+        """Return relative differences of front speeds, |v - w| over the larger speed.
 
-        They are of the blocks whose five rupture times both runs have; where the event has ended in
-        both, also of those that one front alone has passed. A speed that only one has counts as 1,
-        the limit of the difference.
+        Blocks are compared if both runs have their five rupture times. If the event has ended in
+        both runs, blocks with a speed in one run alone are compared too, and count as 1.
         """
         times, scene = self._of_both("rupture_times", e, k), self.a.scene
         v, w = (front_speed(t, scene.slider.l, scene.ahead) for t in times)
@@ -309,10 +304,10 @@ class _Pairs:
 
 
 def _apart(a: RecordData, b: RecordData, begin: float, end: float, later: float = 0.0) -> float:
-    """Return how far forces of two runs are apart between two times, in N, as far as samples tell.
+    """Return the largest certain difference of forces of two runs between two times, in N.
 
-    The other run is so much later, in s. Between samples a force may be anywhere in the range of
-    the two before and the two after.
+    Times of run b are `later` (s) than those of run a. Between samples, a force may lie anywhere in
+    the range of the two samples before and the two after.
     """
     t = a.curve["t"].to_numpy()
     t = t[(t >= begin) & (t <= end)]
@@ -321,10 +316,10 @@ def _apart(a: RecordData, b: RecordData, begin: float, end: float, later: float 
 
 
 def _curves_apart(a: RecordData, b: RecordData, end: float) -> tuple[float, int]:
-    """Return how far forces of two runs without slip are apart, over F_N, and at how many points.
+    """Return the largest difference of forces without slip, over F_N, and the number of points.
 
-    These are the points of the run that has fewer: the other one is linear between its own. Jumps
-    of static states, with two points at a time, are left out.
+    Forces are compared at the points of the run that has fewer. Jumps between static states, with
+    two points at one time, are left out.
     """
     coarse, fine = sorted((a.curve, b.curve), key=len)
     t = coarse["t"][(coarse["t"] <= end) & ~coarse["t"].duplicated(keep=False)]
@@ -342,7 +337,7 @@ def _range(record: RecordData, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def statistics(record: RecordData, other: RecordData, t: float) -> dict[str, tuple[float, float]]:
-    """Return numbers of the events after a time (s) together, each with its difference."""
+    """Return means over all events after a time (s), each with its difference between two runs."""
     covered = min(float(run.curve["t"].iloc[-1]) for run in (record, other))
     a, b = (_together(run, t, covered) for run in (record, other))
     return {name: (a[name], abs(a[name] - b[name])) for name in a if name in b}

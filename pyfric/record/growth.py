@@ -1,23 +1,24 @@
 """Where slip loses stability and how far it grows, from static states before an event.
 
-**Nucleation.** From the state of rest before an event, stable slip is followed as static states
-(`pyfric.statics.creep`) until none is near: an eigenvalue of the slipping part has passed zero, or
-a block that would have to slip lets it pass. The extent of the blocks that slip then is the
-nucleation length. It follows from statics alone, whichever engine made the record. For a long
-interface in an infinite body and linear weakening it does not depend on how the load is spread:
-2 h_n = 1.158 mu* /W with mu* = E'/2 and W = (mu_s - mu_k) p/D_c, two bodies.
+**Nucleation.** From the state of rest before an event, stable slip is followed as a path of static
+states (`pyfric.statics.creep`). The path ends where no static state is near. There, an eigenvalue
+of the slipping part passes zero, by itself or because one more block has to slip. The extent of the
+blocks that slip there is the nucleation length. It follows from statics alone, for records of every
+engine. For a long interface in an infinite body and linear weakening, it is the same for all
+distributions of load. For two bodies, 2 h_n = 1.158 mu* /W with mu* = E'/2 and
+W = (mu_s - mu_k) p/D_c.
 
-**Energy release** of a front that grows from the trailing edge. The front is taken as it would run
-without inertia: from the static state just before its event, with the driver where it is when the
-front ends, blocks 1, 2, ... are released one after the other, those behind carry mu_k p, those
-ahead are held. Block n is held by f before it is released and moves by du. Its excess force falls
-from f - mu_k p to 0, in proportion to the displacement (linear geometry), so that the front spends
+**Energy release** of a front that grows from the trailing edge, without inertia. The front starts
+from the static state just before its event. The driver stands where it is at the end of the front.
+Blocks 1, 2, ... are released one after the other. Blocks behind carry mu_k p, and blocks ahead are
+held. Block n is held by the force f before its release, and moves by du. In linear geometry its
+excess force falls from f - mu_k p to 0 in proportion to the displacement. The energy released is
 
-    G_n = (f - mu_k p) du/2
+    G_n = (f - mu_k p) du/2 .
 
-on it, over l B the energy release rate G(a) at a = n l. It grows while G exceeds the fracture
-energy Gamma_n = (mu_s - mu_k) p d_c/2 (Griffith). With inertia its speed is the root of
-g_II(v) G = Gamma, which leaves out waves from the sides of the slider.
+Over l B it is the energy release rate G(a) at a = n l. The front grows while G exceeds the fracture
+energy Gamma_n = (mu_s - mu_k) p d_c/2 (Griffith). With inertia, the speed of the front is the root
+of g_II(v) G = Gamma, if waves from the sides of the slider are neglected.
 
 Source: K. Uenishi and J. R. Rice, J. Geophys. Res. 108, 2042 (2003); L. B. Freund, Dynamic Fracture
 Mechanics (1990), chapters 5 and 7; the virtual crack closure of E. F. Rybicki and M. F. Kanninen,
@@ -45,11 +46,10 @@ from pyfric.theory import g_II
 from pyfric.values import SceneError
 
 SPEEDS = 2001
-"""Speeds up to c_R between which g_II is taken as straight: a root is off by less than c_R/2000
-(rounding)."""
+"""Number of speeds up to c_R at which g_II is tabulated. A root is off by less than c_R/2000."""
 ROUNDING = 1e-9
-"""An event is followed from this share of the driver's way before its first slip (rounding: the way
-is known to 1e-16 of itself, and what follows from it to a hundred thousand times that)."""
+"""Stable slip is followed from this share of the driver's displacement before the first slip. It
+exceeds rounding: 1e-16 in the displacement, up to 1e-11 in quantities derived from it."""
 
 
 def _condensed(record: RecordData) -> tuple[ContactProblem, float]:
@@ -70,12 +70,13 @@ def nucleations(record: RecordData) -> pd.DataFrame:
     Returns:
         One row for each event before which all blocks are stuck. Columns: event; t (s) and F_T (N)
         at the end of stable slip; first_block, last_block and n_blocks of the blocks that slip
-        then, counted from the trailing edge; length (m) from first to last block. NaN and 0 if slip
-        stays stable, if the driver does not move on, or if loads differ from those at t = 0.
+        then, counted from the trailing edge; length (m) from first to last block. If slip stays
+        stable, the driver does not move on, or loads differ from those at t = 0, n_blocks is 0 and
+        the others are NaN.
 
     Raises:
-        SceneError: friction does not weaken over a length, or depends on more than slip; or not
-            all blocks rub on a flat interface.
+        SceneError: friction does not weaken with slip alone over a length; or the interface has
+            gaps or blocks without friction.
     """
     scene = record.scene
     if not creeps(scene.law):
@@ -101,8 +102,8 @@ def nucleations(record: RecordData) -> pd.DataFrame:
 def nucleation_lengths(record: RecordData) -> np.ndarray | None:
     """Return `length` of `nucleations` for each event, (n_events,), in m; NaN where there is none.
 
-    None where friction does not weaken with slip alone, where no static states are known, and on
-    lattices of more than `LARGE` unknowns, for which it takes too long to be done unasked.
+    Return None if friction does not weaken with slip alone, or if static states are unknown. On
+    lattices of more than `LARGE` unknowns it takes too long, so None is returned, too.
     """
     scene = record.scene
     known = creeps(scene.law) and scene.has_rests and scene.whole
@@ -131,7 +132,7 @@ def _nucleation(
     near = max(scene.drive(t) - ROUNDING * abs(scene.drive(t)), leg.first)
     try:
         path, changes = creep.nucleate(begin + near, begin + leg.last)
-    except EquilibriumError:  # nothing is left that carries the slider
+    except EquilibriumError:  # nothing carries the slider any more
         return none
     n = np.sort(scene.n_of_i[creep.way != 0])
     if changes[-1].what != "unstable" or not path or not n.size:
@@ -161,8 +162,8 @@ def energy_release(record: RecordData, event: int) -> pd.DataFrame:
         or slips already. v is 0 where G < Gamma, and NaN for a chain.
 
     Raises:
-        SceneError: no such event, the record holds no state just before it, or the interface has
-            a law under which no block rests, whose fracture energy is not defined.
+        SceneError: no such event; the record holds no state just before the event; or no block
+            rests under the law of friction, so that the fracture energy is not defined.
     """
     if not record.scene.law.rests:
         kind, reason = record.scene.interface.law.kind, "its fracture energy is not defined"
@@ -184,13 +185,12 @@ def energy_release(record: RecordData, event: int) -> pd.DataFrame:
 
 
 def griffith_length(table: pd.DataFrame) -> float:
-    """Return L_p/L where a front stops without inertia: past the last block where G reaches Gamma.
+    """Return L_p/L where a front stops without inertia, 0 if it cannot run.
 
-    It is the end of the longest stretch in which G exceeds Gamma, 0 if there is none. Before this
-    stretch slip is stable; single blocks there may exceed Gamma, too.
+    The front stops at the end of the longest row of blocks in which G exceeds Gamma.
 
     Args:
-        table: what `energy_release` returned.
+        table: the table of `energy_release`.
     """
     pays = (table["G"] > table["Gamma"]).to_numpy()
     ends = np.flatnonzero(np.diff(np.concatenate([[False], pays, [False]]).astype(int)))
@@ -201,7 +201,7 @@ def griffith_length(table: pd.DataFrame) -> float:
 
 
 def _before(record: RecordData, event: int) -> Contact:
-    """Return the interface just before an event, held; open blocks are free."""
+    """Return the interface just before an event, with blocks in contact held, open blocks free."""
     scene, of_event = record.scene, record.row(event)
     row = int(record.events["quiet_start"].loc[event])
     if row < 0:

@@ -1,10 +1,10 @@
-"""What a record holds: one table, from which file, Dataset, DataTree, CSV and page follow.
+"""The table of all quantities of a record. File, Dataset, DataTree, CSV and page follow from it.
 
 Each quantity has a group, a name, dimensions, a type, a unit and a meaning. Columns of events and
-arrays over blocks enter the table where they are found (`pyfric.record.catalogue`), by the
-decorators `event_column` and `block_array`; all others stand here.
+arrays over blocks are entered where they are computed (`pyfric.record.catalogue`), by the
+decorators `event_column` and `block_array`. All others are entered here.
 
-x is the distance from the trailing edge, the driven side, and events are counted from 1. Arrays run
+x is the distance from the trailing edge, the driven side. Events are counted from 1. Arrays run
 over blocks from left to right, whichever side is driven.
 """
 
@@ -30,11 +30,11 @@ Enter = Callable[[Find], Find]
 
 
 class RecordError(ValueError):
-    """A file is not a record that this version can read, or a record does not fit together."""
+    """A file is not a record that this version can read, or a record contradicts itself."""
 
 
 def check_record(record: Any) -> None:
-    """Raise SceneError for what is no record, such as a list of records or the name of a file."""
+    """Raise SceneError if the argument is no record, such as a list or the name of a file."""
     if not hasattr(record, "curve"):
         what = record if isinstance(record, str) else type(record).__name__
         allowed = 'one record, of pyfric.simulate(scene, "400 ms") or pyfric.load("run.nc")'
@@ -42,7 +42,7 @@ def check_record(record: Any) -> None:
 
 
 def of_record(function: Callable[P, T]) -> Callable[P, T]:
-    """Refuse what is no record as the first argument of the function below."""
+    """Decorate a function so that it refuses a first argument that is no record."""
 
     @usage()
     @functools.wraps(function)
@@ -55,23 +55,23 @@ def of_record(function: Callable[P, T]) -> Callable[P, T]:
 
 TABLES = ("curve", "events", "episodes")
 LOGS = ("motion", "quiet", "switches", "crossings", "bursts")
-"""Groups that are fields of a record: data frames, and mappings of arrays."""
+"""Groups that are fields of a record: `TABLES` are data frames, `LOGS` are mappings of arrays."""
 EDGES = ("tau_initial", "p_initial")
-"""Fields of a record that are in the group of the interface."""
+"""Fields of a record that belong to the group "interface"."""
 
 
 class Held(NamedTuple):
-    """One quantity that a record holds.
+    """One quantity of records.
 
     Attributes:
         group: one of `GROUPS`.
         name: its name in the group.
         dims: names of its dimensions.
         dtype: type of its values.
-        unit, meaning: for whoever reads them.
-        required: False for what some records do not have.
-        find: function that computes it, for columns of events and arrays over events and blocks.
-            It takes a `Catalogue`, or a whole `Record` for what is not required.
+        unit, meaning: texts for readers.
+        required: False if some records lack it.
+        find: function that computes a column of events or an array over events and blocks. It takes
+            a `Catalogue` if the quantity is required, otherwise a `Record`.
     """
 
     group: str
@@ -94,10 +94,10 @@ class Held(NamedTuple):
         return {"units": self.unit, "long_name": self.meaning}
 
     def checked(self, values: Any) -> np.ndarray:
-        """Return values with the type that they have in a record.
+        """Return values, converted to the type of this quantity.
 
         Raises:
-            RecordError: they are of another kind, or have another number of dimensions.
+            RecordError: values have gaps, another kind, or another number of dimensions.
         """
         array, where = np.asarray(values), f"record: {self.group}.{self.name}"
         if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
@@ -123,12 +123,12 @@ GROUPS = {
     "bursts": "burst_",
     "final_state": "final_",
 }
-"""Group of a tree -> what the names of its variables begin with in a file."""
+"""Group -> prefix of the names of its variables in a file."""
 _held: dict[str, dict[str, Held]] = {group: {} for group in GROUPS}
 
 
 def held_in(group: str) -> Mapping[str, Held]:
-    """Return what a group holds, by name, in the order of tables and files."""
+    """Return the quantities of a group by name, in the order of tables and files."""
     return MappingProxyType(_held[group])
 
 
@@ -138,19 +138,19 @@ def found_arrays() -> dict[str, Held]:
 
 
 def event_column(unit: str, meaning: str, dtype: type = float, **how: bool) -> Enter:
-    """Enter the function below as a column of the table of events, under its own name.
+    """Enter the decorated function as a column of the table of events, under its own name.
 
-    It takes a `Catalogue` and returns one value for each event. With required = False it takes the
-    `Record` that holds all else, and may return None, for no such column.
+    The function takes a `Catalogue` and returns one value for each event. With required = False it
+    takes a `Record`, and may return None for no column.
     """
     return _found("events", ("event",), dtype, unit, meaning, **how)
 
 
 def block_array(unit: str, meaning: str, dtype: type = float) -> Enter:
-    """Enter the function below as an array over events and blocks, under its own name.
+    """Enter the decorated function as an array over events and blocks, under its own name.
 
-    It takes a `Catalogue` and returns an array of shape (n_events, N_x), blocks from left to right.
-    It is an attribute of every record.
+    The function takes a `Catalogue` and returns an array of shape (n_events, N_x), blocks from left
+    to right. The array is an attribute of every record.
     """
     return _found("interface", ("event", "x"), dtype, unit, meaning)
 
@@ -169,20 +169,20 @@ def checked(
     sizes: dict[str, int],
     names: Iterable[str] | None = None,
 ) -> dict[str, np.ndarray]:
-    """Return what a group holds, in order and with the types that it has in records.
+    """Return the arrays of a group, checked, in the order and with the types of records.
 
     Args:
         group: one of `GROUPS`.
         values: arrays by name.
-        sizes: sizes of dimensions; those that are not known yet are added.
-        names: what is expected; None is the whole group.
+        sizes: known sizes of dimensions, to which new ones are added.
+        names: names expected; None means the whole group.
 
     Raises:
-        RecordError: something is missing, unknown, or of another type or size; it names what.
+        RecordError: an array is missing, unknown, or of another type or size. The message names it.
     """
     known = held_in(group)
     known = known if names is None else {name: known[name] for name in names}
-    values = dict(values.items())  # columns of a data frame are found one by one otherwise
+    values = dict(values.items())  # faster than looking up each column of a data frame
     for name in values:
         if name not in known:
             raise RecordError(f"record: no record holds {group}.{name}")
@@ -213,7 +213,7 @@ def _enter(held: Held) -> None:
 
 
 def _rows(group: str, dims: str, variables: Iterable[laws.Variable], drawn: bool = False) -> str:
-    """Return rows of `TABLE` of what laws of friction name."""
+    """Return rows of `TABLE` for variables of laws of friction."""
     begin, end = ("drawn_", ", as drawn") if drawn else ("", "")
     return "\n".join(
         f"{group} {dims} {begin}{name}? {dtype} {unit.replace('^', '')} {meaning}{end}"
@@ -296,13 +296,12 @@ for _row in TABLE.strip().splitlines():
     _where = _group, _name.rstrip("?"), tuple(_dims.split(",")), np.dtype(_dtype)
     _enter(Held(*_where, _unit.replace("_", " "), _meaning, required=_name[-1] != "?"))
 SAME = ("switches", "crossings"), ("quiet", "bursts")
-"""Groups of contact switches and starts and ends of slip, and those of the same form of slip faster
-than a threshold."""
+"""Pairs of groups of the same form: by contact, and of slip faster than a threshold."""
 for _group, _same in SAME:
     for _held_one in tuple(_held[_group].values()):
         _dims = tuple(GROUPS[_same][:-1] if dim != "x" else dim for dim in _held_one.dims)
         _enter(_held_one._replace(group=_same, dims=_dims, required=False))
 ENERGIES = tuple(name for name, held in _held["curve"].items() if held.unit == "J")
 """Columns of the energy budget."""
-for _group, _name in itertools.product(("quiet", "bursts"), ENERGIES):  # what they were then
+for _group, _name in itertools.product(("quiet", "bursts"), ENERGIES):  # at starts, ends of slip
     _enter(_held["curve"][_name]._replace(group=_group, dims=(GROUPS[_group][:-1],)))

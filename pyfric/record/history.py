@@ -1,4 +1,4 @@
-"""What a run has recorded so far: the loading curve, motion at its points, and its logs."""
+"""Data of a run so far: the loading curve, motion at its points, and logs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class History:
-    """What a run has recorded so far.
+    """Data of a run so far.
 
     Args:
         names: columns of the loading curve, first t and F_T.
@@ -38,16 +38,16 @@ class History:
             self.parts.setdefault(name, []).append(more)
 
     def mark(self) -> tuple[Any, ...]:
-        """Return what `back` needs to forget all that is recorded from now on."""
+        """Return a mark, to which `back` can return."""
         return self.n, {name: parts[:] for name, parts in self.parts.items()}
 
     def back(self, mark: tuple[Any, ...]) -> None:
-        """Forget what was recorded since a mark was made."""
+        """Discard the data added since a mark."""
         n, self.parts = mark
         self.cut(n)
 
     def take(self, before: Record, *, last: bool) -> None:
-        """Take over the curve and motion of a record, with or without its last point."""
+        """Begin with the curve and motion of a record, with or without its last point."""
         self.add(before.curve.reindex(columns=list(self.names)).to_numpy())
         kept = zip(*before.motion.values(), strict=True)
         self.motion = [dict(zip(before.motion, arrays, strict=True)) for arrays in kept]
@@ -91,7 +91,7 @@ class History:
         return {name: np.array([at[name] for at in self.motion]) for name in names}
 
     def logs(self, N_x: int, *more: str) -> dict[str, dict[str, np.ndarray]]:
-        """Return the logs "switches", "quiet" and more, of N_x blocks, each in one part."""
+        """Return the logs "switches", "quiet" and others, of N_x blocks, each joined."""
         empty = Log(N_x, 0, 0)
         for name in ("switches", "quiet", *more):
             parts = self.parts.get(name) or [getattr(empty, name)()]
@@ -100,7 +100,7 @@ class History:
 
 
 def _joined(parts: list[Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """Return parts of a log as one; what some parts lack is NaN there."""
+    """Return the parts of a log as one log, with NaN where a part lacks a column."""
     names = dict.fromkeys(name for part in parts for name in part)
     return {name: np.concatenate([_column(part, name) for part in parts]) for name in names}
 

@@ -1,23 +1,23 @@
 """A record as file, Dataset, DataTree and tables of text, all from one table (`held`).
 
-A file is netCDF 4 and opens with any netCDF reader; `xarray.open_dataset` shows every variable with
-its unit and meaning. Its attributes:
+A file is netCDF 4, which any netCDF reader opens. `xarray.open_dataset` shows each variable with
+its unit and meaning. The attributes of a file are:
 
 ``pyfric_schema``
-    Version of this layout. A file with another one is refused.
+    Version of this layout. Files of other versions are refused.
 ``scene``
-    The scene as TOML text. It is parsed, and names no file that would be opened.
+    The scene as TOML text. File names in it are never opened.
 ``status``
-    "complete", "interrupted", "failed: reason", or "ended ..." where an engine had no way on.
+    "complete", "interrupted", "failed: reason", or "ended ..." if an engine could not go on.
 ``method``, ``versions``, ``timings``, ``counts``, ``notes``, ``errors``
     JSON.
 
-Variables of the curve and of the interface carry their plain names, those of the other groups begin
-with ``event_``, ``episode_``, ``quiet_``, ``switch_``, ``motion_`` and ``final_``. Types are
-those that other programs read (`pyfric.record.netcdf`); floats are stored as they are in memory, so
-that a loaded record equals the saved one bit for bit. The attribute ``pyfric_seal`` is the SHA-256
-of all variables and of the attributes that are read. It is computed from values and not from the
-bytes of the file, so that it stays right if another program opens the file for writing.
+Variables of the curve and of the interface keep their names. Names in the other groups begin with
+``event_``, ``episode_``, ``quiet_``, ``switch_``, ``motion_`` and ``final_``. Other programs can
+read the types of all variables (`pyfric.record.netcdf`). A loaded record equals the saved one bit
+for bit. The attribute ``pyfric_seal`` is the SHA-256 of all variables and of the attributes that
+are read. It is computed from values. It stays the same if another program rewrites the file with
+equal values.
 """
 
 from __future__ import annotations
@@ -59,11 +59,11 @@ if TYPE_CHECKING:
 SCHEMA = 12
 """Version of the file layout that this module writes and reads."""
 SEAL = "pyfric_seal"
-"""Attribute with the SHA-256 of what a file says."""
+"""Attribute with the SHA-256 of the content of a file."""
 DRAWN = "drawn_"
-"""Begins the names of fields of the interface as they were drawn, on x."""
+"""Prefix of the names of random fields of the interface, as they were drawn, on x."""
 SHOWN = ("curve", "events", "interface", "motion")
-"""Groups of a Dataset: what happened, without the logs that it was found from."""
+"""Groups of a Dataset: all except logs."""
 CSV = {
     ("curve", ("t",)): "curve",
     ("events", ("event",)): "events",
@@ -75,7 +75,7 @@ CSV = {
 
 
 class Texts(pydantic.BaseModel):
-    """Attributes of a file that are text, and what those in JSON hold."""
+    """Attributes of a file that are text, and the types that their JSON holds."""
 
     scene: str
     status: str
@@ -92,7 +92,7 @@ TEXTS = tuple(name for name in Texts.model_fields if name not in ("scene", "stat
 
 
 def held_by(record: RecordData) -> Iterator[tuple[Held, np.ndarray]]:
-    """Yield all that a record holds, in the order of files."""
+    """Yield all quantities of a record, in the order of files."""
     scene = record.scene
     coordinates = {
         "event": record.events.index,
@@ -129,7 +129,7 @@ def _titles(record: RecordData) -> dict[str, str]:
 
 
 def _plain(value: Any) -> Any:
-    """Return what JSON can hold of dataclasses and mappings."""
+    """Return dataclasses and mappings as dicts for JSON."""
     return vars(value) if dataclasses.is_dataclass(value) else dict(value)
 
 
@@ -190,7 +190,7 @@ def mat(record: RecordData) -> bytes:
 
 
 def csv_tables(record: RecordData) -> dict[str, pd.DataFrame]:
-    """Return the tables of `Record.to_csv` by name; columns.csv says what all others hold."""
+    """Return the tables of `Record.to_csv` by name; columns.csv gives units and meanings."""
     known, n = held_in("interface"), record.scene.n_of_i
     events = record.events.index.to_numpy()
     held = [("events", known["event"], events)]
@@ -212,7 +212,7 @@ def csv_tables(record: RecordData) -> dict[str, pd.DataFrame]:
 def seal(values: Mapping[str, np.ndarray], attributes: Mapping[str, Any]) -> str:
     """Return the SHA-256 of variables, and of those attributes of a file that are read.
 
-    Numbers count as the 8 bytes that hold any number of their kind, in whichever type they stand.
+    Floats and integers of all sizes count as their 8-byte form.
     """
     found = hashlib.sha256()
     for name in ("pyfric_schema", *Texts.model_fields):
@@ -251,7 +251,7 @@ def fields(
     """Return the fields of a record from the attributes and groups of a file.
 
     Raises:
-        RecordError: a text, the scene or the state is damaged; it names the field.
+        RecordError: a text, the scene or the state is damaged. The message names the field.
     """
     sizes: dict[str, int] = {}
     interface = checked("interface", groups["interface"], sizes)
@@ -273,7 +273,7 @@ def fields(
 
 
 def _scene(text: str, interface: Mapping[str, np.ndarray]) -> Scene:
-    """Return the scene of a file, which has to draw the numbers that the file holds."""
+    """Return the scene of a file, after a check that it draws the random fields of the file."""
     try:
         scene = Scene.from_toml(f"{text}\n", files=False)
     except SceneError as error:

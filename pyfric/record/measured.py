@@ -1,7 +1,6 @@
-"""Measured errors of a run as numbers: what they promise, and how they are said.
+"""Measured errors of a run: numbers, comparison with a tolerance, and text.
 
-What was not measured is None, which is never taken for 0: where nothing was compared, nothing is
-promised.
+An error that was not measured is None. None never counts as within a tolerance.
 """
 
 from __future__ import annotations
@@ -14,9 +13,9 @@ from pyfric.record.method import Model
 
 NOTHING = "not measured: nothing was compared"
 NOT_VERIFIED = "errors not measured (a planned run, or verify = 'sample', measures them)"
-"""What a record says that was not verified."""
+"""Text of a record that was not verified."""
 COVERED = 1e-6
-"""Part of a run at its end that need not be compared: runs end at whole steps."""
+"""Part of a run at its end that need not be compared, because runs end at whole steps."""
 SAID = {
     "start": ("force at start", "F_N", "events"),
     "arrest": ("force at arrest", "F_N", "events"),
@@ -28,42 +27,42 @@ SAID = {
     "speed_95": ("front speed", "of the speed at 95 % of the blocks", "blocks"),
     "speed_worst": ("front speed", "of the speed at the worst block", "blocks"),
 }
-"""Numbers of `Errors` in words: the quantity, the unit, and what was compared."""
+"""Errors in words: the quantity, the unit, and the kind of objects compared."""
 FORCES = ("start", "arrest")
 PROMISED = {"stress": (*FORCES, "stress"), "front_speed": ("speed_95",)}
-"""What is wanted -> the numbers that its tolerance bounds, the last of which has to be known;
-`FORCES` for all else."""
+"""Value of `want` -> the errors that its tolerance bounds, the last of which has to be known. Other
+values have `FORCES`."""
 INSTEAD = {"loading_curve": ("curve", "rupture"), "motion": ("curve", "rupture")}
-"""What is wanted -> what its tolerance bounds where no force at the start of an event was compared;
-the rupture times for all else but front speeds."""
+"""Value of `want` -> the errors that its tolerance bounds if no start force was compared. Other
+values have rupture times, except "front_speed"."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Errors:
     """The errors of a run, measured by comparison with runs of more, or less, complete models.
 
-    Forces are over F_N and of main events, lengths over L, stresses over F_N/N_x (root mean square
-    over the interface), rupture times (root mean square over a front) over the time that the front
-    takes, front speeds relative. Each is the largest one, but for the median and the 95th
-    percentile of front speeds. `arrest` also includes differences of forces in events that last to
-    the end of the run, and `curve` those of runs without any slip. None means that nothing was
-    compared, so this number is not measured.
+    Forces of main events are over F_N, lengths over L. Stresses are root mean squares over the
+    interface, over F_N/N_x. Rupture times are root mean squares over a front, over the time that
+    the front takes. Front speeds are relative. Each error is the largest of all events, except the
+    median and the 95th percentile of front speeds. `arrest` includes forces in events that last to
+    the end of the run. `curve` is the error of forces in runs without any slip. None means not
+    measured.
 
     Attributes:
-        want, tolerance: of the plan; None where there was none.
+        want, tolerance: of the plan; None without a plan.
         start, arrest, curve, length, stress, rupture, speed_median, speed_95, speed_worst: the
             errors.
-        compared: name to how many events, or blocks of fronts, were compared for it.
-        events: events that were compared: main events, or all where there are none.
+        compared: name of an error -> number of events, or of blocks of fronts, compared.
+        events: number of events compared: main events, or all if there are no main events.
         factor: errors over the differences of the two runs.
-        covered: time up to which they were compared, s.
-        t_end: time up to which the run goes, s; None means `covered`.
-        until: time from which on single events cannot be trusted, s; None if there is no such time.
-            Errors are those of earlier events, or of all if earlier ones do not tell what is
-            wanted.
-        statistics: what holds for the events after that, together: name to value and error.
+        covered: time up to which the runs were compared, s.
+        t_end: end of the run, s; None means `covered`.
+        until: time from which single events cannot be trusted, s; None if there is no such time.
+            Errors are those of earlier events, or of all events if earlier ones leave the wanted
+            error unknown.
+        statistics: means over the events after `until`: name -> value and error.
         by: the models that the run was compared with.
-        chosen_at: number of other points whose errors have chosen the level, where those of this
+        chosen_at: number of other points whose errors have chosen the level, if the errors of this
             run were not measured; otherwise 0.
     """
 
@@ -91,10 +90,10 @@ class Errors:
     __pydantic_config__: ClassVar[Any] = {"extra": "forbid"}  # of files
 
     def measured(self, want: str | None = None) -> float | None:
-        """Return the error that a tolerance bounds, None where it was not measured.
+        """Return the error that a tolerance bounds, None if not measured.
 
-        What is wanted decides which numbers that are: `PROMISED`. Where no force at the start of an
-        event was compared, as on a prescribed interface, they are those of `INSTEAD`.
+        `PROMISED` gives the errors that count for `want`. If no start force was compared, as on a
+        prescribed interface, `INSTEAD` gives them.
         """
         want = want or self.want or ""
         names = PROMISED.get(want, FORCES)
@@ -109,7 +108,7 @@ class Errors:
     def holds(self) -> bool | None:
         """Whether the measured error of all events is within the tolerance.
 
-        None where it was not measured, or not over the whole run, or where there is no tolerance.
+        None if it was not measured over the whole run, or without a tolerance.
         """
         error = self.measured()
         if error is None or self.tolerance is None:
@@ -126,7 +125,7 @@ class Errors:
 
     @property
     def verdict(self) -> str:
-        """What `holds` says, in words; empty where there is no tolerance."""
+        """The result of `holds` in words; "" without a tolerance."""
         if self.tolerance is None:
             return ""
         if self.measured() is None:

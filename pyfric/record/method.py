@@ -25,12 +25,12 @@ SWITCH = {
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
-    """What a run computes of a scene, and how exactly.
+    """Engine of a run, with its geometry, steps and accuracy.
 
-    ``stepper`` and ``switching`` are "" without steps, and ``dt`` (s) is None for engines without a
-    fixed step. ``accuracy`` (over F_N) is that of jumps, None without them. ``rtol`` is the largest
-    error of an adaptive sub-step, None for other steppers. The driver is ``faster`` than that of
-    the scene by this share.
+    ``stepper`` and ``switching`` are "" without steps. ``dt`` (s) is None without fixed steps.
+    ``accuracy`` (over F_N) is the accuracy of jumps, None without jumps. ``rtol`` is the largest
+    error of an adaptive sub-step, None for other steppers. ``faster`` is the relative increase of
+    the driver's speed over that of the scene.
     """
 
     engine: str
@@ -66,9 +66,9 @@ class Method:
     """How a scene was run.
 
     The first fields are those of its `Model`. ``sample`` is the number of steps between two points
-    of the curve; ``t_gap`` (s) is the longest pause inside an event; ``budget`` says whether the
-    energy budget was kept; ``threshold`` (m/s) is the slip rate that makes events, None where
-    contact does.
+    of the curve. ``t_gap`` (s) is the longest pause inside an event. ``budget`` tells whether the
+    energy budget was computed. ``threshold`` (m/s) is the slip rate that defines events, None if
+    contact defines them.
     """
 
     engine: str
@@ -102,12 +102,12 @@ class Method:
 
     @property
     def model(self) -> Model:
-        """What was computed, and how exactly."""
+        """Engine, geometry, steps and accuracy."""
         return Model.of(self)
 
 
 def versions() -> dict[str, str]:
-    """Return what a record says about the software that made it."""
+    """Return the versions of the software that makes a record."""
     build = core.build_info()
     return {
         "pyfric": __version__,
@@ -120,7 +120,7 @@ def versions() -> dict[str, str]:
 
 
 def provenance(path: Path, command: str) -> Path:
-    """Write what made a set of files: command, date, software and processor. Return the path."""
+    """Write the origin of a set of files: command, date, software, processor. Return the path."""
     made = {
         "command": command,
         "date": datetime.datetime.now(datetime.UTC).replace(microsecond=0),

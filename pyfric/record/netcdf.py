@@ -1,11 +1,11 @@
 """netCDF 4 files in memory: HDF5 with a scale for each dimension.
 
-Types are those that every reader of netCDF knows (the classic model): texts are characters of fixed
-length, whole numbers take 32 bits where they fit, truth values take one byte, and there are no
-enumerations. What has gaps says so by `_FillValue`, and `actual_range` has the extremes.
+Types are those of netCDF's classic model, which every reader knows. Texts are characters of fixed
+length, integers take 32 bits if they fit, and truth values take one byte. The attribute
+`_FillValue` marks variables with gaps. `actual_range` has the extremes.
 
-xarray takes seven times as long to write one. What is read may come from anywhere: only numbers
-that lie in the file itself are taken, and no link, plugin or other file is followed.
+xarray takes seven times as long to write a file. A file to be read may come from an untrusted
+source. Only numbers in the file itself are read; links, plugins and other files are refused.
 """
 
 from __future__ import annotations
@@ -20,17 +20,16 @@ Variable = tuple[tuple[str, ...], np.ndarray, dict[str, str]]
 """Dimensions, values and attributes."""
 
 COMPRESSED_FROM = 4096
-"""Arrays of at least this many elements are compressed (without loss): one page of memory of bytes,
-below which a chunk and its index take more room than they spare."""
+"""Arrays of at least this many elements are compressed without loss. In smaller arrays, a chunk and
+its index take more room than compression saves."""
 WHOLE = np.int32
-"""Type of whole numbers that fit: netCDF's classic model has no longer one."""
+"""Type of integers that fit, the longest integer of netCDF's classic model."""
 LIBVER = ("v108", "v108")
-"""Versions of the file's structures: from 1.8 on a text may be longer than 64 kB."""
+"""Versions of the file's structures. From 1.8 on, a text may be longer than 64 kB."""
 DEFLATE = 1032
-"""Most by which deflate makes anything smaller (zlib): what says it is more is none of ours."""
+"""Largest compression ratio of deflate (zlib). Variables with a larger ratio are refused."""
 NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable."
-"""Name, by the format, of the scale of a dimension that no variable is named after; its size is
-written behind it."""
+"""Name that netCDF gives to the scale of a dimension without variable, followed by its size."""
 
 
 def file_image(variables: Mapping[str, Variable], attributes: Mapping[str, Any]) -> bytes:
@@ -71,7 +70,7 @@ def _made(file: Any, name: str, values: np.ndarray, attributes: dict[str, str]) 
 
 
 def _simple(values: np.ndarray) -> tuple[np.ndarray, dict[str, Any]]:
-    """Return values in a type of the classic model, and what their attributes say about it."""
+    """Return values in a type of the classic model, and attributes that describe them."""
     if values.dtype.kind == "b":
         return values.astype(np.int8), {"dtype": "bool"}
     if values.dtype.kind in "iu" and values.dtype.itemsize > np.dtype(WHOLE).itemsize:
@@ -115,8 +114,8 @@ def read_image(content: memoryview) -> tuple[dict[str, Any], dict[str, np.ndarra
     """Return the attributes and the values of all variables of a netCDF 4 file.
 
     Raises:
-        ValueError: a variable does not hold numbers that lie in the file itself; it says which.
-        OSError: it is no HDF5 file.
+        ValueError: a variable does not hold numbers, or they are not in the file itself.
+        OSError: the content is no HDF5 file.
     """
     import h5py
 
@@ -136,7 +135,7 @@ def read_image(content: memoryview) -> tuple[dict[str, Any], dict[str, np.ndarra
 
 
 def _numbers(name: str, variable: Any) -> np.ndarray:
-    """Return the values of a variable that are numbers and lie in this file."""
+    """Return the values of a variable, after checks that they are numbers in this file."""
     import h5py
 
     how, kind = variable.id.get_create_plist(), variable.dtype.kind

@@ -1,10 +1,10 @@
-"""Numbers of runs: one of each run, for tables of many.
+"""Numbers of runs, such as the number of precursors, for tables of many runs.
 
-`Outline` is what happened in a run without its tables: few numbers of it take little time. Each
-number is one function of an `Outline` under `run_column`; unit and meaning stand in its decorator.
+An `Outline` gives numbers of a run without making tables, which saves time. Each number is one
+function of an `Outline` under `run_column`. Its decorator holds unit and meaning.
 
-Main events have at least four blocks. Precursors and system-size events are finished main events,
-precursors only those before the first system-size event.
+Main events have at least four blocks. Precursors and system-size events are finished main events.
+Only precursors before the first system-size event count.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Number = Callable[["Outline"], float]
 
 
 class RunColumn(NamedTuple):
-    """A number of a run: its unit, its meaning, and the function that finds it."""
+    """A number of a run: its unit, its meaning, and the function that computes it."""
 
     unit: str
     meaning: str
@@ -45,11 +45,11 @@ EVENT_COLUMNS = (
     *(name for name, held in held_in("events").items() if held.find and held.required),
     "potency",
 )
-"""Columns of events that an outline has."""
+"""Columns of events in an outline."""
 
 
 def run_column(unit: str, meaning: str) -> Callable[[Number], Number]:
-    """Enter the function below as a number of runs, under its own name."""
+    """Enter the decorated function as a number of runs, under its own name."""
 
     def enter(find: Number) -> Number:
         RUN_COLUMNS[find.__name__] = RunColumn(unit, meaning, find)
@@ -59,17 +59,17 @@ def run_column(unit: str, meaning: str) -> Callable[[Number], Number]:
 
 
 class Outline:
-    """What happened in a run, without its tables.
+    """Events and curve of a run, as columns that are computed when read.
 
     Args:
         scene: the scene.
         events: columns of events by name.
         curve: columns of the loading curve by name, t (s) and F_T (N).
-        status: that of the record.
+        status: status of the record.
         transitions: the log of starts and ends of slip.
     """
 
-    final_state = None  # of what is asked here, slip has come to rest
+    final_state = None  # numbers of finished events do not need it
 
     def __init__(
         self,
@@ -132,7 +132,7 @@ class Outline:
 
 
 class _Columns(Mapping[str, np.ndarray]):
-    """Columns of events, which are found when they are asked for."""
+    """Columns of events, each computed at its first access."""
 
     def __init__(self, find: Callable[[str], np.ndarray]) -> None:
         self._find = functools.cache(find)

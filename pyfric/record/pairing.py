@@ -1,13 +1,13 @@
-"""Which events of two runs are the same: pairs in order of time, at the least total cost.
+"""Which events of two runs are the same: pairs in order of time, at the least total distance.
 
-Two events are as far apart as the sum of
+The distance of two events is the sum of
 
-    start       |difference of F_T_start|/F_N; left out where a run has no such force
-    time        the force over F_N by which the driver loads in the time between their first slips,
-                or, where it stands still, that time over the time that is compared
-    blocks      1 - the blocks from the first to the last that both have, over those of either
+    start       |difference of F_T_start|/F_N; 0 if a run has no such force
+    time        loading by the driver between their first slips, over F_N; if the driver stands
+                still, the time between first slips over the time that is compared
+    blocks      1 - (blocks common to both ranges)/(blocks from the first to the last of either)
 
-each 0 for equal events, and of the order of 1 for events that have nothing in common.
+Each term is 0 for equal events, and about 1 for events that have nothing in common.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ def paired(a: pd.DataFrame, b: pd.DataFrame, scene: Scene) -> tuple[np.ndarray, 
     Each event of the shorter table has its partner in the longer one.
 
     Args:
-        a, b: tables of events of runs of one scene, or parts of them.
-        scene: that scene.
+        a, b: tables of events of two runs of a scene, or parts of these tables.
+        scene: the scene.
 
     Returns:
         Rows of a and rows of b, counted from 0, of the same length.
@@ -36,9 +36,9 @@ def paired(a: pd.DataFrame, b: pd.DataFrame, scene: Scene) -> tuple[np.ndarray, 
 def event_distances(
     a: pd.DataFrame, b: pd.DataFrame, scene: Scene, span: float | None = None
 ) -> np.ndarray:
-    """Return how far apart the events of two tables are, (len(a), len(b)); see the module.
+    """Return the distances of events of two tables, shape (len(a), len(b)); see the module.
 
-    `span` is the time that is compared, s; None is that of the last event.
+    `span` is the time that is compared, s; None means the start of the last event.
     """
     if span is None:
         span = max((events["t_start"].max() for events in (a, b) if len(events)), default=0.0)
@@ -51,7 +51,7 @@ def event_distances(
 
 
 def pace(scene: Scene, span: float) -> float:
-    """Return the weight of a difference in time relative to one in forces over F_N, in 1/s."""
+    """Return the weight of differences in time, in 1/s; differences of F/F_N have the weight 1."""
     rate = scene.driver.K * scene.driver.fastest / scene.F_N
     return rate if rate or span <= 0 else 1 / span
 
@@ -62,14 +62,14 @@ def _pairs(name: str, a: pd.DataFrame, b: pd.DataFrame) -> tuple[np.ndarray, np.
 
 
 def in_order(cost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows and columns of pairs, in order, that cover the shorter side at least total cost.
+    """Return rows and columns of pairs, in order, with the least total cost.
 
-    An event of four blocks in one engine may have three in the other, where it is no main event.
+    Each row has a pair if the matrix has no more rows than columns; otherwise each column has one.
     """
     n, m = cost.shape
     if n > m:
         return in_order(cost.T)[::-1]
-    least = np.full((n + 1, m + 1), np.inf)  # of the first rows, among the first columns
+    least = np.full((n + 1, m + 1), np.inf)  # least cost of the first i rows, in j columns
     least[0] = 0.0
     for i in range(n):
         least[i + 1, 1:] = np.minimum.accumulate(least[i, :-1] + cost[i])

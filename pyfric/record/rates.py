@@ -1,24 +1,25 @@
 """Events by slip rate: the logs of slip faster than a threshold.
 
-The definition of an event (`pyfric.record.catalogue`) has two criteria of slip. By contact, a block
-slips while its contact does: between a release and the next stick, or, with rate-and-state
-friction, while it is faster than ``v_slip``. By rate, a block slips while |v_x| exceeds a threshold
-and it is in contact. Pauses of up to ``t_gap`` join slip to events by either criterion. So what
-never pauses by contact, such as a front that creeps in a viscous interface, has events by rate, and
-slow events below ``v_slip`` have them, too.
+There are two criteria of slip for the definition of an event (`pyfric.record.catalogue`). By
+contact, a block slips between a release and the next stick. With rate-and-state friction, a block
+slips by contact while it is faster than ``v_slip``. By rate, a block slips while it is in contact
+and |v_x| exceeds a threshold. By either criterion, slip with pauses of up to ``t_gap`` is one
+event. Events by rate also exist in slip that never pauses by contact, such as a creeping front in a
+viscous interface. They also exist in slow slip below ``v_slip``.
 
-What the passages through the threshold are known from:
+Times at which a rate passes the threshold come from one of two sources:
 
 a run with the option ``threshold``
-    Rates are compared with it after every step, and the time of a passage is linear between steps.
-    The hybrid engine does so at the end of its jumps, too; where rate-and-state friction slips
-    without inertia, passages are roots of the solution.
+    Rates are compared with the threshold after each step, and interpolated linearly between steps.
+    The hybrid engine also compares them at the end of its jumps. Where rate-and-state friction
+    slips without inertia, the times are roots of the solution.
 a record with `motion`
-    Rates are compared at the points of the curve, and passages are linear between them. Events
-    between two points are missed, and the record carries a note.
+    Rates are compared at the points of the curve, and interpolated linearly between them. Events
+    between two points are missed, and a note of the record says so.
 
-Both give logs of the form of contact switches, and of starts and ends of slip. Displacements in the
-latter are those just before and just after fast slip, so that the sum of slip is exact.
+Both sources give a log in the form of switches, and a log of starts and ends of slip. The
+second log holds displacements just before and just after fast slip, so that the sum of slip is
+exact.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from pyfric.record.held import ENERGIES
 from pyfric.values import SceneError, check_number
 
 SAMPLED = "slip rates are those of points of the curve"
-"""Begins the note of a record whose events were found from its motion."""
+"""Beginning of the note in a record whose events were found from its motion."""
 
 Log = Mapping[str, np.ndarray]
 
@@ -44,9 +45,9 @@ class Fast(NamedTuple):
     """Slip faster than a threshold.
 
     Attributes:
-        crossings, bursts: logs of the form of `switches` and `quiet`.
+        crossings, bursts: logs in the form of `switches` and `quiet`.
         last: blocks that are fast at the end.
-        notes: what a reader has to know.
+        notes: notes for the record.
     """
 
     crossings: dict[str, np.ndarray]
@@ -59,7 +60,7 @@ def fast_slip(record: RecordData, threshold: Any) -> Fast:
     """Return the slip of a record that is faster than a threshold; see the module.
 
     Args:
-        threshold: slip rate, m/s; text with a unit, such as "1 mm/s".
+        threshold: slip rate, m/s, or text with a unit, such as "1 mm/s".
 
     Raises:
         SceneError: the threshold is refused, or the record does not hold the rates.
@@ -81,7 +82,7 @@ def fast_slip(record: RecordData, threshold: Any) -> Fast:
 
 
 def _last(record: RecordData, crossings: Log, threshold: float) -> LastSlip:
-    """Return which blocks are fast at the end, those that never passed the threshold included."""
+    """Return which blocks are fast at the end, including blocks that were always fast."""
     mode, corner = np.zeros((2, record.scene.N_x), dtype=np.int32)
     mode[crossings["block"]], corner[crossings["block"]] = crossings["new"], crossings["corner"]
     if (state := record.final_state) is not None:
@@ -119,7 +120,7 @@ def _sampled(record: RecordData, threshold: float) -> Fast:
     active = (fast != 0).any(axis=1)
     turns = np.flatnonzero(active[1:] != active[:-1]) + 1
     kind = np.where(active[turns], 1, -1)
-    at = np.where(kind > 0, turns - 1, turns)  # just before fast slip, and just after it
+    at = np.where(kind > 0, turns - 1, turns)  # points just before and just after fast slip
     first, last = (np.searchsorted(k + 1, turns, side) for side in ("left", "right"))
     spans = list(zip(kind, first, last, strict=True))
     times = [(min if way > 0 else max)(crossings["t"][a:b]) for way, a, b in spans]

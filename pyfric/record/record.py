@@ -1,4 +1,4 @@
-"""What happened in a run: one frozen object. What it holds is described in `pyfric.record.held`."""
+"""The result of a run as one read-only object; `pyfric.record.held` lists its contents."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ READERS = {
     ".npz": "; pyfric.State.load reads states",
     "": "; pyfric.measured.read reads measured curves",
 }
-"""Ends of names of files -> what reads them."""
+"""Endings of names of files -> functions that read them."""
 WITHOUT_ARRAYS = {"method", "versions", "timings", "counts", "notes", "status", "errors"}
-"""Fields of a record whose change needs no check of its arrays."""
+"""Fields of a record that can change without a check of its arrays."""
 UNSEALED = "the file was changed after pyfric wrote it: what it holds need not be what a run made"
 
 
@@ -48,36 +48,37 @@ UNSEALED = "the file was changed after pyfric wrote it: what it holds need not b
 class Record(RecordData, Shown):
     """A finished, interrupted or failed run.
 
-    Arrays over blocks run from left to right. Events are counted from 1, and arrays over events
-    have event n in row n - 1 (`row`). A record cannot be changed: its arrays and mappings are
-    read-only, and each access to tables or final state returns a copy. Records are equal (``==``)
-    if they hold the same values, bit for bit, with the same types.
+    Arrays over blocks run from left to right. Events are counted from 1. Arrays over events have
+    event n in row n - 1 (`row`). Arrays and mappings are read-only. Each access to tables or final
+    state returns a copy. Records are equal (``==``) if they hold the same values, bit for bit, with
+    the same types.
 
     Attributes:
-        scene, method: what was run and how.
-        curve: data frame with t (s), F_T (N) and, when the budget was kept, energies (J).
-        events, episodes: data frames of the catalogue: see `pyfric.record.catalogue`. The index of
-            events is their number, as in ``record.events.loc[3]``; episodes have it as a column.
+        scene, method: the scene, and the `Method` of its run.
+        curve: data frame with t (s), F_T (N) and, with the option `energies`, energies (J).
+        events, episodes: data frames of the catalogue; see `pyfric.record.catalogue`. The index of
+            events is their number, as in ``record.events.loc[3]``. Episodes have a column `event`.
         arrays: arrays over events and blocks by name, shape (n_events, N_x). Each is also an
             attribute: region, rupture_times (s), X_c0_over_l, X_c_over_l, tau_before, p_before,
             tau_after and p_after (N).
         tau_initial, p_initial: interface forces at t = 0, shape (N_x,), N.
-        quiet, switches: the logs as dicts of arrays (`QUIET_COLUMNS`, `SWITCH_COLUMNS`), from which
-            the catalogue is made, again when the run is continued.
-        motion: arrays of shape (points of the curve, N_x): u_x (m), v_x (m/s) and f (N), and under
-            laws without rest their state. Empty in other runs without a threshold.
-        crossings, bursts: the same as switches and quiet, of slip faster than a threshold.
+        quiet, switches: the logs from which the catalogue is made, as dicts of arrays
+            (`QUIET_COLUMNS`, `SWITCH_COLUMNS`).
+        motion: arrays of shape (points of the curve, N_x): u_x (m), v_x (m/s), f (N), and state
+            variables of laws without rest. Empty for laws with rest, unless the run has a
+            threshold.
+        crossings, bursts: logs like switches and quiet, of slip faster than a threshold.
         versions, timings: version of each library, and time of each part of the run in s, by name.
         counts: counts of work by name, such as steps and block_evaluations.
-        notes: what a reader has to know: assumptions that failed, models that were rejected.
+        notes: warnings for the reader, such as assumptions that failed.
         status: "complete", "interrupted", "failed: reason", or "ended ..." for a run that its
             engine or a condition ended before t_end.
         final_state: the `State` to continue from, or None.
         errors: the measured `Errors`, or None.
 
     Raises:
-        RecordError: something is missing, of another type, or does not fit together; it names the
-            field.
+        RecordError: a field is missing, of another type, or contradicts others. The message names
+            it.
     """
 
     rupture_class = rupture_class
@@ -86,16 +87,16 @@ class Record(RecordData, Shown):
     def from_catalogue(cls, catalogue: Catalogue, *, late: bool = True, **rest: Any) -> Self:
         """Record of a run from its catalogue and the remaining attributes.
 
-        `late` adds columns of events that take long; a reference run does not need them.
+        `late` adds slow columns of events, which reference runs do not need.
         """
         record = cls(**_tables(catalogue), **rest)
         record.__dict__["_late"] = late
         return record
 
     def with_late_columns(self) -> Self:
-        """Return the record with the columns of events that are found from a whole record.
+        """Return the record with the slow columns of events.
 
-        They are found when the table of events is asked for first.
+        They are computed at the first access to the table of events.
         """
         if self.__dict__.get("_late"):
             return self
@@ -105,7 +106,7 @@ class Record(RecordData, Shown):
 
     def _frame(self, group: str) -> pd.DataFrame:
         if group == "events" and self.__dict__.get("_late"):
-            self.__dict__["_late"] = False  # the columns below are found from the others
+            self.__dict__["_late"] = False  # the functions below read the other columns
             events = self.__dict__["_events"]
             missing = [column for name, column in held_in("events").items() if name not in events]
             found = {
@@ -118,20 +119,20 @@ class Record(RecordData, Shown):
         return super()._frame(group)
 
     def _copied(self) -> Self:
-        """Return a record with the same attributes, whose tables are not checked again."""
+        """Return a record with the same attributes, without another check of its tables."""
         new = object.__new__(type(self))
         new.__dict__.update(self.__dict__)
         return new
 
     def with_events(self, threshold: Number | None = None, t_gap: Number | None = None) -> Self:
-        """Return the record with the events of another criterion; see `pyfric.record.rates`.
+        """Return the record with events by another criterion; see `pyfric.record.rates`.
 
-        Everything that is made from events then follows it: analysis, figures, summary and files.
+        Analysis, figures, summary and files of the new record use these events.
 
         Args:
-            threshold: slip rate above which a block slips, m/s, such as "1 mm/s"; None is slip by
-                contact.
-            t_gap: longest pause inside an event, s; None is that of the record.
+            threshold: slip rate above which a block slips, m/s, such as "1 mm/s"; None means slip
+                by contact.
+            t_gap: longest pause inside an event, s; None means the `t_gap` of the record.
 
         Raises:
             SceneError: an argument is refused, or the record does not hold the slip rates.
@@ -164,7 +165,7 @@ class Record(RecordData, Shown):
         return f"pyfric.analysis.{name}(record)" if name in ANALYSES else super()._place(name)
 
     def _solver(self) -> StaticSolver | None:
-        """Return what finds static states of the record; None where there are none."""
+        """Return the solver for static states of the record; None if there are none."""
         if not self.scene.has_rests:
             return None
         state = self.final_state
@@ -172,7 +173,7 @@ class Record(RecordData, Shown):
         return StaticSolver(self.scene, self.method.geometry, u_drv0=home)
 
     def replace(self, **changes: Any) -> Self:
-        """Return the record with other values of its attributes, arrays over blocks included."""
+        """Return the record with changed attributes, including arrays over blocks."""
         arrays = {name: changes.pop(name) for name in found_arrays() if name in changes}
         if arrays:
             changes["arrays"] = changes.get("arrays", self.arrays) | arrays
@@ -207,7 +208,7 @@ class Record(RecordData, Shown):
     __hash__ = None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Records are pickled and copied as what they are made from, and stay read-only."""
+        """Pickle and copy a record by its fields, so that it stays read-only."""
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         plain = {k: dict(v) if isinstance(v, MappingProxyType) else v for k, v in values.items()}
         return functools.partial(type(self), **plain), ()
@@ -219,13 +220,13 @@ class Record(RecordData, Shown):
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
         """Write one netCDF file, whole or not at all.
 
-        A file that holds the same run, up to this time or an earlier one, is replaced. Any other
-        one is replaced if `overwrite` is True; else this record is saved beside it. HDF5 writes to
-        memory only, because it does not survive a full disk.
+        A file of the same run, up to the same or an earlier time, is replaced. Any other file is
+        replaced only if `overwrite` is True; otherwise the record is saved beside it, under another
+        name. The file is made in memory, because HDF5 does not survive a full disk.
 
         Raises:
-            OSError: the file cannot be written; it names path and reason.
-            SceneError: the file exists and holds something else; or the name ends like that of
+            OSError: the file cannot be written. The message names path and reason.
+            SceneError: the file exists and holds something else; or the name has the ending of
                 another format, such as .csv.
         """
         if not (overwrite or self._goes_on_from(path)):
@@ -254,18 +255,18 @@ class Record(RecordData, Shown):
 
         Args:
             path: its file.
-            unsealed: read also what another program changed, if it still makes sense as a record.
-                A note in the record says so.
+            unsealed: also read a file that another program changed, if it is a valid record. The
+                record then has a note.
 
         Raises:
             FileNotFoundError: there is no such file.
-            RecordError: the file is not a pyfric record, is damaged, or has another schema; it
-                names what is wrong.
+            RecordError: the file is not a pyfric record, is damaged, or has another schema. The
+                message names the reason.
         """
         if not isinstance(path, str | os.PathLike):
             raise RecordError(f"record: a path is needed, not {type(path).__name__}")
         path = Path(os.path.expanduser(path))
-        if not os.path.exists(path):  # also where no file can have this name
+        if not os.path.exists(path):  # or if no file can have this name
             full = f"{path}.nc"
             raise FileNotFoundError(
                 f"no record at {path}" + f"; write {full}" * os.path.isfile(full)
@@ -274,7 +275,7 @@ class Record(RecordData, Shown):
             raise RecordError(f"{path}: not a pyfric record (not a regular file)")
         try:
             attributes, values = read_image(memoryview(path.read_bytes()))
-        except Exception as error:  # whatever the HDF5 layers make of a foreign file
+        except Exception as error:  # HDF5 raises many kinds of errors for other files
             reader = READERS.get(path.suffix, READERS[""])
             raise RecordError(
                 f"{path}: damaged, or not a pyfric record ({error}){reader}"
@@ -299,18 +300,18 @@ class Record(RecordData, Shown):
     def to_xarray(self) -> xr.Dataset:
         """Return an `xarray.Dataset` of curve, events and interface, without logs.
 
-        Coordinates are t (s), event (from 1) and x (m, from the trailing edge); n numbers the
-        blocks along x. F_T and energies are on t; columns of `events` are on event and begin with
-        event_; arrays over blocks are on (event, x). Every variable has units and a long_name.
-        Needs the package xarray.
+        Coordinates are t (s), event (from 1), x (m, from the trailing edge), and the block number
+        n along x. F_T and energies have the dimension t. Columns of `events` have the dimension
+        event and the prefix event_. Arrays over blocks have dimensions (event, x). Each variable
+        has units and a long_name. The package xarray is needed.
         """
         return layout.dataset(self)
 
     def to_datatree(self) -> xr.DataTree:
         """Return all of the record as an `xarray.DataTree`.
 
-        Groups are curve, events, episodes, interface (arrays over blocks), quiet and switches
-        (the logs) and final_state. Needs the package xarray.
+        Groups are curve, events, episodes, interface (arrays over blocks), the logs such as quiet
+        and switches, and final_state. The package xarray is needed.
         """
         return layout.datatree(self)
 
@@ -318,27 +319,27 @@ class Record(RecordData, Shown):
     def to_html(self, path: str | os.PathLike[str]) -> Path:
         """Write one self-contained page about the record, at most 2 MB, and return its path.
 
-        It shows the loading curve, where the interface slips, each event with its stresses, and
-        what made the record; see `pyfric.figures.record_page`.
+        The page shows the loading curve, slip along the interface, stresses of each event, and the
+        method; see `pyfric.figures.record_page`.
 
         Raises:
-            OSError: the file cannot be written; it names path and reason.
-            SceneError: the name ends like that of another format, such as .png.
+            OSError: the file cannot be written. The message names path and reason.
+            SceneError: the name has the ending of another format, such as .png.
         """
         return write(path, page(self).encode(), ".html")
 
     @usage('record.to_mat("run.mat")')
     @held_back()
     def to_mat(self, path: str | os.PathLike[str]) -> Path:
-        """Write a MATLAB file (version 5), which Octave reads, too; return its path.
+        """Write a file for MATLAB (version 5) and Octave; return its path.
 
-        Each group of `to_datatree` is a struct, such as ``curve.F_T`` or ``events.t_start``, and
-        ``about`` has scene, method, status and notes as text. Columns are column vectors, and
-        arrays over events and blocks have one row for each event. NaN stays NaN.
+        Each group of `to_datatree` is a struct, such as ``curve.F_T`` or ``events.t_start``. The
+        struct ``about`` has scene, method, status and notes as text. Columns are column vectors.
+        Arrays over events and blocks have one row for each event.
 
         Raises:
-            OSError: the file cannot be written; it names path and reason.
-            SceneError: the name ends like that of another format, such as .nc.
+            OSError: the file cannot be written. The message names path and reason.
+            SceneError: the name has the ending of another format, such as .nc.
         """
         return write(path, layout.mat(self), ".mat")
 
@@ -346,14 +347,13 @@ class Record(RecordData, Shown):
     def to_csv(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write the tables as CSV into ``folder`` (made if missing) and return the paths.
 
-        curve.csv, events.csv and episodes.csv are the data frames; stresses.csv has the arrays over
-        blocks, one row per event and block; interface.csv has the loaded interface; columns.csv
-        gives unit and meaning of every column. Floats are written with all digits that distinguish
-        them.
+        curve.csv, events.csv and episodes.csv are the data frames. stresses.csv has the arrays over
+        blocks, with one row per event and block. interface.csv has the loaded interface.
+        columns.csv gives unit and meaning of each column. Floats are written with full precision.
 
         Raises:
             OSError: a file cannot be written.
-            SceneError: the name ends like that of a file.
+            SceneError: ``folder`` has the ending of a file name.
         """
         folder = Path(os.path.expanduser(folder))
         check_folder_name(folder)

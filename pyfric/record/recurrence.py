@@ -1,24 +1,24 @@
 """Sizes of events and how they recur: counts, b-value, waiting times.
 
-The magnitude of an event is m = log10 of its size. In a catalogue that is complete from m_c on,
-with numbers of events above m that fall as 10^(-b m), the b-value has the largest likelihood, and
+The magnitude of an event is m = log10 of its size. The catalogue is complete from m_c on. The
+number of events above m falls as 10^(-b m). The b-value of largest likelihood and its error are
 
     b = log10(e) / (mean m - m_c) ,
     sigma_b = ln(10) b^2 [ sum (m - mean m)^2 / (n (n - 1)) ]^(1/2) ,
 
-over the n events with m >= m_c. Sizes that are whole numbers are counts, as of blocks: k stands for
-all sizes from k to k + 1, and m_c is the magnitude of the smallest count. Likewise a magnitude that
-was rounded to bins stands for all of its bin. Of an event that may have magnitudes from m to m + w,
-the likelihood is 10^(-b m) - 10^(-b (m + w)), so that the score and its derivative are
+over the n events with m >= m_c. Integer sizes are counts, such as numbers of blocks. A count k
+stands for all sizes from k to k + 1, and m_c is the magnitude of the smallest count. Likewise, a
+magnitude that was rounded to a bin stands for the whole bin. An event with magnitudes from m to
+m + w has the likelihood 10^(-b m) - 10^(-b (m + w)). The score and its derivative are
 
-    s = m_c - m + w/(10^(b w) - 1) ,   ds/db = -ln(10) w^2 10^(b w)/(10^(b w) - 1)^2 ,
+    s = m_c - m + w/(10^(b w) - 1) ,   ds/db = -ln(10) w^2 10^(b w)/(10^(b w) - 1)^2 .
 
-the sum of s vanishes, and sigma_b = [sum s^2 n/(n - 1)]^(1/2) / |sum ds/db|. For w = 0 these are
-the equations above. With the potency as size, b is the exponent of its cumulative distribution; the
-b-value of the moment magnitude is 3/2 of it.
+The sum of s vanishes, and sigma_b = [sum s^2 n/(n - 1)]^(1/2) / |sum ds/db|. For w = 0 these are
+the equations above. With the potency as size, b is the exponent of its cumulative distribution. The
+b-value of the moment magnitude is 3/2 of this b.
 
-The smallest events are those of single blocks, so that l and L bound the range. If m_c is left
-open, it is the lower end of the most frequent bin of magnitudes (of the maximum curvature).
+The smallest events are slip of single blocks, so that l and L bound the range of sizes. By default,
+m_c is the lower end of the most frequent bin of magnitudes (maximum curvature).
 
 Source: K. Aki, Bull. Earthq. Res. Inst. 43, 237 (1965), b; Y. Shi and B. A. Bolt, Bull. Seismol.
 Soc. Am. 72, 1677 (1982), its error; S. Tinti and F. Mulargia, Bull. Seismol. Soc. Am. 77, 2125
@@ -44,11 +44,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 BIN = 0.1
-"""Width of bins of magnitude in which the most frequent one is looked for: a policy."""
+"""Width of bins of magnitude. A policy."""
 FEWEST = 2
-"""Fewest events of a b-value with an error."""
+"""Fewest events that give a b-value with an error."""
 WHOLE = 1e-9
-"""Distance of a size from a whole number, over the size, up to which it is a count."""
+"""Largest distance of a count from an integer, over the count."""
 
 
 class Sizes(NamedTuple):
@@ -56,15 +56,16 @@ class Sizes(NamedTuple):
 
     Attributes:
         events: data frame with a row for each event of positive size, in order of time: t (s), its
-            start; size; magnitude; complete, whether it is at least m_c; waiting (s), the time
-            since the last complete one, NaN for the first and for others.
-        counts: data frame with a row for each size, in order: size; number of events at least so
-            large.
+            start; size; magnitude; complete, whether its magnitude is at least m_c; waiting (s),
+            the time since the last complete event, NaN for the first and for incomplete events.
+        counts: data frame with a row for each size, in order: size; number of events of at least
+            this size.
         m_c: magnitude from which the catalogue is complete.
-        n: number of events from there on.
+        n: number of events of magnitude m_c or more.
         b, b_error: b-value and its standard error.
         recurrence: mean waiting time, s; NaN for fewer than two events.
-        variation: its standard deviation over the mean: 0 for a clock, 1 for a Poisson process.
+        variation: standard deviation of waiting times over their mean: 0 for periodic events, 1 for
+            a Poisson process.
     """
 
     events: pd.DataFrame
@@ -86,13 +87,14 @@ def b_value(
     """Return the b-value of magnitudes and its standard error; see the module.
 
     Args:
-        magnitudes: shape (n,), without NaN. If all sizes 10^m are whole numbers, they are counts.
-        m_c: magnitude from which they are complete; None is the smallest one.
-        bin: width in which they are rounded, 0 if they are not. The bin of m_c is complete.
+        magnitudes: shape (n,), without NaN. If all sizes 10^m are integers, they are counts.
+        m_c: magnitude from which the catalogue is complete; None means the smallest magnitude.
+        bin: width of bins to which magnitudes are rounded, 0 if they are not rounded. The bin of
+            m_c is complete.
 
     Raises:
-        SceneError: an argument is refused, there are fewer than two magnitudes from m_c on, or all
-            are equal to it.
+        SceneError: an argument is refused, fewer than two magnitudes are at least m_c, or all of
+            these are equal.
     """
     m = np.asarray(magnitudes, dtype=float)
     if m.ndim != 1 or not np.isfinite(m).all():
@@ -116,7 +118,7 @@ def b_value(
 
 
 def _ranges(m: np.ndarray, m_c: float, bin: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return where the magnitudes that each event may have begin, their widths, and their least."""
+    """Return the lower end and width of the magnitudes that each event may have, and their m_c."""
     with np.errstate(over="ignore", invalid="ignore"):
         count = np.rint(10.0**m)
         counts = count.min() >= 1 and (np.abs(10.0**m - count) <= WHOLE * count).all()
@@ -129,7 +131,7 @@ def _ranges(m: np.ndarray, m_c: float, bin: float) -> tuple[np.ndarray, np.ndarr
 def _scores(
     low: np.ndarray, width: np.ndarray, m_c: float, b: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return derivatives of log10 likelihoods by b, and of these, negative; see the module."""
+    """Return the score s of each event and -ds/db at b; see the module."""
     half, scale = np.log(10) * b * width / 2, np.log(10) * b
     wide = np.where(half > 0, half, 1.0)
     with np.errstate(over="ignore"):
@@ -139,7 +141,7 @@ def _scores(
 
 
 def _root(of: Callable[[float], float], near: float) -> float:
-    """Return where a falling function of a positive number is zero."""
+    """Return the positive root of a decreasing function."""
     low = high = near
     while of(low) < 0:
         low /= 2
@@ -154,12 +156,12 @@ def sizes(record: RecordData, size: str = "potency", complete: float | None = No
 
     Args:
         size: column of `record.events`, such as "potency" (m^2), "n_blocks" or "friction_heat".
-        complete: size from which the catalogue is complete, in the unit of the column; None: that
-            of the most frequent bin of magnitudes.
+        complete: size from which the catalogue is complete, in the unit of the column; None means
+            the lower end of the most frequent bin of magnitudes.
 
     Raises:
-        SceneError: there is no such column, `complete` is refused, or fewer than two events are
-            left.
+        SceneError: there is no such column, `complete` is refused, or fewer than two events have
+            this size.
     """
     events, known = record.events, held_in("events")
     numbers = [name for name in events if events[name].dtype.kind in "if"]

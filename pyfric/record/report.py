@@ -1,4 +1,4 @@
-"""What `pyfric run` and `Record.summary` say of a record."""
+"""The report on a record by `pyfric run` and `Record.summary`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ METHOD = ("engine", "geometry", "stepper", "switching", "rtol", "dt", "threads",
 
 
 def summary(record: RecordData, files: list[Path]) -> dict[str, Any]:
-    """Return what `pyfric run` reports; None stands for numbers that are not known."""
+    """Return the report of `pyfric run`, with None for unknown numbers."""
     events, F_N = record.events, record.scene.F_N
     main = events[events["is_main"]].reset_index()
     for name in ("F_T_start", "F_T_arrest"):
@@ -57,7 +57,7 @@ def summary(record: RecordData, files: list[Path]) -> dict[str, Any]:
 
 
 def _errors(errors: Errors | None) -> dict[str, Any]:
-    """Return measured errors and what they come to; None stands for what was not measured."""
+    """Return measured errors and the verdict on them, with None for errors not measured."""
     if errors is None:
         return {"measured": None, "holds": None, "text": NOT_VERIFIED}
     verdict = {"measured": errors.measured(), "holds": errors.holds, "text": str(errors)}

@@ -1,15 +1,14 @@
 """The front of an event: when it reached each block, and how fast it was.
 
-Take each block's first slip in the event. Two neighbouring blocks are linked when these first slips
-are at most ``link_time`` apart. The front is the longest run of linked blocks (the earliest one if
-two are equally long). First slips in other runs, and all later slips, are left out: a second
-rupture merged into the event, or a block that had slipped before the front came, would otherwise
-show up as a very slow front.
+Two neighbouring blocks are linked if their first slips in the event are at most ``link_time``
+apart. The front is the longest row of linked blocks, the earliest if two are equally long. First
+slips outside this row, and all later slips, are left out. They may belong to a second rupture in
+the event, or to slip before the front, and would look like a very slow front.
 
-The ``link_time`` is 40 l/c_s with c_s = l sqrt(k/(2 m)), the shear speed of the lattice.
-One pause of that length makes v_c = 4 l/(40 l/c_s) = 0.1 c_s, so one pause cannot by itself pass
-for a slow front (v_c < 0.05 c_s), while a steady front is followed down to 0.025 c_s. On junctions
-a front waits while junctions slip, so that it is at least their mean time of slip t_R.
+``link_time`` is 40 l/c_s with c_s = l sqrt(k/(2 m)), the shear speed of the lattice. One pause of
+this length gives v_c = 4 l/(40 l/c_s) = 0.1 c_s. One pause cannot be mistaken for a slow front,
+v_c < 0.05 c_s. A steady front is followed down to 0.025 c_s. On junctions a front waits while
+junctions slip. ``link_time`` is then at least their mean time of slip t_R.
 
 Arrays over blocks run from left to right, times are in s, speeds in m/s.
 """
@@ -24,14 +23,14 @@ from pyfric.scene import Scene
 from pyfric.values import SceneError, check_number, usage
 
 AVERAGED = 4
-"""Blocks that a front passes in the time of which its speed is the average, as in the paper."""
+"""Number of block spacings over which the speed of a front is averaged, as in the paper."""
 SLOWEST = 0.1
-"""Speed of a front over c_s after one pause of the longest link: twice 0.05, where slow fronts
-begin (a policy)."""
+"""Average speed of a front over c_s across one pause of length ``link_time``. It is twice 0.05, the
+limit of slow fronts. A policy."""
 
 
 def longest_link(scene: Scene) -> float:
-    """Longest time from block to block of a front, s: 4 l/(0.1 c_s) = 40 sqrt(2 m/k), or more."""
+    """Return the ``link_time`` of a scene, s: 4 l/(0.1 c_s) = 40 sqrt(2 m/k), or more."""
     of_waves = AVERAGED / SLOWEST * float(np.sqrt(2 * scene.m / scene.slider.k))
     return max(of_waves, scene.law.slowest)
 
@@ -42,7 +41,8 @@ def rupture_front(first_slips: np.ndarray, n_of_i: np.ndarray, link_time: float)
     Args:
         first_slips: (n_events, N_x) start of each block's first slip in the event, s, NaN for
             blocks that did not slip; columns from left to right.
-        n_of_i: (N_x,) block numbers; equal candidates are told apart by time, then by number.
+        n_of_i: (N_x,) block numbers. Of equally long rows, the earliest is the front, then the
+            nearest to block 1.
         link_time: largest difference between linked neighbours, s.
 
     Returns:
@@ -79,9 +79,9 @@ def front_speed(rupture_times: np.ndarray, l: float, d: int = 1) -> np.ndarray:
         d: +1 for fronts that run to the right (driven from the left), -1 for the left.
 
     Returns:
-        (..., N_x), m/s. NaN at two blocks from either end, and where the five times do not all
-        exist or do not strictly increase away from the driven side. The event table counts the
-        latter as ``n_not_increasing``.
+        (..., N_x), m/s. NaN within two blocks of either end, and where the five times do not all
+        exist or do not strictly increase away from the driven side. In the event table,
+        ``n_not_increasing`` counts blocks whose times do not increase.
 
     Raises:
         SceneError: a record, or times of a library of units, are given, or l is refused.
@@ -113,7 +113,7 @@ def front_speed(rupture_times: np.ndarray, l: float, d: int = 1) -> np.ndarray:
 def first_slips(joined: Mapping[str, np.ndarray], n_events: int, N_x: int) -> np.ndarray:
     """(n_events, N_x) start of the first slip of each block in each event, s, NaN where none.
 
-    It is NaN, too, for slip that was under way when the log began.
+    Slip that began before the log has NaN.
 
     Args:
         joined: columns of episodes that are part of events, in order of time: row of the event

@@ -1,23 +1,23 @@
-"""Whether a lattice can carry a front: blocks in its cohesive zone, and what viscosity does to it.
+"""Whether a lattice resolves a front: blocks in its cohesive zone, and the effect of viscosity.
 
-Behind a front, friction falls from mu_s p to mu_k p over the length X_c, the cohesive zone. Where
-that is not many blocks long, it is the lattice that sets the speed of the front. With the
-fracture energy Gamma of the law (per body, `pyfric.theory.fracture_energy`) and the stress drop
+Behind a front, friction falls from mu_s p to mu_k p over the length X_c, the cohesive zone. If
+X_c is only a few blocks long, the lattice sets the speed of the front. With the fracture energy
+Gamma of the law (per body, `pyfric.theory.fracture_energy`) and the stress drop
 dtau = (mu_s - mu_k) p,
 
-    X_c0 = (9 pi/16) E' Gamma/dtau^2,     X_c(v) = X_c0/A_II(v),
+    X_c0 = (9 pi/16) E' Gamma/dtau^2,     X_c(v) = X_c0/A_II(v).
 
-per block, with G = Gamma l B, f = dtau l B and E' B = 4 k/3: X_c0/l = (3 pi/4) k G/f^2. With linear
-weakening G = f d_c/2; with d_c = 0 there is no zone.
+Per block, with G = Gamma l B, f = dtau l B and E' B = 4 k/3, X_c0/l = (3 pi/4) k G/f^2. Linear
+weakening has G = f d_c/2. With d_c = 0 there is no zone.
 
 In a chain the zone is a quarter wave of k l^2 (1 - v^2/c^2) u'' + (f/d_c) u = 0, with d_c = 2 G/f:
 X_c0/l = (pi/2) sqrt(2 k G)/f, X_c(v) = X_c0 sqrt|1 - v^2/c^2|, c = l sqrt(k/m).
 
-Dashpots slow fronts down. Their force over that of the springs is, in the zone, of the order of
-eta v/(k X_c), which goes with r = (eta/sqrt(k m))/(X_c0/l). Two-sided cracks under a uniform stress
-drop at S = 3 run slower than fracture mechanics says, in the mean, by `VISCOUS` sqrt(6 r): 7.6 %
-with the paper's viscosity and 6 blocks in X_c0. In 18 cracks with eta^2 from 1e-4 to 1 k m and 3 to
-8 blocks that is right within a sixth.
+Dashpots slow fronts down. In the zone, their force over that of the springs is of the order of
+eta v/(k X_c), proportional to r = (eta/sqrt(k m))/(X_c0/l). Measured two-sided cracks under a
+uniform stress drop at S = 3 are slower than fracture mechanics, in the mean, by `VISCOUS`
+sqrt(6 r). With the paper's viscosity and 6 blocks in X_c0 this is 7.6 %. The rule holds within a
+sixth in 18 cracks with eta^2 from 1e-4 to 1 k m and 3 to 8 blocks.
 
 Source: A. C. Palmer and J. R. Rice, Proc. R. Soc. A 332, 527 (1973); for the chain, derived here;
 for cracks, `reference_data/fronts/viscosity.csv`.
@@ -35,24 +35,25 @@ from pyfric.scene import PrescribedLoad, Scene
 from pyfric.theory import A_II, Material
 
 RESOLVED = 6
-"""Fewest blocks in X_c0 with which a front is resolved: fronts of a crack under uniform stress drop
-then run within 5 % of fracture mechanics where viscosity is low (`reference_data/fronts`)."""
+"""Fewest blocks in X_c0 with which a front is resolved. At low viscosity, fronts of a crack under
+uniform stress drop are then within 5 % of fracture mechanics (`reference_data/fronts`)."""
 RESOLVED_L_B = 3
 """Fewest blocks in L_b with which rate-and-state friction counts as resolved."""
 RESOLVED_ERROR = 0.05
-"""That 5 %, which falls in proportion to l, and beyond which a note speaks of viscosity."""
+"""Relative error of front speeds with `RESOLVED` blocks in X_c0. It is proportional to l. Records
+have a note if viscosity slows fronts by more than this."""
 VISCOUS = {"full": 0.136, "along": 0.05}
-"""By how much fronts are slower with eta = sqrt(k m) and 6 blocks in X_c0, relative, for each kind
-of dashpots: measured, with cracks; see the module."""
+"""Relative decrease of front speeds with eta = sqrt(k m) and 6 blocks in X_c0, for each kind of
+dashpots, measured with cracks; see the module."""
 
 
 def material_of(scene: Scene) -> Material:
-    """Return the material of a lattice; speeds and g_II do not depend on its width, here 1 m."""
+    """Return the material of a lattice of width 1 m; speeds and g_II are those of any width."""
     return Material.of_lattice(scene.slider.k, scene.m, scene.slider.l, 1.0)
 
 
 def pace_limits(scene: Scene) -> tuple[float, float]:
-    """Return c_R and c_S of a scene, both c in a chain, in m/s."""
+    """Return c_R and c_S of a scene, in m/s; both are c in a chain."""
     if scene.N_z == 1:
         c = scene.slider.l * math.sqrt(scene.slider.k / scene.m)
         return c, c
@@ -64,8 +65,8 @@ def zone_at_rest(scene: Scene, p: np.ndarray) -> np.ndarray:
     """Return X_c0/l at each block: 0 without weakening, NaN where p is 0 or NaN.
 
     Args:
-        p: normal forces on the blocks from left to right, shape (..., N_x), N; where it is NaN, a
-            prescribed one is taken.
+        p: normal forces on the blocks from left to right, shape (..., N_x), N. A prescribed normal
+            force replaces NaN.
 
     Source: see the module.
     """
@@ -81,13 +82,13 @@ def zone_at_rest(scene: Scene, p: np.ndarray) -> np.ndarray:
 
 
 def zone_moving(scene: Scene, p: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return X_c(v)/l at each block; NaN where v is, and where it is not below c_R.
+    """Return X_c(v)/l at each block; NaN where v is NaN or, in two dimensions, at least c_R.
 
     Args:
         p: as in `zone_at_rest`.
         v: front speeds, of the same shape, m/s.
 
-    Source: see the module; above c_R, where cracks have no such zone, it has no value.
+    Source: see the module.
     """
     at_rest = zone_at_rest(scene, p)
     if scene.N_z == 1:
@@ -103,8 +104,8 @@ def zone_moving(scene: Scene, p: np.ndarray, v: np.ndarray) -> np.ndarray:
 def can_rupture(scene: Scene) -> np.ndarray:
     """Return which blocks a front can pass, left to right, shape (N_x,).
 
-    All that a driver loads; without one those whose given shear force exceeds mu_k p, and drops
-    when they slip.
+    With a driver these are all blocks. Without a driver, they are the blocks whose prescribed shear
+    force exceeds mu_k p.
     """
     if not isinstance(scene.top, PrescribedLoad) or scene.driver.K * scene.driver.fastest > 0:
         return np.ones(scene.N_x, dtype=bool)
@@ -121,7 +122,7 @@ def _mean_p(scene: Scene) -> np.ndarray:
 def zone_of_scene(scene: Scene, speed: float = 0.0) -> float:
     """Return the least X_c(v)/l over the blocks of a scene that can rupture; NaN if none can.
 
-    Where p is not given it is F_N/N_x.
+    Where p is not prescribed, it is taken as F_N/N_x.
 
     Args:
         speed: v over c_R, or over c in a chain; below 1.
@@ -133,9 +134,9 @@ def zone_of_scene(scene: Scene, speed: float = 0.0) -> float:
 
 
 def blocks_needed(scene: Scene, tolerance: float) -> tuple[float, float]:
-    """Return how many blocks in X_c0 resolve front speeds within a tolerance.
+    """Return the numbers of blocks in X_c0 that resolve front speeds within a tolerance.
 
-    The first number is for little viscosity, the second one for that of the scene.
+    The first number is for low viscosity, the second for the viscosity of the scene.
     """
     little = RESOLVED * max(1.0, RESOLVED_ERROR / tolerance)
     viscous = RESOLVED * (viscous_error(scene, RESOLVED) / tolerance) ** 2
@@ -143,9 +144,11 @@ def blocks_needed(scene: Scene, tolerance: float) -> tuple[float, float]:
 
 
 def viscous_error(scene: Scene, blocks: float) -> float:
-    """Return by how much dashpots slow a front with so many blocks in X_c0, relative.
+    """Return the relative decrease of front speeds by dashpots, for a number of blocks in X_c0.
 
-    Source: see the module; NaN for a chain, whose exact speeds are in `pyfric.theory`.
+    It is NaN for a chain, whose exact speeds are in `pyfric.theory`.
+
+    Source: see the module.
     """
     if scene.N_z == 1:
         return math.nan
@@ -155,7 +158,7 @@ def viscous_error(scene: Scene, blocks: float) -> float:
 
 
 class Slipped(Protocol):
-    """What notes look at in a `Catalogue`; see there."""
+    """Members of a `Catalogue` that notes use."""
 
     slips: Mapping[str, np.ndarray]
 
@@ -166,13 +169,13 @@ class Slipped(Protocol):
 
 
 def zone_notes(scene: Scene, engine: str, catalogue: Slipped) -> tuple[str, ...]:
-    """Return what to know about front speeds: whether lattice or dashpots set them; and of counts.
+    """Return notes on results that depend on l or on dashpots: front speeds, short precursors.
 
-    Where no static state is known, as under a push, p is F_N/N_x.
+    Where no static state is known, as under a push, p is taken as F_N/N_x.
 
     Args:
         engine: name of the engine.
-        catalogue: of the run; main events whose fronts have speeds count.
+        catalogue: catalogue of the run. Main events whose fronts have speeds count.
     """
     main = catalogue["is_main"]
     fast = np.isfinite(catalogue.front_speed) & main[:, None]
@@ -207,11 +210,12 @@ def zone_notes(scene: Scene, engine: str, catalogue: Slipped) -> tuple[str, ...]
 
 
 def chain_notes(scene: Scene, engine: str, catalogue: Slipped) -> tuple[str, ...]:
-    """Return a note where slip from the trailing edge of a chain is too short to go on by itself.
+    """Return a note if slip from the trailing edge of a chain is too short to go on by itself.
 
-    Blocks 1 to m that come to rest at mu_k p leave what they carried beyond that to block m + 1:
-    it slips if the sum of tau_i - mu_k p_i up to it exceeds (mu_s - mu_k) p. Without inertia a
-    front needs m >= 1/tau_bar - 1 blocks at a uniform scaled prestress tau_bar; with it, fewer.
+    Blocks 1 to m that come to rest at mu_k p pass their excess force on to block m + 1. Block m + 1
+    slips if the sum of tau_i - mu_k p_i up to it exceeds (mu_s - mu_k) p. At a uniform scaled
+    prestress tau_bar, a front without inertia needs m >= 1/tau_bar - 1 blocks. Inertia lowers this
+    number.
     """
     top, slipped = scene.top, catalogue.slips["n"]
     alone = scene.driver.K * scene.driver.fastest == 0 and not top.push

@@ -1,4 +1,4 @@
-"""The language of inputs: checked values with units, errors, words, tables, files."""
+"""Input: checked values with units, errors, words, tables, files."""
 
 from pyfric.values.calls import usage
 from pyfric.values.checked import (

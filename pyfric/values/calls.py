@@ -1,4 +1,4 @@
-"""Calls that do not fit a function: refused with the line to write."""
+"""Errors for calls with wrong arguments, with the line to write."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from pyfric.values.words import line, meant
 P = ParamSpec("P")
 T = TypeVar("T")
 NAMED = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-"""Kinds of arguments that a line shows."""
+"""Kinds of arguments that the line to write shows."""
 
 
 def usage(written: str = "") -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Refuse calls that do not fit the function below, with the line to write.
+    """Decorate a function so that errors for wrong arguments contain the line to write.
 
     Args:
-        written: the line; "" for the function with the arguments that it needs.
+        written: the line; "" means the function with its required arguments.
 
     Raises:
         SceneError: an argument is missing, given twice, or unknown.
@@ -48,7 +48,7 @@ def usage(written: str = "") -> Callable[[Callable[P, T]], Callable[P, T]]:
 def _misfit(
     written: str, reason: str, signature: inspect.Signature, keywords: Mapping[str, object]
 ) -> SceneError:
-    """Return the refusal of a call whose arguments are wrong for this reason (of `inspect`)."""
+    """Return the error for a call with wrong arguments; `inspect` gives the reason."""
     strange = [name for name in keywords if name not in signature.parameters]
     takes_more = any(arg.kind is arg.VAR_KEYWORD for arg in signature.parameters.values())
     for name in strange if takes_more else ():  # options of runs, or fields of scenes

@@ -26,14 +26,14 @@ from pyfric.values.units import (
 )
 
 FOR_EVER = (math.inf, "inf s")
-"""Values that mean no end, or never, in Python and in files."""
+"""Values that mean "no end" or "never", in Python and in files."""
 MAX_LISTED = 10_000
 """Largest number of values in a list."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Written:
-    """A value from a scene file. It may name files in `folder`; if that is None, it may not."""
+    """A value from a scene file. It may name files in `folder`; None means no files."""
 
     value: Any
     folder: Path | None = None
@@ -50,10 +50,10 @@ class Annotation:
         return f"{type(self).__name__}({self.allowed!r})" if self.allowed else type(self).__name__
 
     def check(self, value: Any, written: Written | None = None) -> Any:
-        """Return the checked value, which is of Python, or of an entry `written` in a scene file.
+        """Return the checked value, from Python or from an entry `written` in a scene file.
 
         Raises:
-            SceneError: the value is refused; the error does not name the field.
+            SceneError: the value is refused. The error does not name the field.
         """
         return value
 
@@ -62,7 +62,7 @@ class Annotation:
         return value
 
     def of_drawn(self, cls: type) -> Mapping[str, Annotation]:
-        """Return the annotations of a class of `drawn`; some of its numbers have this unit."""
+        """Return the annotations of a class of `drawn`, with the unit of this annotation."""
         return in_unit(cls, self.unit) if cls in self.drawn else {}
 
 
@@ -75,9 +75,9 @@ class Quantity(Annotation):
     ge: float | None = None
     le: float | None = None
     optional: bool = False
-    listed: bool = False  # or a sequence of numbers, which becomes a tuple
-    each: str = "number"  # what one of them is called
-    drawn: tuple[type, ...] = ()  # or an object of these classes, a table in a scene file
+    listed: bool = False  # a sequence of numbers is allowed, and becomes a tuple
+    each: str = "number"  # word for an entry of the sequence
+    drawn: tuple[type, ...] = ()  # classes of allowed objects, which are tables in a scene file
     note: str = ""
     endless: bool = False  # inf is allowed
 
@@ -108,9 +108,9 @@ class Quantity(Annotation):
         return check_number("", value, self.unit, **self._limits, note=self.note)
 
     def _drawn(self, values: Mapping[str, Any], written: Written | None) -> Any:
-        """Return the object that a table describes: of the class in `drawn` with its names.
+        """Return the object for a table, of the class in `drawn` whose fields the table names.
 
-        A table with the name of a file describes what the file holds.
+        If the table names a file, its numbers are read.
         """
         if values.keys() == {"file"} and isinstance(values["file"], str):
             folder = written.folder if written else Path()
@@ -140,7 +140,7 @@ class Quantity(Annotation):
 
 @dataclasses.dataclass(frozen=True)
 class Switches(Annotation):
-    """True or False, or a sequence of them with one for each block, which becomes a tuple."""
+    """True or False, or a sequence of these values, one for each block, which becomes a tuple."""
 
     allowed: str = "True or False, or a list of N_x of them"
 
@@ -165,7 +165,7 @@ class Switches(Annotation):
 
 @dataclasses.dataclass(frozen=True)
 class Whole(Annotation):
-    """A whole number from a smallest to a largest one."""
+    """An integer from a smallest to a largest value."""
 
     largest: int
     least: int = 0
@@ -176,7 +176,7 @@ class Whole(Annotation):
 
 @dataclasses.dataclass(frozen=True)
 class Words(Annotation):
-    """One of a few words, those of a `Literal`."""
+    """One of the words of a `Literal`."""
 
     words: tuple[str, ...]
     optional: bool = False
@@ -196,7 +196,7 @@ class Words(Annotation):
 
 @dataclasses.dataclass(frozen=True)
 class Name(Annotation):
-    """A line of text without characters that control it, such as its direction."""
+    """A line of text without control characters, such as those for its direction."""
 
     longest: int
 
@@ -217,7 +217,7 @@ class Name(Annotation):
 
 
 UNSEEN, JOINERS = ("Cc", "Cf", "Cs", "Zl", "Zp"), "\u200c\u200d"
-"""Categories of signs that have no place in a line of text, and two that scripts need."""
+"""Unicode categories that are refused in a line of text, and two characters that are allowed."""
 
 Positive = functools.partial(Quantity, gt=0.0)
 NotNegative = functools.partial(Quantity, ge=0.0)
@@ -226,11 +226,11 @@ NotNegative = functools.partial(Quantity, ge=0.0)
 class OneOf(Annotation):
     """A part of one of several classes. In a scene file the entry `kind` selects the class.
 
-    The class makes itself of a table of the file if it has a method `from_file`.
+    A class with a method `from_file` reads its table of the file itself.
 
     Args:
         classes: the classes, or a common base class.
-        kinds: kinds to classes; None means the attributes `kind` of the classes.
+        kinds: mapping of kinds to classes; None means the attributes `kind` of the classes.
         allowed: description of the values that are allowed in Python.
     """
 
@@ -263,7 +263,7 @@ class OneOf(Annotation):
         return make(entries, written.folder)
 
     def _named(self, kind: str) -> Any:
-        """Return the part of a kind that needs no parameters."""
+        """Return the part of a kind, without parameters."""
         if kind not in self.kinds:
             raise unknown("", kind, kind, self.kinds)
         cls = self.kinds[kind]
@@ -284,7 +284,7 @@ HINTS: dict[type, dict[str, Any]] = {}
 
 @functools.cache
 def annotations(cls: type) -> dict[str, Annotation]:
-    """Return the annotations of the fields of a part; a `Literal` stands for its `Words`."""
+    """Return the annotations of the fields of a part; a `Literal` becomes `Words`."""
     found = {}
     for name, hint in HINTS[cls].items():
         inside = typing.get_args(hint)
@@ -298,7 +298,7 @@ def annotations(cls: type) -> dict[str, Annotation]:
 
 @functools.cache
 def in_unit(cls: type, unit: str) -> dict[str, Annotation]:
-    """Return the annotations of the fields of a part, with this unit for those in `cls.in_unit`."""
+    """Return the annotations of the fields of a part; fields in `cls.in_unit` get a unit."""
     return {
         name: dataclasses.replace(mark, unit=unit) if name in cls.in_unit else mark
         for name, mark in annotations(cls).items()
@@ -306,9 +306,9 @@ def in_unit(cls: type, unit: str) -> dict[str, Annotation]:
 
 
 def from_entries(cls: type, entries: Mapping[str, Any], folder: Path | None, **more: Any) -> Any:
-    """Return the part that a table of a scene file describes; files that it names are in `folder`.
+    """Return the part for a table of a scene file; files that the table names are in `folder`.
 
-    A part with a method `from_file` uses this for all that its file does not give another way.
+    A method `from_file` of a part calls this after it has read its own entries.
     """
     marks = annotations(cls)
     values = {n: Written(v, folder) if n in marks else v for n, v in entries.items()}
@@ -348,7 +348,7 @@ def part(cls: type) -> type:
 
 
 def _move_hints(cls: type, init: Any) -> None:
-    """Move what fields may be to `HINTS`, so that the help of a part shows plain types."""
+    """Move the annotations of fields to `HINTS`, so that the help of a part shows plain types."""
     own = typing.get_type_hints(cls, include_extras=True)
     of_bases = [HINTS[base] for base in reversed(cls.__mro__) if base in HINTS]
     inherited = {name: hint for hints in of_bases for name, hint in hints.items()}
@@ -361,7 +361,7 @@ def _move_hints(cls: type, init: Any) -> None:
 
 
 def _checked(cls: type, args: tuple[Any, ...], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the checked values of the fields of a part; the error lists all that is wrong."""
+    """Return the checked values of the fields of a part; the error lists all faults."""
     prefix, marks = f"{cls._section}." if cls._section else "", annotations(cls)
     fields = {field.name: field.default for field in dataclasses.fields(cls)}
     positions = [name for name in getattr(cls, "_positions", ()) if name not in given]

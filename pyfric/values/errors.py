@@ -21,8 +21,8 @@ class SceneError(ValueError):
 
     Attributes:
         field: dotted name of the input, such as ``"slider.l"``.
-        value: the given value; ``None`` if it is missing.
-        unit: SI unit of the input; ``""`` if it has none.
+        value: the given value; ``None`` if missing.
+        unit: SI unit of the input; ``""`` for a pure number or text.
         allowed: the allowed values, as text.
         reason: the fault of the value, as text (may be empty).
         others: further ``SceneError`` found at the same time.
@@ -60,7 +60,7 @@ class SceneError(ValueError):
         return f"{type(self).__name__}({str(self)!r})"
 
     def at(self, field: str, where: str = "") -> SceneError:
-        """Return the same error under another dotted name, its reason after a place."""
+        """Return the same error with another dotted name, and a place before its reason."""
         reason = f"{where}: {self.reason or 'not allowed'}" if where else self.reason
         return type(self)(field, self.value, self.unit, self.allowed, reason, self.others)
 
@@ -70,14 +70,14 @@ class SceneError(ValueError):
 
     @classmethod
     def joined(cls, errors: Iterable[SceneError]) -> SceneError:
-        """Return one error that lists all `errors` (at least one), with attributes of the first."""
+        """Return one error that lists one or more `errors`, with the attributes of the first."""
         first, *others = [each for error in errors for each in error.flat()]
         return cls(*first.args[:-1], others)
 
 
 @contextmanager
 def naming(field: str = "", where: str = "") -> Iterator[None]:
-    """Give a `SceneError` of the block a dotted name, and put a place before its reason."""
+    """Add a dotted name to a `SceneError` raised in the block, and a place before its reason."""
     try:
         yield
     except SceneError as error:
@@ -85,7 +85,7 @@ def naming(field: str = "", where: str = "") -> Iterator[None]:
 
 
 def numbered(what: str, check: Callable[[Any], Any], values: Iterable[Any]) -> tuple[Any, ...]:
-    """Return checked values; errors number the refused one, from 1 on."""
+    """Return checked values; an error gives the number of the refused value, from 1."""
     found = []
     for n, value in enumerate(values, 1):
         with naming(where=f"{what} {n}"):

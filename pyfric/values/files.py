@@ -29,7 +29,7 @@ FORMATS = {
     **{".txt": "text", ".xlsx": "Excel", ".parquet": "Parquet", ".npz": "NumPy", ".zip": "zip"},
     ".mat": "MATLAB",
 }
-"""Suffixes of names of files, in small letters, and the formats that they promise."""
+"""Suffixes of names of files, in small letters, and the formats for which they stand."""
 OLD = 86400.0
 """Age above which a temporary file of another machine counts as abandoned, in s."""
 
@@ -58,10 +58,10 @@ def written(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def check_suffix(path: str | os.PathLike[str], own: str) -> None:
-    """Refuse the name of a file whose suffix promises another format than that of `own`.
+    """Refuse the name of a file whose suffix stands for another format than the suffix `own`.
 
     Raises:
-        SceneError: the suffix is another one of `FORMATS`.
+        SceneError: the suffix is in `FORMATS`, and differs from `own`.
     """
     found = Path(path).suffix.lower()
     if own and found != own and found in FORMATS:
@@ -73,13 +73,13 @@ def check_suffix(path: str | os.PathLike[str], own: str) -> None:
 def check_free(
     path: str | os.PathLike[str], overwrite: bool, save: Callable[[Path], object], held: str = ""
 ) -> None:
-    """Refuse to replace the file of a run, unless one says so, and keep the new one beside it.
+    """Refuse to replace a file, unless `overwrite` is True; then save under another name.
 
     Args:
         path: the file.
-        overwrite: whether it may be replaced.
-        save: writes a file that does not exist, such as run-2.nc for run.nc.
-        held: what the file holds, for the message.
+        overwrite: whether the file may be replaced.
+        save: function that writes a new file, such as run-2.nc for run.nc.
+        held: content of the file, for the message.
 
     Raises:
         SceneError: the file exists.
@@ -95,10 +95,10 @@ def check_free(
 
 
 def check_folder_name(folder: Path) -> None:
-    """Refuse the name of a file where several files are written into a folder.
+    """Refuse the name of a file as the name of a folder for several files.
 
     Raises:
-        SceneError: its suffix is one of `FORMATS`.
+        SceneError: the suffix is in `FORMATS`.
     """
     if folder.suffix.lower() in FORMATS and not folder.is_dir():
         allowed = f'a folder for several files, such as "{folder.stem}"'
@@ -106,10 +106,10 @@ def check_folder_name(folder: Path) -> None:
 
 
 def figure_stem(path: str | os.PathLike[str]) -> Path:
-    """Return a path without the suffix .png or .pdf: the files of a figure are named after it.
+    """Return a path without the suffix .png or .pdf, as stem for the names of a figure's files.
 
     Raises:
-        SceneError: its suffix is that of another format.
+        SceneError: the suffix belongs to another format.
     """
     path = Path(path)
     if path.suffix.lower() in (".png", ".pdf"):
@@ -119,7 +119,7 @@ def figure_stem(path: str | os.PathLike[str]) -> Path:
 
 
 def write(path: str | os.PathLike[str], content: bytes, suffix: str = "") -> Path:
-    """Write a file completely or not at all, and return its path; `suffix` is that of its format.
+    """Write a file completely or not at all, and return its path; `suffix` belongs to its format.
 
     Raises:
         OSError: see `written`.
@@ -168,7 +168,7 @@ def check_writable(path: str | os.PathLike[str], size: int = 0, suffix: str = ""
 
     Raises:
         OSError: the file cannot be written. The error names path.
-        SceneError: see `check_suffix`; `suffix` is that of its format.
+        SceneError: see `check_suffix`; `suffix` belongs to the format of the file.
     """
     check_suffix(path, suffix)
     with _regular(path) as target:
@@ -232,14 +232,15 @@ def _draft(folder: Path) -> Path:
 def clean_drafts(folder: Path) -> int:
     """Delete the temporary files that killed processes left in a folder; return their number.
 
-    Their process no longer exists. If this cannot be checked, they are older than a day.
+    A file is deleted if its process no longer exists. If this cannot be checked, a file is deleted
+    if it is older than a day.
     """
     gone = 0
     with contextlib.suppress(OSError):
         for path in list(folder.iterdir()):
             named = DRAFT.fullmatch(path.name)
             if named and _left_behind(path, named["host"], int(named["process"])):
-                with contextlib.suppress(OSError):  # others are deleted all the same
+                with contextlib.suppress(OSError):  # then go on with the others
                     path.unlink()
                     gone += 1
     return gone

@@ -1,4 +1,4 @@
-"""Tables of numbers as text: what separates columns, decimal commas, units in heads of columns."""
+"""Tables of numbers as text: separators of columns, decimal commas, units in heads of columns."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pyfric.values.errors import SceneError
 from pyfric.values.units import parse_quantity
 
 SEPARATORS = ("\t", ";", ",", " ")
-"""What may separate columns: the first of them that leaves numbers. A blank stands for several."""
+"""Possible separators of columns, in the order in which they are tried. A blank may be repeated."""
 NAMES = {"\t": "tabs", ";": "semicolons", ",": "commas", " ": "blanks"}
 NO_UNIT = ("", "-", "–", "1")
 """Texts that stand for no unit."""
@@ -24,20 +24,19 @@ _BRACES = re.compile(r"^([^\\$]*)\{([^{}]*)\}$")
 _INDEX = re.compile(r"\b([^\W\d]+)\d\b")
 """A digit at the end of a name, as in mu_2."""
 _FACTOR = re.compile(r"[x*×·⋅]?\s*[\d^%‰⁰¹²³⁴-⁹⁻][\d^%‰⁰¹²³⁴-⁹⁻.eE*−-]*|[*×·⋅]")
-"""What is left of a number, a power of ten, a product or a share."""
+"""A number, a power of ten, a product or a share that remains in a head."""
 SCALED = re.compile(r"[*×·⋅^⁰¹²³⁴-⁹]|\b1(?:e-?\d|0-\d|00+\b)", re.IGNORECASE)
-"""What a comment with a factor has, and one with a date, a temperature or a number of a sample
-has not."""
+"""Signs and powers of ten in a factor. Dates, temperatures and numbers of samples do not match."""
 _SHARES = re.compile(r"per\W?cent|per\W?mill?e?|ppm", re.IGNORECASE)
 WORDS = ("min", "dyn", "mus", "mud")
-"""Units that are words of a friction coefficient: the minimum, dynamic friction, mu_s, mu_d."""
+"""Units that are also names of friction coefficients: minimum, dynamic friction, mu_s, mu_d."""
 COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 """A number with a decimal comma."""
 POINT = re.compile(r"[+-]?\d*\.\d+(?:[eE][+-]?\d+)?|[+-]?\d+\.")
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}[,.]\d{3}")
-"""What may be a number with a decimal mark, or one of thousands."""
+"""Text that is either a decimal number or a number of thousands."""
 _BLANKS = re.compile(r"\s+(?![(\[<])")
-"""Blanks between columns; those before a bracket are part of a head."""
+"""Blanks between columns. Blanks before a bracket are part of a head."""
 
 
 class Line(NamedTuple):
@@ -48,12 +47,12 @@ class Line(NamedTuple):
 
 
 class Lines(NamedTuple):
-    """Lines of a table, without empty ones.
+    """Lines of a table, without empty lines.
 
     Attributes:
-        comments: those that start with #, without it.
-        plain: the others; numbers have decimal points.
-        apart: what separates columns, one of `SEPARATORS`.
+        comments: lines that start with #, without the #.
+        plain: all other lines, with decimal points.
+        apart: separator of columns, one of `SEPARATORS`.
         commas: whether the file has decimal commas.
     """
 
@@ -66,15 +65,15 @@ class Lines(NamedTuple):
 def lines_of(text: str) -> Lines:
     """Return the lines of a table of numbers.
 
-    The last line decides what separates columns. Numbers may have decimal commas, in quotes where
-    commas separate columns.
+    The last line determines the separator of columns. Numbers may have decimal commas. If commas
+    separate columns, such numbers are in quotes.
 
     Args:
         text: content of the file.
 
     Raises:
-        ValueError: commas may be decimal or separate columns. The message says what to do.
-        csv.Error: quotes that are not closed.
+        ValueError: commas may be decimal commas or separators. The message gives a remedy.
+        csv.Error: a quote is not closed.
     """
     written = text.splitlines()
     lines = [(n, t) for n, t in enumerate(map(str.strip, written), 1) if t]
@@ -93,7 +92,7 @@ def lines_of(text: str) -> Lines:
 
 
 def separator_of(line: str) -> str:
-    """Return what separates the numbers of a line."""
+    """Return the separator of the numbers of a line."""
     for apart in SEPARATORS:
         cells = cells_of(line, apart)
         if len(cells) > 1 and all(is_number(c) or COMMA.fullmatch(c) or not c for c in cells):
@@ -105,7 +104,7 @@ def _decimal_commas(rows: list[Line]) -> bool:
     """Whether numbers have decimal commas.
 
     Raises:
-        ValueError: that is not clear.
+        ValueError: rows differ, or a comma may separate thousands.
     """
     commas = [(n, c) for n, cells in rows for c in cells if COMMA.fullmatch(c)]
     if not commas:
@@ -121,7 +120,7 @@ def cells_of(line: str, apart: str) -> list[str]:
     """Return the cells of a line.
 
     Raises:
-        csv.Error: a quote that is not closed.
+        csv.Error: a quote is not closed.
     """
     if apart == " ":
         return _BLANKS.split(line)
@@ -130,12 +129,12 @@ def cells_of(line: str, apart: str) -> list[str]:
 
 
 def _cells(lines: Iterable[tuple[int, str]], apart: str) -> list[Line]:
-    """Return the cells of each line, which `apart` separates."""
+    """Return the cells of each line, with the separator `apart`."""
     return [Line(n, cells_of(line, apart)) for n, line in lines]
 
 
 def _with_ends(rows: list[Line], written: list[str]) -> list[Line]:
-    """Return rows with the empty cells at their ends that other rows of numbers fill, for tabs."""
+    """Return rows separated by tabs, with their empty first and last cells restored."""
 
     def is_filled(cells: list[str]) -> bool:
         numbers = sum(is_number(cell) or bool(COMMA.fullmatch(cell)) for cell in cells)
@@ -159,7 +158,7 @@ def is_number(cell: str) -> bool:
         float(cell)
     except ValueError:
         return False
-    return "_" not in cell  # Python's own
+    return "_" not in cell  # Python alone accepts 1_000
 
 
 # --- units in heads ------------------------------------------------------------------------------
@@ -185,7 +184,7 @@ def unit_in(head: str, si: str) -> str:
     for between in [None, *_BETWEEN.finditer(head)]:
         unit = head if between is None else head[between.end() :]
         plain = len(unit) > 1 or unit == si or (between is not None and between["sign"])
-        if plain and unit != "in" and fits(unit, si):  # the h of t_h need not be a unit
+        if plain and unit != "in" and fits(unit, si):  # the h of t_h may be no unit
             _check_name(head[: between.start()] if between else "", si)
             return unit
     if si and "/" in head:
@@ -210,10 +209,10 @@ def unit_in(head: str, si: str) -> str:
 
 
 def _check_name(name: str, si: str, *, index: bool = True) -> None:
-    """Check that a head without its unit has no number but an index, and no share such as ‰.
+    """Check that a head without its unit has no number except an index, and no share such as ‰.
 
     Raises:
-        ValueError: it has one.
+        ValueError: the head has a number or a share.
     """
     name = _INDEX.sub(r"\1", name) if index else name
     if left := _FACTOR.search(name) or (None if si else _SHARES.search(name)):
@@ -222,7 +221,7 @@ def _check_name(name: str, si: str, *, index: bool = True) -> None:
 
 
 def unit_among(text: str, si: str) -> str:
-    """Return a word of a text that is a possible unit of a column, or a part of one; else ""."""
+    """Return a word of a text that is a possible unit of a column, or part of a unit; else ""."""
     for word in _WORD.findall(text) if si else ():
         for form in (word, word.lower(), _LAST.findall(word)[-1].lower()):
             if form != "in" and (fits(form, si) or (si == "m/s" and fits(form, "m"))):
@@ -231,7 +230,7 @@ def unit_among(text: str, si: str) -> str:
 
 
 def fits(unit: str, si: str) -> bool:
-    """Whether a text is a unit that converts to the SI unit, or per cent if that is ""."""
+    """Whether a text is a unit that converts to the SI unit, or percent if `si` is ""."""
     if not si:
         return unit in ("%", "percent")
     try:

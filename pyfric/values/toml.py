@@ -1,7 +1,7 @@
-"""Scene files in TOML. A number is in SI, and text has its unit::
+"""Scene files in TOML. Numbers are in SI units; text has a unit::
 
     name = "fig1"
-    stop_when = ["arrested"]    # conditions that end a run; may be left out
+    stop_when = ["arrested"]    # optional: conditions that end a run
 
     [slider]
     L = "140 mm"
@@ -23,19 +23,19 @@
     mu_s = 0.7
     mu_k = 0.45
 
-    [walls]                 # of a prescribed interface in two dimensions; may be left out
+    [walls]                 # optional: for a prescribed interface in two dimensions
     left = "mirrored"       # or "free", "absorbing"
     right = "absorbing"
     top = "absorbing"       # or "held"
 
-    [interface.law]         # may be left out: mu falls linearly over d_c, or at once if d_c = 0
-    kind = "ageing"         # or another of `pyfric.laws`
+    [interface.law]         # optional; default: mu falls linearly over d_c, at once if d_c = 0
+    kind = "ageing"         # or another law of `pyfric.laws`
     B = 0.01
     t_c = "1 ms"
 
 A law of kind "table" takes lists or CSV files: slide = "friction.csv", relative to the scene file.
-As in Python, L = "140 mm" and L = 0.14 are the same. Text takes any unit that fits. A field that
-may vary along the interface is a number, a list, or a table, such as
+As in Python, L = "140 mm" and L = 0.14 are the same. Text may have any unit of the right dimension.
+A field that may vary along the interface is a number, a list, or a table, such as
 mu_s = {mean = 0.7, std = 0.02, correlation_length = "10 mm", seed = 1} or mu_s = {file = "mu.csv"}.
 """
 
@@ -49,13 +49,13 @@ from pyfric.values.errors import SceneError
 from pyfric.values.files import read_at_most
 
 MAX_FILE = 1_048_576
-"""Largest size of a scene file, in bytes; two lists of `checked.MAX_LISTED` forces fit."""
+"""Largest size of a scene file, in bytes. Two lists of `checked.MAX_LISTED` forces fit in."""
 
 
 def parsed(source: str | os.PathLike[str], what: str = "scene") -> tuple[dict[str, Any], Path]:
     """Return the TOML document in a file, or in a text of several lines, and its folder.
 
-    The folder is that of files which the document names; for a text it is the current folder.
+    Names of files in the document are relative to this folder. A text has the current folder.
 
     Args:
         source: the path of a file, or the text.
@@ -78,7 +78,7 @@ def parsed(source: str | os.PathLike[str], what: str = "scene") -> tuple[dict[st
     if len(data) > MAX_FILE:
         raise SceneError(what, name, "", f"at most {MAX_FILE} bytes of TOML", "too large")
     try:
-        # Some editors put a mark in front, and some write UTF-16.
+        # Some editors write a byte order mark, and some write UTF-16.
         code = "utf-16" if data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE) else "utf-8-sig"
         return tomllib.loads(data.decode(code)), folder
     except RecursionError:

@@ -27,9 +27,10 @@ USUAL = frozenset({
     "pound_force_per_square_inch", "radian", "second", "standard_atmosphere",
 })
 # fmt: on
-"""Units, as pint names them. Others are slips: gr is a grain, th a mil, kt a knot, c a speed."""
+"""Accepted units, by their names in pint. Others are likely mistakes: gr is a grain, th a mil, kt a
+knot, c a speed."""
 UNUSUAL = ("megameter", "gigameter", "megasecond", "gigasecond", "petameter")
-"""Units that stand for another one with a small letter: Mm for mm, Ms for ms."""
+"""Units that are refused as likely mistakes: Mm for mm, Ms for ms."""
 
 # pint evaluates arithmetic, which may take long. Units may therefore contain no numbers, except
 # exponents of one digit: m^2, m**2, m2, m², s^-1, s-1, s⁻¹.
@@ -43,18 +44,18 @@ _LONGEST = 80  # characters in a quantity
 _SIGNS = str.maketrans("−⁻¹²³⋅", "--123·")
 _POWER = re.compile(r"(?<=[A-Za-zµμ%])(?=-?[1-9])")
 _NAME = re.compile(r"\b[A-Z][A-Za-z]{4,}\b")
-"""A unit that is spelled out with a capital. Shorter ones are symbols, as MPa and mPa are."""
+"""A unit spelled out with a capital. Shorter units are symbols, such as MPa and mPa."""
 
 
 SHARES = ("1", "F_N", "sqrt(k m)")
-"""What stands for the unit of a pure number."""
+"""Units of pure numbers, as messages show them."""
 LIMITS = {
     "gt": (">", operator.gt, "too small"),
     "ge": (">=", operator.ge, "too small"),
     "le": ("<=", operator.le, "too large"),
     "lt": ("<", operator.lt, "too large"),
 }
-"""Name of a limit -> its sign, the comparison with it, and what is wrong beyond it."""
+"""Name of a limit -> its sign, its comparison, and the fault of a value beyond it."""
 
 
 @functools.lru_cache(maxsize=1024)
@@ -72,7 +73,7 @@ def check_number(
 
     Args:
         field: dotted name used in the error.
-        value: a Python or NumPy real scalar, in SI; text such as "5 mm" or, without a unit, "0.7"
+        value: a Python or NumPy real scalar, in SI; text such as "5 mm" or, for pure numbers, "0.7"
             and "5 %"; or a quantity of a library of units, see `in_si`. Booleans and arrays are
             refused.
         unit: SI unit, ``""`` for a pure number.
@@ -113,7 +114,7 @@ def check_number(
 def check_whole(
     field: str, value: Any, least: int, largest: int | None = None, *, note: str = ""
 ) -> int:
-    """Return `value` as a Python integer if it is a whole number inside the limits.
+    """Return `value` as a Python integer if it is an integer inside the limits.
 
     Args:
         field: dotted name used in the error.
@@ -135,7 +136,7 @@ def check_whole(
 def in_si(field: str, value: Any, unit: str, *, allowed: str) -> Any:
     """Convert text, or a quantity of pint, to SI; return anything else unchanged.
 
-    Text has a unit, such as "5 mm", or none if the number has none; then it may be in percent.
+    Text needs a unit, such as "5 mm". A pure number has none, or percent.
 
     Raises:
         SceneError: the value has no unit, or a unit of another dimension.
@@ -151,7 +152,7 @@ def in_si(field: str, value: Any, unit: str, *, allowed: str) -> Any:
 
 
 def check_unmasked(field: str, value: Any) -> None:
-    """Raise SceneError if values of NumPy are masked: an array would show what the mask hides."""
+    """Raise SceneError for masked values of NumPy, because conversion would drop the mask."""
     if np.ma.is_masked(value):
         n = int(np.ma.count_masked(value))
         allowed, reason = "numbers without gaps", f"{n} of {np.size(value)} masked"
@@ -159,7 +160,7 @@ def check_unmasked(field: str, value: Any) -> None:
 
 
 def as_list(value: Any) -> Any:
-    """Return an array of NumPy or pandas as a list; anything else, or one with a unit, as it is.
+    """Return an array of NumPy or pandas without unit as a list; anything else unchanged.
 
     Raises:
         SceneError: values are masked.
@@ -221,7 +222,7 @@ def spoken(text: str) -> Any:
     """Return a value from a line of text, such as the argument of `--set`.
 
     The text is read as TOML: a number in SI, a list, or a table such as {mean = 0.7, std = 0.02}.
-    Numbers that TOML does not know, such as .005 and 1.e-3, are numbers, too. What is neither is
+    Numbers that TOML does not accept, such as .005 and 1.e-3, are accepted, too. Anything else is
     returned as text, such as "7.5 mm" or "left".
     """
     try:
@@ -245,27 +246,27 @@ def with_prefix(value: float, unit: str) -> str:
 
 
 def prefix_power(value: float) -> int:
-    """Return the power of 1000 whose prefix suits a value of four digits."""
+    """Return the power of 1000 for the prefix of a value with four digits."""
     power = math.floor(math.log10(abs(float(f"{value:.4g}"))) / 3) if value else 0
     return min(max(power, -3), 3)
 
 
 @lru_cache(maxsize=1)
 def _registry() -> Any:
-    import pint  # slow to import, and needed only for units other than the SI ones
+    import pint  # slow to import, and needed only for units other than SI units
 
     return pint.UnitRegistry(non_int_type=Fraction)
 
 
 _SMALLER = re.compile(r"(?:s|m|N|Pa|J)(?=$|[ /])")
 _LARGER = re.compile(r"(?:N|Pa|J)(?=$|[ /])")
-"""First units of a product, to which no power applies, with prefixes that are usual."""
+"""First units of a product, without a power, for usual prefixes."""
 
 
 def _prefixed(name: str, unit: str) -> Fraction | None:
-    """Return the number of SI `unit` in one `name` that differs by a prefix alone, such as "mm/s".
+    """Return the number of SI `unit` in one `name`, such as "mm/s", if only a prefix differs.
 
-    None if it may differ otherwise. Reading the definitions of all units takes 0.7 s.
+    Otherwise return None. This avoids reading the definitions of all units, which takes 0.7 s.
     """
     powers = {prefix: power for power, prefix in PREFIXES.items()} | {"µ": -2, "μ": -2}
     power = powers.get(name[: len(name) - len(unit)])
@@ -279,7 +280,7 @@ def _factor(name: str, unit: str) -> Fraction:
     """Return the exact number of SI `unit` in one `name`.
 
     Raises:
-        ValueError: there is none; with the reason.
+        ValueError: there is no such number. The message gives the reason.
     """
     if (factor := _prefixed(name, unit)) is not None:
         return factor

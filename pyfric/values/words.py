@@ -1,9 +1,8 @@
-"""Words that people use for what has another name here, and the line to write instead.
+"""Common words for things with another name in pyfric, and the line to write instead.
 
-This is the one place for them. Every unknown name goes through it, whether it is a field, an
-option, a friction law, an attribute, a function, a command or a word of the command line:
-`meant` returns the known name that a word stands for, `line` the line to write where there is none.
-Capitals, spaces, hyphens and underscores do not count.
+All unknown names are looked up here: fields, options, friction laws, attributes, functions,
+commands, and words of the command line. `meant` returns the known name for a word. If there is no
+such name, `line` returns the line to write. Capitals, spaces, hyphens and underscores are ignored.
 """
 
 from __future__ import annotations
@@ -64,7 +63,7 @@ presets       list_presets scenes
 load          open read_record open_record load_record read_nc
 preset        setup block system
 """
-"""Names that exist, each with words that stand for it; a name counts where it is known."""
+"""Known names, each with words that stand for it."""
 
 MATERIAL = (
     'slider=pyfric.Slider.of_material("PMMA", width="6 mm", L="140 mm", H="75 mm", l="2.5 mm"), '
@@ -192,15 +191,15 @@ LINES: Mapping[str, Mapping[str, str]] = {
     },
 }
 # fmt: on
-"""Owner of a name -> words -> the line to write; "" holds for all owners."""
+"""Owner of a name -> words -> the line to write. The owner "" means all owners."""
 
 
 LONG = 4
-"""Letters of a name that may be meant by a part of another word."""
+"""Fewest letters of a word that may stand for a longer name that contains it."""
 
 
 def plain(word: str) -> str:
-    """Return a word without what does not count."""
+    """Return a word in small letters, without spaces, hyphens and underscores."""
     return re.sub(r"[^a-z0-9*]", "", word.casefold())
 
 
@@ -228,7 +227,7 @@ def meant(word: str, known: Iterable[str]) -> str:
 
 
 def nearest(key: str, known: Iterable[str]) -> str:
-    """Return the entry of `known` that `key` stands for, or the most similar one, or ``""``."""
+    """Return the entry of `known` that `key` stands for, or the most similar entry, or ``""``."""
     if found := meant(key, known):
         return found
     key, names = key[:64], {name.casefold(): name for name in known}
@@ -240,21 +239,21 @@ def nearest(key: str, known: Iterable[str]) -> str:
 
 
 def line(word: str, owner: str = "") -> str:
-    """Return the line to write instead of a name that the owner has not, or ""."""
+    """Return the line to write instead of a name that the owner lacks, or ""."""
     return _lines(owner).get(plain(word), "")
 
 
 def no_attribute(
     owner: str, name: str, obj: object, instead: str = "", known: Iterable[str] = ()
 ) -> AttributeError:
-    """Return the error for an attribute that a scene, a record or a module has not.
+    """Return the error for an attribute that a scene, a record or a module lacks.
 
     Args:
         owner: a key of `LINES`.
         name: the attribute.
-        obj: what was asked for it.
-        instead: the line to write, "" for that of `LINES`.
-        known: names that it has.
+        obj: the scene, record or module.
+        instead: the line to write; "" means the line in `LINES`.
+        known: names of existing attributes.
     """
     instead = instead or line(name, owner)
     text = f"{'a ' * (owner in ('scene', 'record'))}{owner} has no {name!r}"

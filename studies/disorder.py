@@ -1,10 +1,10 @@
-"""What disorder of mu_s does to two collapses of the paper: lengths over force, and front speeds.
+"""Effect of disorder of mu_s on two collapses of the paper: lengths over force, and front speeds.
 
-mu_s of each block is drawn anew for each seed, evenly about 0.7, independent of its neighbours; the
-width is its standard deviation over its mean. Lengths of precursors are those of the ladder in the
-Fig. 1 scene (Fig. 2a), beside the curve through those of the interface without disorder. Front
-speeds are those of hybrid runs with located transitions and blocks of 5 mm (Fig. 4); their medians
-in bins of the prestress are over all seeds of one width.
+For each seed mu_s of each block is drawn from a uniform distribution about 0.7, independent of its
+neighbours. The width is the standard deviation over the mean. Lengths of precursors are those of
+the quasi-static sequence in the Fig. 1 scene (Fig. 2a). They are compared with the curve through
+the lengths without disorder. Front speeds are those of hybrid runs with located transitions and
+blocks of 5 mm (Fig. 4). Their medians in bins of the prestress are over all seeds of one width.
 
 Source: PRL 107, 074301 (2011), Figs. 2(a) and 4.
 """
@@ -43,7 +43,7 @@ FRONTS = {"fidelity": "hybrid", "geometry": "linear", "verify": "none"}
 
 
 def disordered(scene: Scene, width: float, seed: int) -> Scene:
-    """Return the scene with mu_s drawn evenly, of this standard deviation over its mean."""
+    """Return the scene with uniformly drawn mu_s, of this standard deviation over its mean."""
     if not width:
         return scene
     mean = scene.interface.mu_s
@@ -51,7 +51,7 @@ def disordered(scene: Scene, width: float, seed: int) -> Scene:
 
 
 def jobs(width: float, seed: int) -> tuple[Job, Job]:
-    """Return the ladder and the run for fronts of one draw."""
+    """Return the quasi-static sequence and the run for fronts of one draw."""
     lengths, fronts = preset("fig1"), preset("fig1", l=5e-3, V=5e-3)
     return (
         Job(scene=disordered(lengths, width, seed), t_end=0.8, options=LADDER),
@@ -65,9 +65,9 @@ def study(
     """Make all runs and return their lengths and fronts.
 
     Args:
-        folder: where finished runs are kept; the next call goes on from them.
+        folder: where finished runs are kept; the next call uses them.
         seeds: of the draws.
-        say: told what is being run.
+        say: called with the name of each run.
     """
     records = {}
     for width in WIDTHS:
@@ -99,7 +99,7 @@ def tables(records: dict[tuple[float, int], tuple[Record, Record]]) -> dict[str,
 
 
 def summary(found: dict[str, pd.DataFrame]) -> pd.DataFrame:
-    """Return one row for each width: how far lengths and speeds are from one curve.
+    """Return one row for each width: the scatter of lengths and speeds about one curve.
 
     Columns: width; precursors of all seeds; rms and largest distance of L_p/L from the curve;
     blocks of fronts; share of them without a speed, because rupture times do not increase; rms of

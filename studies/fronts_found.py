@@ -1,4 +1,4 @@
-"""What the study of `fronts` comes to: its numbers and its figure."""
+"""Results of the study `fronts`: its numbers and its figure."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def _speeds(
 def _changes(fronts: pd.DataFrame) -> list[tuple[str, str, float]]:
     """Return how v_c(x) of the late precursor changes from one lattice to the next.
 
-    And how it changes where the run on the same lattice began from the state of a coarser one.
+    Also return the change on one lattice if the run starts from the state of a coarser lattice.
     """
     late = fronts[fronts["late"]]
     rows, whole, begun = [], late[late["begun"] == 0], late[late["begun"] > 0]
@@ -111,7 +111,7 @@ def _changes(fronts: pd.DataFrame) -> list[tuple[str, str, float]]:
 
 
 def _change(one: pd.DataFrame, two: pd.DataFrame, case: str) -> list[tuple[str, str, float]]:
-    """Return the rms of ln v_c(x) of a front over another, where both have speeds."""
+    """Return the rms of ln(v_c(x) of a front over v_c(x) of another), where both have speeds."""
     inside = one["x_over_L"].between(two["x_over_L"].min(), two["x_over_L"].max())
     other = np.interp(one["x_over_L"][inside], two["x_over_L"], two["v_c"])
     change = np.log(other / one["v_c"][inside])

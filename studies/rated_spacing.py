@@ -1,10 +1,10 @@
 """Does the spacing matter, with 3 to 12 blocks in L_b?
 
 A block of 15 L_b by 6 L_b slides steadily at 1 nm/s, and its load grows. In its middle, over one
-L_b, theta is 0.9 of that elsewhere. Slip without inertia accelerates there until a block reaches
-0.1 m/s. The table has the time until then, over D_c/V, the slip of the middle over D_c, and the
-width over which speeds are above half the largest one. On finer lattices l is smaller, and p of a
-block with it; L_b, D_c and the stresses are the same.
+L_b, theta is 0.9 of that elsewhere. Slip without inertia accelerates in the middle until a block
+reaches 0.1 m/s. The table has this time over D_c/V, the slip of the middle over D_c, and the width
+over which speeds are above half the largest speed. On finer lattices l and p of a block are
+smaller; L_b, D_c and the stresses are the same.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ L_B, B, P, K = 12e-3, 0.015, 2.5, 13.5e6
 V, LOADING, FASTEST = 1e-9, 1e-3, 0.1
 """Speed at first (m/s), growth of tau/p (1/s), and speed at the end (m/s)."""
 ACCURACY = 1e-7
-"""Error of a step over displacements and ln theta."""
+"""Error of a step, relative in displacements and absolute in ln theta."""
 
 
 def case(blocks: int, ratio: float) -> tuple[float, ...]:

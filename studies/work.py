@@ -1,8 +1,8 @@
-"""The prices of counted operations (`pyfric.engines.cost`), measured again on this machine.
+"""Prices of operations, their times (`pyfric.engines.cost`), measured again on this machine.
 
 Runs of many kinds are timed. Their expected work is linear in the prices, and in the inverse of
-FLOPS. Least squares of the relative errors then give each price beside the stored one. A price that
-hardly contributes to any run stays near the stored one.
+FLOPS. Least squares of the relative errors then give each price, to compare with the stored price.
+A price that hardly contributes to any run stays near the stored price.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ PRICES = (
     *("SLIDE", "RUN", "RATED", "SLOW_STEP", "RELEASE", "STATIC_EVENT", "UNKNOWN", "MODES", "FLOPS"),
 )
 RATE = "FLOPS"
-"""Operations per time; all others are times."""
+"""Price in operations per time; all other prices are times."""
 SMALL = 1e-3
-"""Part of a price by which it is changed, to find what it contributes."""
+"""Relative change of a price that shows its contribution."""
 HELD = 0.05
-"""Weight of a price's relative distance from the stored one, beside relative errors of runs."""
+"""Weight of relative distances from stored prices, against relative errors of runs."""
 REPEATS, SHARE, EVERY = size((3, 1.0, 1), (1, 0.02, 5))
-"""Times a run is made, part of its time that is run, and every which run is made."""
+"""Repeats of a run, part of its time that is run, and interval between the runs that are made."""
 
 
 class Case(NamedTuple):

@@ -54,7 +54,7 @@ def _tiny(_: object, __: object, given: bool) -> None:
     help="Make each study with sizes at which it ends in seconds; its numbers mean nothing.",
 )
 def main() -> None:
-    """Measure the speed of pyfric, how its methods converge, and what the model says.
+    """Measure the speed of pyfric, the convergence of its methods, and results of the model.
 
     --out is a folder or a file. In a folder, files with the names of the outputs are replaced.
     A file is replaced only with --overwrite. --json prints the result as JSON, and --quiet
@@ -88,7 +88,7 @@ def kernel(tell: Tell, quick: bool) -> None:
 @telling
 @_quick_option
 def threads(tell: Tell, quick: bool) -> None:
-    """Gain from more threads, by the size of the lattice."""
+    """Gain in speed from more threads, for each size of the lattice."""
     import bench
 
     tell.table(bench.threads(quick=quick, progress=tell.progress), bench.report)
@@ -107,7 +107,7 @@ def limit(tell: Tell) -> None:
 @telling
 @_quick_option
 def scenes(tell: Tell, quick: bool) -> None:
-    """Gain from several processes on independent runs."""
+    """Gain in speed from several processes on independent runs."""
     import bench
 
     tell.table(bench.scenes(quick=quick, progress=tell.progress), bench.report)
@@ -163,7 +163,7 @@ def finer(
 ) -> None:
     """Processor time, steps and memory of short runs on finer and finer lattices (five minutes).
 
-    Beside --out, a CSV file, goes its provenance.
+    --out is a CSV file; its provenance is written beside it.
     """
     check_table(out, overwrite)
     import fine
@@ -196,7 +196,7 @@ def many(
 ) -> None:
     """Costs of records, ensembles, diagrams and fits of quasi-static runs (some minutes).
 
-    Beside --out, a CSV file, goes its provenance.
+    --out is a CSV file; its provenance is written beside it.
     """
     check_table(out, overwrite)
     import many
@@ -386,7 +386,7 @@ def _short(value: Any) -> str:
 def tpv3(out: Path | None, overwrite: bool, tell: Tell, quick: bool) -> None:
     """TPV3, a benchmark of earthquake rupture: rupture times against its reference (two minutes).
 
-    Beside --out, a CSV file, goes its provenance.
+    --out is a CSV file; its provenance is written beside it.
     """
     check_table(out, overwrite)
     import tpv3
@@ -403,7 +403,7 @@ def tpv3(out: Path | None, overwrite: bool, tell: Tell, quick: bool) -> None:
 def viscosity(out: Path | None, overwrite: bool, tell: Tell) -> None:
     """Measure by how much dashpots slow down cracks, against fracture mechanics (five minutes).
 
-    Beside --out, a CSV file, goes its provenance.
+    --out is a CSV file; its provenance is written beside it.
     """
     check_table(out, overwrite)
     import cracks
@@ -417,7 +417,7 @@ def viscosity(out: Path | None, overwrite: bool, tell: Tell) -> None:
 @figure_out_option
 @telling
 def resolution(out: Path, tell: Tell) -> None:
-    """Refine the lattice of the Fig. 1 scene and show what converges (several minutes)."""
+    """Refine the lattice of the Fig. 1 scene and show which results converge (several minutes)."""
     check_folder(out)
     import resolution
 
@@ -449,7 +449,7 @@ def fronts(
     finer: tuple[str, ...],
     tell: Tell,
 ) -> None:
-    """Show when front speeds are physical: cracks, lengths, a resolved Fig. 4 (about 15 minutes).
+    """Test when front speeds are physical: cracks, lengths, a resolved Fig. 4 (about 15 minutes).
 
     Runs are kept in --runs; the next call continues from there. The expected time of each lattice
     is printed before it starts: 8 times that of the previous lattice. Precursors on a lattice of
@@ -480,7 +480,7 @@ def fronts(
 def resolved(runs: Path, out: Path, tell: Tell) -> None:
     """Separate effects of prestress and position in fronts with a resolved zone (half an hour).
 
-    Runs are kept in --runs; the next call goes on where this one was stopped.
+    Runs are kept in --runs; the next call continues from there.
     """
     check_folder(out)
     import resolved
@@ -541,7 +541,7 @@ def rated_ruptures(out: Path, tell: Tell) -> None:
 def collapse(fronts: Path, out: Path | None, overwrite: bool, tell: Tell) -> None:
     """Separate effects of prestress and position on front speeds, from runs of `fronts`.
 
-    Beside --out, a CSV file, goes its provenance.
+    --out is a CSV file; its provenance is written beside it.
     """
     check_table(out, overwrite)
     import collapse
@@ -558,7 +558,7 @@ def collapse(fronts: Path, out: Path | None, overwrite: bool, tell: Tell) -> Non
 def fits(out: Path, tell: Tell) -> None:
     """Fit runs of random parameters, and count intervals that hold them (an hour and a half).
 
-    The next call goes on where this one was stopped.
+    The next call continues where this one was stopped.
     """
     check_folder(out)
     import fits
@@ -580,7 +580,7 @@ def fits(out: Path, tell: Tell) -> None:
 def velocity_steps(out: Path, tell: Tell) -> None:
     """Fit a, b, D_c, f* and stiffness to velocity steps of random parameters (15 minutes).
 
-    The next call goes on where this one was stopped.
+    The next call continues where this one was stopped.
     """
     check_folder(out)
     import velocity_steps
@@ -625,7 +625,7 @@ def curves(out: Path, data: Path | None, tell: Tell) -> None:
 def disorder(out: Path, runs: Path | None, tell: Tell) -> None:
     """Let mu_s vary at random, and measure lengths and front speeds (a minute).
 
-    Runs are kept in --runs; the next call goes on where this one was stopped.
+    Runs are kept in --runs; the next call continues from there.
     """
     folder = out / "runs" if runs is None else runs
     check_folder(out)
@@ -658,7 +658,7 @@ def scatter(out: Path, tell: Tell) -> None:
 def precursors(out: Path, runs: Path | None, seeds: int | None, tell: Tell) -> None:
     """Number and length of precursors over the nucleation length, and their end (16 minutes).
 
-    Runs are kept in --runs; the next call goes on where this one was stopped.
+    Runs are kept in --runs; the next call continues from there.
     """
     folder = out / "runs" if runs is None else runs
     check_folder(out)
@@ -681,7 +681,7 @@ def precursors(out: Path, runs: Path | None, seeds: int | None, tell: Tell) -> N
 def slow(out: Path, runs: Path | None, cases: tuple[str, ...], tell: Tell) -> None:
     """Slow fronts on junctions with other seeds, step, spread, n_s and t_R (20 minutes).
 
-    Runs are kept in --runs; the next call goes on where this one was stopped.
+    Runs are kept in --runs; the next call continues from there.
     """
     folder = out / "runs" if runs is None else runs
     check_folder(out)
@@ -703,7 +703,7 @@ def slow(out: Path, runs: Path | None, cases: tuple[str, ...], tell: Tell) -> No
 def prepared(out: Path, runs: Path | None, tell: Tell) -> None:
     """Fast, slow and arrested fronts on prepared interfaces of junctions (five minutes).
 
-    Runs are kept in --runs; the next call goes on where this one was stopped.
+    Runs are kept in --runs; the next call continues from there.
     """
     folder = out / "runs" if runs is None else runs
     check_folder(out)
@@ -720,7 +720,7 @@ def prepared(out: Path, runs: Path | None, tell: Tell) -> None:
 def creeping(out: Path, runs: Path | None, tell: Tell) -> None:
     """Slow fronts of viscous slip in slabs, compared with a chain (four minutes).
 
-    Runs are kept in --runs; the next call goes on where this one was stopped.
+    Runs are kept in --runs; the next call continues from there.
     """
     folder = out / "runs" if runs is None else runs
     check_folder(out)

@@ -54,7 +54,7 @@ __all__ = [
 ]
 
 EVENTS = size(4, 1)
-"""Main events of a run."""
+"""Number of main events in a run."""
 TOLERANCES = size((0.1, 0.03, 0.01, 0.003, 0.001), (0.1,))
 WANTS = {
     "loading_curve": "loading curve: $F_\\mathrm{T}(t)$, RMS over $F_\\mathrm{N}$",
@@ -248,7 +248,7 @@ def errors(record: Record, truth: Record) -> dict[str, Any]:
 
 
 def _high(off: np.ndarray) -> float:
-    """Return the 95th percentile of numbers that are not NaN, or NaN."""
+    """Return the 95th percentile of the numbers other than NaN, or NaN without any."""
     known = off[np.isfinite(off)]
     return float(np.quantile(known, 0.95)) if len(known) else math.nan
 
@@ -283,9 +283,9 @@ KINDS = {
     ("hybrid", "finite"): ("o", "hybrid, finite geometry"),
     ("dynamic", "finite"): ("p", "full dynamics"),
 }
-"""Engine and geometry -> marker and name."""
+"""Engine and geometry -> marker and name in the chart."""
 NO_ANSWER = 2.0
-"""Where points without an answer are drawn."""
+"""Height at which points without an answer are drawn."""
 
 
 def figure(table: pd.DataFrame) -> DataFigure:

@@ -52,7 +52,7 @@ def kernel(*, quick: bool = False, progress: bool = False) -> pd.DataFrame:
 
     Args:
         quick: only the lattices up to 2000 blocks.
-        progress: say on stderr what is being timed, if it is a terminal.
+        progress: print on stderr what is being timed, if it is a terminal.
 
     Returns:
         Columns: N_x, N_z, what, geometry, variant, budget, ns (per block and force evaluation).
@@ -70,11 +70,11 @@ def kernel(*, quick: bool = False, progress: bool = False) -> pd.DataFrame:
 
 
 def threads(*, quick: bool = False, progress: bool = False) -> pd.DataFrame:
-    """Time the core on 1, 2, … threads, up to the processors at hand.
+    """Time the core on 1, 2, … threads, up to the number of processors.
 
     Args:
         quick: only the lattices up to 10^5 blocks.
-        progress: say on stderr what is being timed, if it is a terminal.
+        progress: print on stderr what is being timed, if it is a terminal.
 
     Returns:
         Columns: N_x, N_z, geometry, threads, ns (per block and force evaluation).
@@ -120,7 +120,7 @@ ALONE = ("additions",)
 
 
 def limit() -> pd.DataFrame:
-    """Compare the core with the most additions this processor makes, on the Fig. 1 lattice.
+    """Compare the core with the highest rate of additions of this processor, on the Fig. 1 lattice.
 
     Kernels and plain additions take turns, so changes in the processor's speed affect both. Fused
     multiply-adds would save additions, but would make bits depend on the processor.
@@ -151,7 +151,7 @@ def scenes(*, quick: bool = False, progress: bool = False) -> pd.DataFrame:
 
     Args:
         quick: shorter runs.
-        progress: say on stderr what is being timed.
+        progress: print on stderr what is being timed.
 
     Returns:
         Columns: workers, runs, seconds (from the first job to the last record, start of the

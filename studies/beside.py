@@ -41,7 +41,7 @@ __all__ = ["chart_points", "slider_points", "wave_points"]
 
 REPEATS = size(3, 1)
 SHARES = size((0.9, 0.5, 0.25, 0.125, 0.0625, 0.03125), (0.9,))
-"""Steps over the stability limit."""
+"""Time steps over the stability limit."""
 AMPLITUDE = 1e-3
 """Amplitude of the wave, in l."""
 
@@ -176,7 +176,7 @@ def _slider_row(
 
 
 def _ivp(scene: Scene, rtol: float) -> tuple[list[tuple], float, int]:
-    """Return the switches (t, block, old, new) by SciPy, seconds, and the evaluations of forces."""
+    """Return the switches (t, block, old, new) by SciPy, seconds, and the number of evaluations."""
     N, m, eta = scene.N_x, scene.m, scene.eta
     law = scene.law
     p, k, driver = scene.load, scene.slider.k, scene.driver
@@ -227,7 +227,7 @@ LAMMPS_STEPS = size(2000, 20)
 
 
 def chart_points(points: pd.DataFrame) -> Iterator[dict[str, Any]]:
-    """Yield a point of LAMMPS for each scene among the points of the chart."""
+    """Yield a point of LAMMPS for each scene of the chart."""
     for row in chart.full_dynamics(points).to_dict("records"):
         scene, row = chart.scenes()[row["scene"]], row | {"kind": "peer", "engine": "LAMMPS"}
         if peers.available()["lammps"].startswith("missing"):

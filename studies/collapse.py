@@ -75,7 +75,7 @@ def _numbered(table: pd.DataFrame) -> pd.DataFrame:
     """Return the fronts, numbered from 1 in order of time, with the position of each block."""
     table = table.reset_index(drop=True)
     about = table[["scene", "d_c", "l", "begun", "event"]]
-    # events that began from a coarser lattice are the first ones of their own runs
+    # an event that began from a coarser lattice is the first of its run
     new = (about != about.shift()).any(axis=1) | (table["n"].diff() <= 0)
     table = table.assign(front=new.cumsum())
     n = table.groupby("front")["n"]

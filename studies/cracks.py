@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["FROM", "TO", "Crack", "crack", "kept_crack", "viscosity", "viscous"]
 
 WINDOW = 250.0
-"""Half of the length over which the speed of a crack is a mean, m."""
+"""Half of the length over which speeds of a crack are averaged, m."""
 FROM, TO = 3e3, 12e3
 """Half lengths of a crack at which speeds are compared, m."""
 VISCOSITIES: tuple[tuple[float, float, Literal["along", "full"]], ...] = size(
@@ -93,7 +93,7 @@ class Crack:
         return theory.fracture_energy(self.mu_s, self.mu_k, self.p, self.d_c)
 
     def scene(self) -> Scene:
-        """Return half of the crack's surroundings."""
+        """Return the scene: half of the slab around the crack."""
         l, k = self.spacing, 0.75 * self.material.E_prime
         m, N_x, N_z = self.material.rho * l**2, round(self.a_end / l), round(self.H / l) + 1
         return slab(

@@ -74,13 +74,13 @@ def overdamped(tau_bar: float) -> float:
 
 def lumped(scene: Scene) -> tuple[float, float]:
     """Return c (m/s) and sqrt(k m) (N s/m) of the equivalent chain of a slider."""
-    high = scene.N_z - 0.5 if scene.prescribed else scene.N_z  # the bottom row of a slab is half
+    high = scene.N_z - 0.5 if scene.prescribed else scene.N_z  # half blocks at the bottom
     k, m = high * 4 / 3 * scene.slider.k, high * scene.m
     return scene.slider.l * math.sqrt(k / m), math.sqrt(k * m)
 
 
 def slab_job(rows: int, tau_bar: float, alpha: float, t_w: float = 0.0) -> Job:
-    """Return the run of a slab: alpha over sqrt(k m), t_w over l/c; it ends with its front."""
+    """Return the run of a slab up to the end of its front; alpha over sqrt(k m), t_w over l/c."""
     tau = (MU_K + (MU_S - MU_K) * tau_bar) * P
     size = {"L": (BLOCKS - 1) * L, "H": (rows - 1) * L, "l": L}
     scene = slab(p=P, tau=tau, mu_s=MU_S, mu_k=MU_K, **size)
@@ -114,7 +114,7 @@ def front(record: Record) -> dict[str, Any]:
 
 
 def fronts(record: Record) -> dict[str, Any]:
-    """Return numbers of main events, blocks of the largest, speeds over c_R, share of slow ones."""
+    """Return numbers of main events and blocks, speeds over c_R, and the share of slow blocks."""
     events = record.events[record.events["is_main"]]
     v = pyfric.analysis.fronts(record)["v_c"].dropna() / pace_limits(record.scene)[0]
     told = {"events": len(events), "most": int(events["n_blocks"].max()), "speeds": len(v)}

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 __all__ = ["SEEDS", "WIDTHS", "disordered", "figure", "jobs", "study", "summary", "tables"]
 
 WIDTHS = size((0.0, 0.01, 0.03, 0.1), (0.0, 0.1))
-"""Standard deviation of mu_s over its mean; 0 is run once."""
+"""Standard deviations of mu_s over its mean; 0 is run once."""
 SEEDS = tuple(range(1, size(21, 3)))
 BINS = 6
 """Bins of the prestress; the run without disorder has few points."""
@@ -66,7 +66,7 @@ def study(
 
     Args:
         folder: where finished runs are kept; the next call uses them.
-        seeds: of the draws.
+        seeds: seeds of the draws.
         say: called with the name of each run.
     """
     records = {}
@@ -102,8 +102,9 @@ def summary(found: dict[str, pd.DataFrame]) -> pd.DataFrame:
     """Return one row for each width: the scatter of lengths and speeds about one curve.
 
     Columns: width; precursors of all seeds; rms and largest distance of L_p/L from the curve;
-    blocks of fronts; share of them without a speed, because rupture times do not increase; rms of
-    ln v_c about its median in bins of tau/p, and of the scaled prestress of each block.
+    blocks of fronts; share of these blocks without a speed, because rupture times do not increase;
+    rms of ln v_c about its median in bins of tau/p, and in bins of the scaled prestress of each
+    block.
     """
     rows = []
     for width, lengths in found["lengths"].groupby("width"):

@@ -48,7 +48,7 @@ T_END, SCENE = size((0.9, {}), (0.012, {"l": 5e-3, "V": 20e-3}))
 PAPER_STEPS, EVALUATIONS, SHARE = 4_500_000, 4, 0.45
 REPEATS = size(5, 1)
 LONG = 5.0
-"""Runs longer than this are made once, s."""
+"""Time above which runs are made once, s."""
 
 
 @at_once()
@@ -61,8 +61,8 @@ def fidelity(*, progress: bool = False) -> pd.DataFrame:
     Returns:
         Columns: scene, engine, geometry, switching, seconds, times_yardstick, times_dynamic, steps,
         block_evaluations, per_switch, events, missing, start, arrest, blocks (see
-        `agreement`). times_yardstick is NaN where LAMMPS is not installed;
-        per_switch is what `steps_per_switch` returns.
+        `agreement`). times_yardstick is NaN where LAMMPS is not installed; per_switch is the result
+        of `steps_per_switch`.
     """
 
     def say(text: str) -> None:
@@ -143,7 +143,7 @@ def agreement(record: Record, reference: Record) -> dict[str, float]:
 def steps_per_switch(record: Record) -> float:
     """Return the cost of a switch, in steps of RK4 on the whole lattice, beyond the steps made.
 
-    NaN for records without steps or switches.
+    The cost is NaN for records without steps or switches.
     """
     steps, switches = record.counts.get("steps", 0), len(record.switches["t"])
     if not steps or not switches:

@@ -79,7 +79,7 @@ LINES = {"d_c = 0": LATTICES}
 LINES |= size({"d_c = 1 um": tuple(f"{name}, d_c" for name in LATTICES)}, {})
 """Cases of the chart of cost against l."""
 SLOPES = {3: r"$\times$ 8", 4: r"$\times$ 16"}
-"""Powers of 1/l that are drawn: of blocks times steps, and of the same with longer waits."""
+"""Powers of 1/l in the chart: blocks times steps, and the same with waits in proportion to 1/l."""
 BUILDS = (("-", "o"), (":", "s"), ("-.", "^"))
 """Line and marker of each build."""
 QUICK = ("2.5 mm", "sequence", "plan")
@@ -88,7 +88,7 @@ LONG = ("561 x 301, to 0.33 s", "0.625 mm, d_c, to 0.745 s")
 USUAL = size(tuple(name for name in CASES if name not in LONG), LATTICES[:1])
 REPEATS = size(2, 1)
 SHORT, JUMPS = 0.25, 1e-8
-"""Steps (over the stability limit) and accuracy (over F_N) of the reference runs of errors."""
+"""Steps (over the stability limit) and accuracy (over F_N) of the reference runs for errors."""
 LOADED = size(0.12, 0.01)
 """End of a small run that loads all modules before timing, s."""
 SIZES = {"slip_1": (1, 1), "slip_2_3": (2, 3), "slip_4_10": (4, 10), "fronts": (11, 2**31)}
@@ -225,7 +225,7 @@ def _run(case: Case, scene: Any, t_end: float) -> Any:
         from pyfric.statics import stability_limit
 
         how["dt"] = case.dt or SHORT * stability_limit(scene)[0]
-    if case.engine in ("hybrid", "dynamic"):  # older builds have another name
+    if case.engine in ("hybrid", "dynamic"):  # older builds name this option "budget"
         names = ("energies", "budget")
         without = next(name for name in names if hasattr(pyfric.Options(), name))
         how |= {"geometry": case.geometry, "threads": 1, without: False}

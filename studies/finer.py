@@ -43,7 +43,7 @@ AHEAD = 1e-4
 
 
 def tractions(record: Record, event: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the friction of a record just before an event, between its blocks too.
+    """Return the friction of a record just before an event, interpolated between its blocks.
 
     Args:
         record: a run.
@@ -92,7 +92,7 @@ def held(record: Record, event: int, scene: Scene) -> Callable[[float], Equilibr
 def refined(record: Record, event: int, scene: Scene) -> State:
     """Return the state of a finer lattice at the first slip of an event.
 
-    Args, errors: those of `held`.
+    Args and Raises are those of `held`.
     """
     t, at = float(record.events["t_start"].loc[event]), held(record, event, scene)
     return moved(at, scene, t, step_size(scene))

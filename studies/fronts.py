@@ -57,17 +57,17 @@ COLLAPSE = size({"run1": 0.56, "run2": 0.63, "run3": 0.7, "run4": 0.77}, {"run1"
 D_C = 1e-6
 """Slip of weakening, m."""
 COARSE = 1.2e-3
-"""Least lattice constant of runs without weakening, m, whose zone no lattice resolves."""
+"""Least lattice constant of runs without weakening, m; no lattice resolves their zone."""
 PACE = 5e-9
 """Processor time of these runs per block and force evaluation, s."""
 LAST = 2
 """Number of the last precursors of runs 1 to 4 that start from a coarser lattice."""
 AFTER = 3e-3
-"""Time after the end of an event on the coarse lattice at which the fine run first ends, s."""
+"""Time by which a fine run exceeds the end of the event on the coarse lattice, s."""
 TRIES = 8
 """Largest number of runs, each longer by `AFTER`."""
 MIDDLE = 0.06, 0.4
-"""Where a front of half the slider's length neither starts nor stops, x/L."""
+"""Range of x/L inside a front of half the slider's length, away from its start and end."""
 LATE = 0.5
 """L_p/L of the precursor whose speeds are shown."""
 
@@ -136,9 +136,9 @@ def begun(path: Path, coarse: Record, event: int, scene: Scene) -> Record:
     """Return an event on another lattice, from the state before it; from a file if stored.
 
     Args:
-        path: of the file.
+        path: the file of the run.
         coarse: the run on a coarser lattice, or on the same lattice.
-        event: its number there.
+        event: number of the event in this run.
         scene: the scene on the other lattice.
     """
     if path.is_file() and (record := Record.load(path)).scene == scene:
@@ -250,7 +250,7 @@ def study(
         blocks: blocks in X_c0 of the cracks, with eta^2 = 0.001 k m along the bonds; the third
             crack also with dashpots that resist rotation, and with the paper's viscosity.
         spacings: lattice constants of the Fig. 1 scene, m.
-        t_end: end of its runs, s.
+        t_end: end of the runs of the Fig. 1 scene, s.
         collapse: lattice constants of runs 1 to 4, m.
         finer: lattice constants on which precursors start from the run with twice the constant, m:
             the late precursor of the Fig. 1 scene, and the last `LAST` of runs 1 to 4.

@@ -25,7 +25,7 @@ __all__ = ["figure", "summary"]
 
 
 def summary(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
-    """Return the numbers of the study: what, case, value."""
+    """Return the numbers of the study, with columns what, case and value."""
     c_R = Crack(blocks=1).material.c_R
     rows: list[tuple[str, str, float]] = []
     for about, table in tables["crack"].groupby(["blocks", "eta2", "dashpots"]):

@@ -35,9 +35,9 @@ if TYPE_CHECKING:
 __all__ = ["ETAS", "STIFFNESSES", "figure", "stability_map"]
 
 ETAS = size((0.0, 0.03, 0.1, math.sqrt(0.1), 1.0, 3.0), (0.0, 1.0))
-"""eta/sqrt(k m); the paper's is sqrt(0.1)."""
+"""Values of eta/sqrt(k m); the paper's is sqrt(0.1)."""
 STIFFNESSES = size((0.01, 1.0, 10.0, 100.0), (1.0,))
-"""k_f/k; the paper's is 1."""
+"""Values of k_f/k; the paper's is 1."""
 
 
 def small_slider(eta: float, stiffness: float) -> Scene:
@@ -63,7 +63,7 @@ def stability_map(
     """Compute and measure the limits.
 
     Args:
-        steppers: steppers, of `LIMITED`.
+        steppers: names of steppers in `LIMITED`.
         etas: viscosities over sqrt(k m).
         stiffnesses: of the foundation, over k.
         progress: print on stderr what is running.
@@ -104,7 +104,7 @@ def figure(table: pd.DataFrame) -> DataFigure:
         part = table[table["stepper"] == stepper]
         for (stiffness, line), colour in zip(part.groupby("stiffness"), colours, strict=False):
             text = rf"$k_\mathrm{{f}}/k$ = {stiffness:g}"
-            width = 2.6 if stiffness == part["stiffness"].min() else 1.2  # shows below another
+            width = 2.6 if stiffness == part["stiffness"].min() else 1.2  # under the other
             axes.plot(line["eta"], line["computed"], color=colour, lw=width, label=text)
             axes.plot(line["eta"], line["measured"], "o", mec=colour, mfc="none", ms=4.5)
         axes.set_xscale("symlog", linthresh=0.03, linscale=0.4)

@@ -117,7 +117,7 @@ def table(*, progress: bool = False) -> pd.DataFrame:
 
 
 class _Start(NamedTuple):
-    """A state just before the event, and the references that start there."""
+    """A state just before the event, and the reference runs from this state."""
 
     state: State
     t_end: float
@@ -137,7 +137,7 @@ def event_points(
     Args:
         say: called with the name of each run.
         scene: None means the Fig. 1 scene.
-        event: which main event, counted from 1.
+        event: number of the main event, from 1.
         methods: lines of the chart.
         reference_shares: steps of the reference over the limit, of which the last counts.
         repeats: timed runs of each point.
@@ -324,8 +324,8 @@ PANELS = (
 def figure(table: pd.DataFrame) -> DataFigure:
     """Return the chart: error over computing time, one panel for each question.
 
-    Filled markers are finite geometry, open ones linear; circles are located switching, squares
-    switching at step ends, triangles runs without switches, diamonds peers.
+    Filled markers are finite geometry, open markers linear. Circles are located switching, squares
+    switching at step ends, triangles runs without switches, diamonds other programs.
     """
     fig = DataFigure(figsize=(7.2, 7.4), layout="constrained")
     FigureCanvasAgg(fig)

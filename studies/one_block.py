@@ -98,7 +98,7 @@ def slipping_share(t: float, t_p: float, t_R: float, std: float) -> float:
     """
 
     def ended(n: int, t: float) -> float:
-        """G_n(t): n draws of mean + std (sum of 12 - 6) are over."""
+        """Return G_n(t): the probability that n times of mean + std (sum of 12 - 6) are over."""
         if n == 0:
             return float(t >= 0)
         x = (t - n * t_R) / std + 6 * n
@@ -126,7 +126,7 @@ def study(say: Callable[[str], None] = lambda _: None) -> dict[str, pd.DataFrame
     found["steady"] = rows
     say("start-up")
     block, v, rows = Dragged(T_R, T_R_STD), U_S / T_R, []
-    block.slide(v, 0.025)  # all points off the first break
+    block.slide(v, 0.025)  # so no point is at the first break
     for _ in range(59):
         block.slide(v, 0.05, every=20)
         share = slipping_share(block.t, T_R, T_R, T_R_STD)

@@ -6,9 +6,9 @@ in finite geometry (linear for a chain), with steps of a twenty-fifth of the sta
 those of all levels. Trial n of a seed is always the same. Rows are appended to a file as they are
 made, and trials in the file are not repeated.
 
-A promise is kept if the true error of the want is within the tolerance. It is honest if the true
-error is within the measured error of the run. A record may say that single events are uncertain
-from a time on. Events after this time are left out, and counted.
+A plan promises its tolerance. The promise is kept if the true error of the want is within the
+tolerance. It is honest if the true error is within the measured error of the run. A record may say
+that single events are uncertain from a time on. Events after this time are left out, and counted.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 __all__ = ["QUANTITIES", "drawn", "drawn_wide", "run", "stored", "table", "trial"]
 
 WORK = size(3e7, 1e5)
-"""Block evaluations of full dynamics with steps of `WAY`."""
+"""Largest number of block evaluations of full dynamics with steps of `WAY`."""
 EVENTS = 10
 """Main events of a trial in the quasi-static sequence."""
 FINE = size(0.04, 0.25)
@@ -195,9 +195,9 @@ def trial(
     """Return the result of one trial, as a row of the table.
 
     Args:
-        scene, t_end, want, tolerance: the question.
+        scene, t_end, want, tolerance: those of the plan.
         fine: step of the reference run over the stability limit.
-        verify: how the run measures its errors; None as runs do by default.
+        verify: how the run measures its errors; None means the default.
     """
     how = {"want": want, "tolerance": tolerance, "verify": verify}
     machine_speed.cache_clear()  # as in a new process
@@ -238,7 +238,7 @@ def alone(scene: Scene, t_end: float) -> float:
 
 
 def of_longest(made: Record) -> float | None:
-    """Return the step of a record over the longest of RK4 that resolves weakening."""
+    """Return the step of a record over the longest step of RK4 that resolves weakening."""
     scene, dt = made.scene, made.method.dt
     return dt and dt / min(stability_limit(scene)[0], scene.resolving_step)
 
@@ -288,8 +288,8 @@ def run(
 
     Args:
         path: CSV file, made if missing.
-        numbers: which trials.
-        seed: of the draws.
+        numbers: numbers of the trials.
+        seed: seed of the draws.
         progress: print one line for each trial.
         verify: as in `trial`.
         viscosity: as in `drawn`.
@@ -354,8 +354,8 @@ def stored(name: str, folder: Path, tolerance: float = 0.05) -> dict[str, Any]:
 
     Args:
         name: a set of `pyfric.checks.regression`, such as "run4_finite".
-        folder: where it is.
-        tolerance: of the plan for front speeds.
+        folder: folder of the set.
+        tolerance: tolerance of the plan for front speeds.
     """
     known = regression.load(name, folder)
     t_end = float(known.whole["t_stop"]) + regression.AFTER

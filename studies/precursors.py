@@ -10,18 +10,19 @@ precursors at 6 um and 0 at 8 um for l = 2.5 mm; 9, 2 and 0 at 8, 10 and 20 um f
 rate and state (l = 5 mm) 5 at 0.4 mm/s and 27 at 4 mm/s. Pilot runs measured times. Their counts
 were read only for two seeds of four points of a slider of nine blocks.
 
-Precursor  The count of a run is `n_precursors`: finished events of at least four blocks, with the
-           block at the trailing edge and without at least one other block, before the first event
-           of all blocks. Events by contact, the default of pyfric, make the verdict. Events by slip
-           faster than `FAST` are also counted, because stable slip joins only events by contact.
+Precursor  A finished event of at least four blocks, before the first event of all blocks. It
+           includes the block at the trailing edge, and at least one block does not slip. The count
+           of a run is `n_precursors`. Events by contact, the default of pyfric, make the verdict.
+           Events by slip faster than `FAST` are also counted, because stable slip joins only events
+           by contact.
 L_c        Slip weakening: 1.158 E d_c/((mu_s - mu_k) p), twice the half-length of Uenishi and Rice,
            with the slope at the first slip and mean p. Rate and state: twice the half-length of
            Rubin and Ampuero, 1.3774 L_b for a/b < 0.378, else L_b/(pi (1 - a/b)^2).
 Series     `SERIES`. Only the laws, mu_s, L, H and h test L_c. In linear geometry F_N and V at one
            L_c/L are one parameter, V/F_N.
-Disorder   mu_s (f* with rate and state) is a random field of the same x for each l, `SEEDS` seeds
-           (`FEW` where runs are long), of width `WIDTH` over a correlation length of 20 mm. Error
-           bars are standard errors.
+Disorder   mu_s (f* with rate and state) is a random field, the same function of x for each l. Its
+           width is `WIDTH`, and its correlation length 20 mm. Points have `SEEDS` seeds, or `FEW`
+           where runs are long. Error bars are standard errors.
 Collapse   y = ln(1 + mean count) of a series at a value of L_c/L. The curve of a scale is the
            least-squares curve that never rises. It is linear in ln between its points and constant
            beyond them. Each series is left out in turn, and the curve through the other series
@@ -34,9 +35,9 @@ Collapse   y = ln(1 + mean count) of a series at a value of L_c/L. The curve of 
            or more of `DRAWS` draws of series with replacement. It is refuted if a null has the
            larger share in 95 % or more. Otherwise the data do not tell.
 End        Precursors end where the mean count falls below 1/2 for good, interpolated in ln(L_c/L).
-           Error bars are 16 to 84 % of draws of seeds. The end is one value of a scale if the
-           largest over the smallest end of series is below `ONE`. Scales are ranked by the standard
-           deviation of the ln of the end.
+           Error bars are 16 to 84 % of draws of seeds. All series of a scale have one end if the
+           largest over the smallest is below `ONE`. Scales are ranked by the standard deviation of
+           the ln of the end.
 Lattice    The ends at l and l/2 are compared for precursors of at least four blocks of l, the same
            least size for both. The end does not depend on l if both agree within 20 %, and if X_c0
            has `RESOLVED` blocks or more at the end on the finer lattice.
@@ -86,17 +87,17 @@ CORRELATION = 20e-3
 SEEDS, FEW = size(3, 2), 2
 """Seeds of each point, and of points of series that take long or do not test L_c."""
 AT = size((0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.6), (0.05, 0.6))
-"""L_c/L of slip weakening; in the base series d_c = 0.8 to 25 um."""
+"""Values of L_c/L for slip weakening; in the base series d_c = 0.8 to 25 um."""
 AT_RATED = size((0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.6), (0.6,))
-"""L_c/L of rate and state."""
+"""Values of L_c/L for rate and state."""
 NEAR = size((0.1, 0.15, 0.2, 0.25, 0.3), (0.05,))
-"""L_c/L on lattices of half the spacing."""
+"""Values of L_c/L on lattices of half the spacing."""
 V = 0.7875e-3
 """Speed of the driver in the Fig. 1 scene, m/s."""
 PUSHED = size(1.6e-3, 0.4e-3)
 """Longest way of the driver in a run, m."""
 BASE = size({"l": 5e-3}, {"l": 5e-3, "L": 0.03, "H": 0.01, "F_N": 750.0})
-"""Changes of all series."""
+"""Changes of the scene in all series."""
 HOW = {
     "fidelity": "hybrid",
     "geometry": "linear",
@@ -110,7 +111,7 @@ HOW = {
 TEXT = {"lengths": str, "lengths_by_rate": str}
 """Columns that are text: lengths over L, separated by blanks."""
 SAMPLES = 2000
-"""Points of the curve in a run."""
+"""Number of points of the curve in a run."""
 UENISHI_RICE, RUBIN_AMPUERO, SMALL_RATIO = 2 * 0.579, 1.3774, 0.378
 
 

@@ -31,10 +31,10 @@ __all__ = [
 ENOUGH = 0.9
 """Least share of the variance that counts as a collapse."""
 DRAWS = size(1000, 20)
-"""Draws of series, and of seeds."""
+"""Numbers of draws of series, and of seeds."""
 CHANCE = 0.95
 ONE = 1.5
-"""Largest over smallest end that still counts as one value."""
+"""Ratio of the largest to the smallest end below which all ends are one value."""
 RESOLVED = 6
 """Fewest blocks in the zone, as in `pyfric.record.zones`."""
 SAME = 0.2
@@ -63,7 +63,7 @@ LARGEST = 5e-3
 def points(runs: pd.DataFrame, column: str = "n") -> pd.DataFrame:
     """Return one row for each series and L_c/L: its description, and a number of its runs.
 
-    Columns added: runs; mean and error, of the number over seeds; y = ln(1 + mean), and its error.
+    Columns added: runs; mean and error of the number over seeds; y = ln(1 + mean), and its error.
     """
     same = ["series", "share", "law", "d_c", "L_c", "L_energy", "L", "H", "l", "h", "zone"]
     groups = runs.groupby(same, sort=False)[column]
@@ -102,7 +102,7 @@ def collapse(
     """Return the share of each scale, its 95 % interval, and how often it exceeds that of L_c/L.
 
     Args:
-        table: that of `points`.
+        table: the table of `points`.
         scales: names in `SCALES`, of which the first is compared with the others.
         draws: draws of series with replacement. Copies of a series are left out together.
     """
@@ -192,9 +192,9 @@ def ends(
 
 
 def spread_of_ends(found: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
-    """Return for each scale the std of the ln of ends, and largest over smallest.
+    """Return for each scale the std of the ln of ends, and the largest end over the smallest.
 
-    Series without an end in their range are left out; how many remain is the column series.
+    Series without an end in their range are left out; the column series has the number that remain.
     """
     about = runs.drop_duplicates("series").set_index("series")
     known = found[np.isfinite(found["end"]) & (found["end"] > 0)].set_index("series")
@@ -222,7 +222,7 @@ def measured(runs: pd.DataFrame) -> pd.DataFrame:
     large is the number of precursors at least as long as four blocks of `LARGEST`.
     """
     lengths = [np.array(str(text).split(), float) for text in runs["lengths"].fillna("")]
-    reached = (runs["L"] + runs["l"]) * (1 + 1e-3)  # lengths have four digits
+    reached = (runs["L"] + runs["l"]) * (1 + 1e-3)  # as lengths have four digits
     large = [(one * far >= 4 * LARGEST).sum() for one, far in zip(lengths, reached, strict=True)]
     first = [one[0] if one.size else np.nan for one in lengths]
     return runs.assign(
@@ -234,8 +234,8 @@ def tables(runs: pd.DataFrame, checks: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Return the tables of the study by name.
 
     Args:
-        runs: that of `precursors.study`.
-        checks: that of `precursors.checks`.
+        runs: the table of `precursors.study`.
+        checks: the table of `precursors.checks`.
     """
     runs = measured(runs)
     found = points(runs)

@@ -58,7 +58,7 @@ def job(tau: float, width: float, share: float = 1.0, seed: int = 0) -> Job:
     Args:
         tau, width: tau_0/p, and the half width.
         share: step over that of the map.
-        seed: of the junctions' times.
+        seed: seed of the junctions' times.
     """
     law = dataclasses.replace(preset("slow").interface.law, stretch=float(width), seed=seed)
     scene = prepared(tau, law)

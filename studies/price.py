@@ -54,7 +54,7 @@ def methods() -> dict[str, chart.Method]:
 
 
 def points(*, progress: bool = False) -> pd.DataFrame:
-    """Measure the points: columns of `chart.chart`, with ``name``, and ``cheaper``, a ratio."""
+    """Measure the points: columns of `accuracy.chart`, ``name``, and the ratio ``cheaper``."""
 
     def say(text: str) -> None:
         if progress:

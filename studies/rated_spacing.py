@@ -2,9 +2,9 @@
 
 A block of 15 L_b by 6 L_b slides steadily at 1 nm/s, and its load grows. In its middle, over one
 L_b, theta is 0.9 of that elsewhere. Slip without inertia accelerates in the middle until a block
-reaches 0.1 m/s. The table has this time over D_c/V, the slip of the middle over D_c, and the width
-over which speeds are above half the largest speed. On finer lattices l and p of a block are
-smaller; L_b, D_c and the stresses are the same.
+reaches 0.1 m/s. The table has the time of this acceleration over D_c/V, the slip of the middle over
+D_c, and the width over which speeds are above half the largest speed. On finer lattices l and p of
+a block are smaller; L_b, D_c and the stresses are the same.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 BLOCKS, RATIOS = size(((1, 3, 6, 12), (0.35, 0.5, 0.7)), ((1, 2), (0.5,)))
-"""Blocks in L_b, and a/b."""
+"""Numbers of blocks in L_b, and values of a/b."""
 L_B, B, P, K = 12e-3, 0.015, 2.5, 13.5e6
 """L_b (m), b, p of a block over l/mm (N), and k (N/m)."""
 V, LOADING, FASTEST = 1e-9, 1e-3, 0.1
@@ -48,7 +48,7 @@ def case(blocks: int, ratio: float) -> tuple[float, ...]:
     known = StaticSolver(scene, "linear")
     elastic, *_ = Linearised(known, ~known.loaded.open).by_u
     x, none = np.arange(columns) * l, np.zeros(columns)
-    shares = np.clip((L_B / 2 - np.abs(x - x[-1] / 2)) / l + 0.5, 0.0, 1.0)  # of blocks in the part
+    shares = np.clip((L_B / 2 - np.abs(x - x[-1] / 2)) / l + 0.5, 0.0, 1.0)  # in the middle part
     start = np.log(D_c / V) + np.log(0.9) * shares
     load = p * (law.f_star + (a - B) * np.log(V / law.V_star))
     limits = {"end": 1e4, "dt": 1e-9, "relative": ACCURACY, "u": ACCURACY * D_c}

@@ -12,12 +12,12 @@ This rule was fixed before the runs, when no share was known. Pilot runs of the 
 run 1 chose d_c, l and the time of runs.
 
 Crack      a is `BEGIN` times the shortest length at which the energy release of static states
-           exceeds the fracture energy at the largest d_c, on three blocks (of 1.25 mm) in turn.
+           exceeds the fracture energy at the largest d_c on three successive blocks (of 1.25 mm).
 Lattice    l = `SPACING` d_c/um (twice that in run 4, whose zone is twice as long), about eleven
            blocks in X_c0 at p = F_N/N_x.
-End        The transit of a shear wave along the slider, after the release.
-Places     Every 1.25 mm, v_c = 2.5 mm over the time between 1.25 mm before and behind, where times
-           of passage increase over this stretch.
+End        A run ends one transit of a shear wave along the slider after the release.
+Places     Places are 1.25 mm apart. v_c is 2.5 mm over the time between passages 1.25 mm before and
+           behind a place. It exists where times of passage increase over this stretch.
 Cut ends   A place counts if it is X_c0 (at p = F_N/N_x) or more from the end of the released crack
            and from the first block that the front does not pass.
 Zone       Blocks between the tip, when it passes a place, and the nearest block behind it that has
@@ -27,12 +27,12 @@ Shares     Shares of the variance of ln v_c as in claim 13 (`pyfric.paper.claims
            bootstrap over events, and shares in synthetic speeds that depend on the position along
            the front alone. Both are computed for all places of a variant, and for the places that
            all variants of an event have.
-Verdict    It concerns resolved variants with little viscosity, on all of their places. A variant
-           keeps the collapse if the lower end of the share of the prestress exceeds 0.5 and the
-           upper end for synthetic speeds. It loses the collapse if the upper end of its share is
-           below 0.5, or its value is below the upper end for synthetic speeds. Otherwise the data
-           do not tell. The paper's collapse survives if all three variants keep it, and does not
-           survive if all three lose it.
+Verdict    The verdict is on resolved variants with little viscosity, on all of their places. A
+           variant keeps the collapse if the lower end of the share of the prestress exceeds 0.5 and
+           the upper end for synthetic speeds. It loses the collapse if the upper end of its share
+           is below 0.5, or its value is below the upper end for synthetic speeds. Otherwise the
+           data do not tell. The paper's collapse survives if all three variants keep it, and does
+           not survive if all three lose it.
 
 The study also gives the share that G/Gamma explains, the energy release of static states over the
 fracture energy.
@@ -324,7 +324,7 @@ def checks(runs: Path, say: Callable[[str], None] = lambda _: None) -> pd.DataFr
 
 
 def _change(case: str, table: pd.DataFrame, other: pd.DataFrame, L_x: float) -> dict[str, Any]:
-    """Return how the speeds of a front differ from those of another one."""
+    """Return how the speeds of a front differ from those of another front."""
     kept_there = other[other["inside"] & other["v_c"].notna()]
     both = kept_there.assign(key=(kept_there["x"] / L).round()).merge(
         table.assign(key=(table["x"] / L).round()), on="key", suffixes=("", "_new")

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["figure", "report", "summary", "verdict"]
 
 SHARE = 0.5
-"""Least share of resolved places, and of variance that a collapse explains."""
+"""Least share of resolved places, and least share of the variance that a collapse explains."""
 COLOURS = ("#0072B2", "#D55E00", "#009E73")
 MARKERS = {"run1": "o", "run2": "s", "run3": "^", "run4": "x"}
 

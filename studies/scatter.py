@@ -11,8 +11,8 @@ first precursor
     Static F_T/F_N at which the first precursor starts, and its length over L.
 sizes
     Potencies of all finished events before the first system-size event of their run. The number of
-    events of at least a potency falls with the exponent b. The least potency is `COMPLETE` of the
-    largest of all sets, so all sets are compared over the same range.
+    events of at least a potency falls with the exponent b. Potencies count from `COMPLETE` of the
+    largest of all sets on, so all sets are compared over the same range.
 
 Errors are standard errors. Errors of means, of standard deviations and of b are from a jackknife
 over `GROUPS` independent groups of seeds.
@@ -50,10 +50,10 @@ T_END = 1.3
 GROUPS = 20
 """Groups of seeds, each of which is left out in turn."""
 COMPLETE = 0.01
-"""Least potency of compared sizes over the largest of all sets. Smaller events are few, and slips
+"""Least potency of compared events over the largest of all sets. Smaller events are few, and slips
 of single blocks at the trailing edge. A policy."""
 LEAST = 1e-5
-"""Smallest potency in the figure over the largest."""
+"""Smallest potency in the figure over the largest of all sets."""
 COLUMNS = ("F_slide", "F_precursor", "L_p_first", "n_precursors", "t_slide")
 EVENTS = ("t_start", "finished", "potency")
 QUANTITIES = {
@@ -66,7 +66,7 @@ QUANTITIES = {
 
 
 def field(width: float, length: float) -> Spread:
-    """Return mu_s of a set: width is std over mean, length the correlation length (m)."""
+    """Return mu_s of a set; width is std over mean, and length the correlation length (m)."""
     mean = preset("fig1").interface.mu_s
     return Spread(mean=mean, std=width * mean, correlation_length=length)
 

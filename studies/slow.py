@@ -48,13 +48,13 @@ __all__ = ["CASES", "amontons_coulomb", "figure", "jobs", "longest_stretch",
            "report", "ruptures", "slip_speeds", "speed_figure", "study", "tables"]  # fmt: skip
 
 STORED = Path(__file__).parents[1] / "reference_data"
-"""Stored runs of the paper."""
+"""Stored runs with the paper's friction."""
 T_END, FASTER = size((1.6, 1), (0.012, 50))
 """End of each run, s, and the driver's speed over that of the preset."""
 SAMPLE = 5e-5
 """Time between points of the motion, s."""
 BAND, RATIO, LEAST = (0.01, 0.03), 20.0, 5
-"""Range of speeds of slow fronts over c_S; least ratio of speeds beside them; fewest blocks."""
+"""Range of slow speeds over c_S; least ratio of speeds beside a stretch; its fewest blocks."""
 SLOW = BAND[1]
 """Speed over c_S up to which a block counts as slow."""
 BESIDE = 2
@@ -182,7 +182,7 @@ def power_law(table: pd.DataFrame) -> tuple[float, float]:
 
 
 def summary(record: Record) -> dict[str, float]:
-    """Return a row of the table of acceptance; medians over events."""
+    """Return a row of the table of accepted stretches, with medians over events."""
     found, main = ruptures(record), record.events[record.events["is_main"]]
     slow = found[found["speed"].notna()]
     exponent, r2 = power_law(slip_speeds(record))
@@ -209,7 +209,7 @@ def summary(record: Record) -> dict[str, float]:
 
 
 def tables(records: Mapping[str, Record]) -> dict[str, pd.DataFrame]:
-    """Return the table of acceptance, and the ruptures of all runs."""
+    """Return the table of accepted stretches, and the ruptures of all runs."""
     rows = [{"case": name} | summary(record) for name, record in records.items()]
     each = [ruptures(record).assign(case=name) for name, record in records.items()]
     return {"acceptance": pd.DataFrame(rows), "ruptures": pd.concat(each, ignore_index=True)}
@@ -254,7 +254,7 @@ def speed_figure(scene: Scene, found: pd.DataFrame, name: str) -> DataFigure:
     Args:
         scene: interface of junctions.
         found: table of `slip_speeds`.
-        name: of the run.
+        name: name of the run.
     """
     exponent, r2 = power_law(found)
     wave, before = material_of(scene).c_S, amontons_coulomb()
@@ -286,7 +286,7 @@ def speed_figure(scene: Scene, found: pd.DataFrame, name: str) -> DataFigure:
 
 
 def report(records: Mapping[str, Record]) -> str:
-    """Return the table of acceptance in lines."""
+    """Return the table of accepted stretches in lines."""
     rows = tables(records)["acceptance"]
     lines = [rows.to_string(index=False, float_format=lambda x: f"{x:.3g}")]
     if {"seed 0", "half the step"} <= set(records):

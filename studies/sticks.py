@@ -94,7 +94,7 @@ class Peer(NamedTuple):
     """One program with its settings.
 
     Attributes:
-        name, settings: for readers.
+        name, settings: texts in the tables.
         run: takes step (s), t_end (s) and share (None: pulled); returns times, displacements,
             processor time and version.
         two: whether it has mu_k as well.
@@ -184,7 +184,7 @@ def of_solve_ivp(rtol: float, t_end: float, share: float | None) -> Any:
         us.append(found.y[0] if len(found.t) else np.zeros(0))
         if found.status == 1:
             t, y, slips = found.t_events[0][0], found.y_events[0][0], not slips
-            y = np.array([y[0], 1e-300 if slips else 0.0])  # just past the root
+            y = np.array([y[0], 1e-300 if slips else 0.0])  # start just past the root
         else:
             t, y = stop, found.y[:, -1]
     return (*map(np.concatenate, (ts, us)), time.process_time() - begin, scipy.__version__)
@@ -383,7 +383,7 @@ def chained(peer: Peer, step: float) -> dict[str, Any]:
 
 
 def coefficients(peer: Peer) -> dict[str, str]:
-    """Return the first columns of a row."""
+    """Return the first columns of a row: the program and its settings."""
     about = {"program": peer.name, "settings": peer.settings}
     return about | {"coefficients": "mu_s, mu_k" if peer.two else "one"}
 

@@ -94,7 +94,7 @@ def mujoco(dt: float, t_end: float, end: End, options: str = "") -> Any:
 
 
 def mujoco_chain(dt: float, t_end: float, _: End, options: str = "") -> Any:
-    """Boxes with a tendon between neighbours."""
+    """Run boxes with a tendon between neighbours."""
     import mujoco
 
     box = """<body pos="{x} 0 .05"><joint name="x{n}" type="slide" axis="1 0 0" {spring}/>

@@ -52,7 +52,7 @@ def tpv3(*, quick: bool = False, progress: bool = False) -> pd.DataFrame:
     """Run TPV3 on lattices of 100, 50 and 25 m.
 
     Args:
-        quick: without the finest one.
+        quick: leave out the finest lattice.
         progress: print on stderr what is being run.
 
     Returns:

@@ -68,7 +68,7 @@ def cases() -> list[Case]:
     found = [Case(one, t, "quasistatic", "linear", {}) for one, t in scenes]
     for geometry in ("linear", "finite"):
         found += [Case(one, t, "hybrid", geometry, {}) for one, t in scenes]
-        for one, _ in scenes:  # some 0.2 s each
+        for one, _ in scenes:  # each takes some 0.2 s
             steps = 2e8 / (24 * one.N_x * one.N_z + 5e3)
             found.append(Case(one, steps * step_size(one), "dynamic", geometry, {}))
     heavy, slow, creeping = preset("fig1", F_N=4e4), preset("slow"), small.replace({"d_c": 5e-6})

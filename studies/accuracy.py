@@ -8,7 +8,7 @@ which it measures its own error (`Record.errors`). Cost is processor time over t
 by velocity Verlet with switches at step ends, so scenes of different size share one axis.
 
 Methods without an answer to a question, or with other events than the reference, have a cost but no
-error. They are drawn above the axes.
+error. Such methods are drawn above the axes.
 """
 
 from __future__ import annotations

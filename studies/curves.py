@@ -144,8 +144,8 @@ def one_law(table: pd.DataFrame) -> pd.DataFrame:
     """Return how much the quantities that one law would fix differ between curves.
 
     Coulomb friction fixes mu_s and mu_k. If each curve has a separate level of friction (humidity,
-    wear, the zero of the sensor), it fixes mu_s - mu_k. A law of speed and its history, such as
-    rate and state, fixes the mean force of a slider that slides at one speed.
+    wear, the zero of the sensor), Coulomb friction fixes mu_s - mu_k. A law of speed and its
+    history, such as rate and state, fixes the mean force of a slider that slides at one speed.
     """
     rows = []
     level = np.hypot(table["peak_error"], table["valley_error"]) / 2

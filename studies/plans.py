@@ -7,8 +7,9 @@ those of all levels. Trial n of a seed is always the same. Rows are appended to 
 made, and trials in the file are not repeated.
 
 A plan promises its tolerance. The promise is kept if the true error of the want is within the
-tolerance. It is honest if the true error is within the measured error of the run. A record may say
-that single events are uncertain from a time on. Events after this time are left out, and counted.
+tolerance. The promise is honest if the true error is within the measured error of the run. A record
+may say that single events are uncertain from a time on. Events after this time are left out, and
+counted.
 """
 
 from __future__ import annotations

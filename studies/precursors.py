@@ -11,10 +11,10 @@ rate and state (l = 5 mm) 5 at 0.4 mm/s and 27 at 4 mm/s. Pilot runs measured ti
 were read only for two seeds of four points of a slider of nine blocks.
 
 Precursor  A finished event of at least four blocks, before the first event of all blocks. It
-           includes the block at the trailing edge, and at least one block does not slip. The count
-           of a run is `n_precursors`. Events by contact, the default of pyfric, make the verdict.
-           Events by slip faster than `FAST` are also counted, because stable slip joins only events
-           by contact.
+           includes the block at the trailing edge, and leaves out at least one other block. The
+           count of a run is `n_precursors`. Events by contact, the default of pyfric, make the
+           verdict. Events by slip faster than `FAST` are also counted, because stable slip joins
+           only events by contact.
 L_c        Slip weakening: 1.158 E d_c/((mu_s - mu_k) p), twice the half-length of Uenishi and Rice,
            with the slope at the first slip and mean p. Rate and state: twice the half-length of
            Rubin and Ampuero, 1.3774 L_b for a/b < 0.378, else L_b/(pi (1 - a/b)^2).
@@ -24,15 +24,14 @@ Disorder   mu_s (f* with rate and state) is a random field, the same function of
            width is `WIDTH`, and its correlation length 20 mm. Points have `SEEDS` seeds, or `FEW`
            where runs are long. Error bars are standard errors.
 Collapse   y = ln(1 + mean count) of a series at a value of L_c/L. The curve of a scale is the
-           least-squares curve that never rises. It is linear in ln between its points and constant
-           beyond them. Each series is left out in turn, and the curve through the other series
-           predicts its y. The share of a scale is the predicted share of the variance of y. Scales
-           are L_c/L; the nulls d_c alone, L_c alone, position of load (L_c/h) and size of the
-           lattice (L_c/l); also L_c/H, and energies in place of slopes (L_G/L; exponential
-           weakening takes twice the energy). All series of slip weakening count, with l = 5 and
-           2.5 mm.
-           L_c/L holds if its share is `ENOUGH` or more, and larger than that of each null in 95 %
-           or more of `DRAWS` draws of series with replacement. It is refuted if a null has the
+           least-squares curve that never rises. The curve is linear in ln between its points and
+           constant beyond them. Each series is left out in turn, and the curve through the other
+           series predicts its y. The share of a scale is the predicted share of the variance of y.
+           Scales are L_c/L; the nulls d_c alone, L_c alone, position of load (L_c/h) and size of
+           the lattice (L_c/l); also L_c/H, and energies in place of slopes (L_G/L; exponential
+           weakening takes twice the energy). All series of slip weakening count, with l = 5 and 2.5
+           mm. L_c/L holds if its share is `ENOUGH` or more, and larger than that of each null in 95
+           % or more of `DRAWS` draws of series with replacement. L_c/L is refuted if a null has the
            larger share in 95 % or more. Otherwise the data do not tell.
 End        Precursors end where the mean count falls below 1/2 for good, interpolated in ln(L_c/L).
            Error bars are 16 to 84 % of draws of seeds. All series of a scale have one end if the

@@ -140,7 +140,7 @@ def verdict(found: pd.DataFrame, nulls: Sequence[str] = NULLS) -> str:
 def end(shares: np.ndarray, counts: np.ndarray) -> float:
     """Return L_c/L where mean counts fall below 1/2 for good, interpolated in its ln.
 
-    It is 0 if all counts are below 1/2, and inf if the last count is not.
+    The result is 0 if all counts are below 1/2, and inf if the last count is not.
 
     Args:
         shares: L_c/L, rising, shape (n,).
@@ -158,7 +158,7 @@ def end(shares: np.ndarray, counts: np.ndarray) -> float:
 def half(shares: np.ndarray, counts: np.ndarray) -> float:
     """Return L_c/L where mean counts first fall below half of the first count; see `end`.
 
-    It is outside the rule, and was added when counts were known.
+    This value is outside the rule, and was added when counts were known.
     """
     below = np.flatnonzero(counts < counts[0] / 2)
     stop = below[0] + 1 if below.size else len(counts)

@@ -1,10 +1,10 @@
 """Precursors with rate-and-state friction: slip speeds, stress after precursors, and slow fronts.
 
 The runs are those of `rated` over three decades of the driver's speed and with the slip law, and
-runs with other a/b, D_c and speeds. They end at the first event of the whole interface. For each
-precursor the table has the mean slip speed v of its blocks, their tau/p before and after it, the
-friction of steady slip f_d = f* + (a - b) ln(v/V*), and the median speed of its front. The friction
-at v with the state theta before the precursor is f_s = f_d + b ln(v theta/D_c). The scaled
+runs with other a/b, D_c and speeds. All runs end at the first event of the whole interface. For
+each precursor the table has the mean slip speed v of its blocks, their tau/p before and after it,
+the friction of steady slip f_d = f* + (a - b) ln(v/V*), and the median speed of its front. The
+friction at v with the state theta before the precursor is f_s = f_d + b ln(v theta/D_c). The scaled
 prestress is (tau/p - f_d)/(f_s - f_d).
 """
 

@@ -1,11 +1,11 @@
 """Fig. 4(b) with a resolved cohesive zone: does the prestress set the speed of fronts?
 
-The events are the last `LAST` precursors of runs 1 to 4 (l = 1.25 mm, d_c = 1 um). Each is run with
-three values of d_c, and with the paper's viscosity and little viscosity. With d_c > 0 stable slip
-lasts for tens of milliseconds before a front runs, and loading continues. So each front starts from
-the slip just before the event, with the driver at its position when the front begins in the run
-(`finer.held`). The static tractions of this state are the prestress. Then a fully weakened crack
-over blocks 1 to a is released at once. Tractions, a, time and geometry are the same for all
+The events are the last `LAST` precursors of runs 1 to 4 (l = 1.25 mm, d_c = 1 um). Each event is
+run with three values of d_c, and with the paper's viscosity and little viscosity. With d_c > 0
+stable slip lasts for tens of milliseconds before a front runs, and loading continues. So each front
+starts from the slip just before the event, with the driver at its position when the front begins in
+the run (`finer.held`). The static tractions of this state are the prestress. Then a fully weakened
+crack over blocks 1 to a is released at once. Tractions, a, time and geometry are the same for all
 variants of an event.
 
 This rule was fixed before the runs, when no share was known. Pilot runs of the last precursor of
@@ -17,7 +17,7 @@ Lattice    l = `SPACING` d_c/um (twice that in run 4, whose zone is twice as lon
            blocks in X_c0 at p = F_N/N_x.
 End        A run ends one transit of a shear wave along the slider after the release.
 Places     Places are 1.25 mm apart. v_c is 2.5 mm over the time between passages 1.25 mm before and
-           behind a place. It exists where times of passage increase over this stretch.
+           behind a place. v_c is defined where times of passage increase over this stretch.
 Cut ends   A place counts if it is X_c0 (at p = F_N/N_x) or more from the end of the released crack
            and from the first block that the front does not pass.
 Zone       Blocks between the tip, when it passes a place, and the nearest block behind it that has

@@ -10,9 +10,9 @@ strength
 first precursor
     Static F_T/F_N at which the first precursor starts, and its length over L.
 sizes
-    Potencies of all finished events before the first system-size event of their run. The number of
-    events of at least a potency falls with the exponent b. Potencies count from `COMPLETE` of the
-    largest of all sets on, so all sets are compared over the same range.
+    Potencies of all finished events before the first system-size event of their run. b is the
+    exponent with which the number of events above a potency falls. Potencies count from `COMPLETE`
+    of the largest of all sets on, so all sets are compared over the same range.
 
 Errors are standard errors. Errors of means, of standard deviations and of b are from a jackknife
 over `GROUPS` independent groups of seeds.

@@ -123,7 +123,8 @@ def ruptures(record: Record) -> pd.DataFrame:
 
     Columns: event; t_start (s); F_T_start and F_T_arrest over F_N; arrest, from 1; first and last
     block of its slow stretch, from 1, and the speed of the stretch over c_S; speeds before and
-    after it over its speed; between; accepted. They are NaN and False without a slow stretch.
+    after it over its speed; between; accepted. Without a slow stretch these columns are NaN and
+    False.
     """
     scene, rows, since = record.scene, [], 0
     whole = record.events[(record.events["n_blocks"] == scene.N_x) & record.events["is_main"]]

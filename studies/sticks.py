@@ -193,8 +193,8 @@ def of_solve_ivp(rtol: float, t_end: float, share: float | None) -> Any:
 def chain_of_solve_ivp(rtol: float, t_end: float, share: None, mu_k: float = MU_K) -> Any:
     """The same loop for a chain: each block sticks (0) or slips to one side (1 or -1).
 
-    `solve_ivp` looks for signs that change from one end of a step to the other. It misses a block
-    that stops for a moment within a step, so coarse tolerances miss some stops.
+    `solve_ivp` looks for signs that change from one end of a step to the other. The loop misses a
+    block that stops for a moment within a step, so coarse tolerances miss some stops.
     """
     import scipy
 

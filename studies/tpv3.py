@@ -1,8 +1,8 @@
 """TPV3 in two dimensions: rupture times on finer and finer lattices, and by spectral elements.
 
-The scene is `pyfric.scene.tpv3`. It has one of the two bodies, so the rupture time of a block is
-when its slip rate reaches half of 1 mm/s. Times at the stations, which lie between blocks, are
-interpolated.
+The scene is `pyfric.scene.tpv3`. The scene has one of the two bodies, so the rupture time of a
+block is when its slip rate reaches half of 1 mm/s. Times at the stations, which lie between blocks,
+are interpolated.
 
 Reflections from the absorbing top and side shift these times by less than 1 us: a slab of 30 x
 25 km at l = 50 m gives the same times.

@@ -165,7 +165,7 @@ def viscosity(
 
 
 def kept_crack(path: Path, which: Crack) -> pd.DataFrame:
-    """Return the table of a crack with its cost, from a file or from a new run."""
+    """Return the table of a crack with its cost, from its file if that exists."""
     if path.is_file():
         return pd.read_csv(path)
     begin = time.process_time()

@@ -105,7 +105,7 @@ def finer(
     errors: bool = False,
     say: Callable[[str], None] = lambda _: None,
 ) -> pd.DataFrame:
-    """Measure the cost of runs with this build and, in turns with it, with builds of commits.
+    """Measure the cost of runs with this build and builds of commits, in turns.
 
     Args:
         cases: names in `CASES`.
@@ -182,7 +182,7 @@ def built(commit: str) -> Iterator[Path]:
 
 
 def _alone(case: Case, folder: Path | None) -> dict[str, Any]:
-    """Return the cost of a case with the package in a folder, or as installed for None."""
+    """Return the cost of a case with the package in a folder; None means the installed one."""
     env = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"}
     found = [folder, THERE.parent] if folder is not None else [THERE.parent]
     env["PYTHONPATH"] = os.pathsep.join(map(str, found))

@@ -133,7 +133,7 @@ def _runs_of(
 
 
 def begun(path: Path, coarse: Record, event: int, scene: Scene) -> Record:
-    """Return an event on another lattice, from the state before it; from a file if stored.
+    """Return an event on another lattice, run from the state before it, or read from its file.
 
     Args:
         path: the file of the run.
@@ -199,7 +199,7 @@ def _widest(record: Record) -> int:
 
 
 def _lengths(records: dict[tuple[float, float], Record], runs: Path) -> pd.DataFrame:
-    """Return lengths of precursors with weakening, from files or from new runs."""
+    """Return lengths of precursors with weakening, from files if these exist."""
     tables = []
     for (l, d_c), record in records.items():
         if not d_c:

@@ -67,7 +67,7 @@ def costs(
     quick: bool = False,
     say: Callable[[str], None] = lambda _: None,
 ) -> pd.DataFrame:
-    """Measure the cost of cases with this build and, in turns with it, with builds of commits.
+    """Measure the cost of cases with this build and builds of commits, in turns.
 
     Args:
         cases: names in `CASES`.
@@ -100,7 +100,7 @@ def costs(
 
 
 def _alone(name: str, quick: bool, folder: Path | None) -> dict[str, Any]:
-    """Return the cost of a case with the package in a folder, or as installed for None."""
+    """Return the cost of a case with the package in a folder; None means the installed one."""
     env = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"}
     found = [*([] if folder is None else [folder]), THERE.parent]
     env["PYTHONPATH"] = os.pathsep.join(map(str, found))

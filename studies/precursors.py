@@ -262,7 +262,7 @@ def _file(runs: Path, name: str, share: float) -> Path:
 def _kept(
     path: Path, name: str, share: float, seeds: int, say: Callable[[str], None]
 ) -> pd.DataFrame:
-    """Return the runs of a point, from a file or new."""
+    """Return the runs of a point; those in its file are not made again."""
     rows = pd.read_csv(path, dtype=TEXT).to_dict("records") if path.is_file() else []
     missing = sorted(set(range(seeds)) - {row["seed"] for row in rows})
     if missing:

@@ -138,7 +138,7 @@ def verdict(found: pd.DataFrame, nulls: Sequence[str] = NULLS) -> str:
 
 
 def end(shares: np.ndarray, counts: np.ndarray) -> float:
-    """Return L_c/L where mean counts fall below 1/2 for good, interpolated in its ln.
+    """Return L_c/L where mean counts fall below 1/2 for good, interpolated in ln(L_c/L).
 
     The result is 0 if all counts are below 1/2, and inf if the last count is not.
 
@@ -222,7 +222,7 @@ def measured(runs: pd.DataFrame) -> pd.DataFrame:
     large is the number of precursors at least as long as four blocks of `LARGEST`.
     """
     lengths = [np.array(str(text).split(), float) for text in runs["lengths"].fillna("")]
-    reached = (runs["L"] + runs["l"]) * (1 + 1e-3)  # as lengths have four digits
+    reached = (runs["L"] + runs["l"]) * (1 + 1e-3)  # lengths are stored with four digits
     large = [(one * far >= 4 * LARGEST).sum() for one, far in zip(lengths, reached, strict=True)]
     first = [one[0] if one.size else np.nan for one in lengths]
     return runs.assign(

@@ -276,7 +276,7 @@ def _path(runs: Path, name: str) -> Path:
 
 
 def kept_table(path: Path, make: Callable[[], pd.DataFrame]) -> pd.DataFrame:
-    """Return a table, to six digits, from a file or new."""
+    """Return a table to six digits, from its file if that exists."""
     if not path.is_file():
         write(path, make().to_csv(index=False).encode())
     return pd.read_csv(path).map(lambda one: float(f"{one:.6g}") if isinstance(one, float) else one)

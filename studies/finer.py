@@ -51,7 +51,7 @@ def tractions(record: Record, event: int, x: np.ndarray) -> tuple[np.ndarray, np
         x: positions from the middle of the slider, shape (n,), in m.
 
     Returns:
-        f/p, shape (n,), and whether the interface is open there, shape (n,), bool.
+        f/p, shape (n,), and whether the interface is open at these positions, shape (n,), bool.
     """
     scene, row = record.scene, record.row(event)
     p = record.p_before[row]

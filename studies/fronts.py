@@ -79,7 +79,8 @@ def planned(scene: Scene, t_end: float, coarser: Record | None) -> tuple[float, 
     """Return the block evaluations and the seconds that a run is expected to take.
 
     A run at half the lattice constant takes 8 times the evaluations of the coarser run. The first
-    run takes those of full dynamics without located transitions. Each evaluation takes `PACE`.
+    run takes the evaluations of full dynamics without located transitions. Each evaluation takes
+    `PACE`.
     """
     if coarser is None:
         evaluations = STEPPERS["rk4"].evaluations * t_end / step_size(scene)

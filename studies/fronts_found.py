@@ -202,7 +202,7 @@ def _draw_lengths(axes: Any, table: pd.DataFrame) -> None:
 
 
 def _chain(most: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return scaled prestress up to the largest, and the front speed of a chain there, m/s."""
+    """Return values of the scaled prestress, and front speeds of a chain at these, m/s."""
     k, m, l = _lattice(preset("fig1"))
     eta = preset("fig1").eta / math.sqrt(k * m)
     scaled = np.linspace(0.02, min(most, 0.8), 40)

@@ -1,7 +1,7 @@
 """Stability map: the largest stable step of every stepper, computed and measured.
 
 The computed limit is `pyfric.stability_limit`, from the eigenvalues of the scene's operator. The
-measured limit is that of a small slider at rest with a tiny disturbance, once stuck to the surface
+measured limit comes from a small slider at rest with a tiny disturbance, once stuck to the surface
 and once lifted off. A bisection over the step finds where the disturbance begins to grow. No
 contact state changes meanwhile. Axes are the viscosity of the bonds, over sqrt(k m), and the
 stiffness of the foundation, over k. Times are in units of sqrt(m/k).

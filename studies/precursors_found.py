@@ -144,7 +144,7 @@ def end(shares: np.ndarray, counts: np.ndarray) -> float:
 
     Args:
         shares: L_c/L, rising, shape (n,).
-        counts: mean counts there, shape (n,).
+        counts: mean counts at these L_c/L, shape (n,).
     """
     above = np.flatnonzero(counts >= 0.5)
     if not above.size:

@@ -45,7 +45,8 @@ PLACES = {5: (4.93, 5.153), 10: (7.63, 4.1435)}
 """Distance (km) -> largest slip rate (m/s, within 1 % at 5 km) and slip at 6 s (m) of the
 reference."""
 DASHPOTS = ((0.001, "along"), (0.001, "full"), (0.1, "full"))
-"""eta^2/(k m) and kind of dashpots: those of the scene, rotation resisted as well, the paper's."""
+"""eta^2/(k m) and kind of dashpots: the scene's, the same with resisted rotation, and the
+paper's."""
 
 
 def tpv3(*, quick: bool = False, progress: bool = False) -> pd.DataFrame:

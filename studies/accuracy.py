@@ -64,7 +64,7 @@ WANTS = {
 }
 """Want -> meaning of its error."""
 REFERENCE = size(1 / 16, 1 / 2)
-"""Step of the reference over the stability limit."""
+"""Step of the reference, as a share of the stability limit."""
 SCENE = {"L": 0.07, "H": 0.04, "l": 5e-3, "F_N": 1750.0, "V": 20e-3}
 """End of the run of the only scene at tiny sizes."""
 TRIES = size(2, 1)
@@ -125,10 +125,10 @@ def chart(*, progress: bool = False) -> pd.DataFrame:
     Returns:
         One row per point. Columns: scene; kind ("method", "plan", "reference"); want and
         tolerance of a plan, and ``said``, the error that the plan measured; engine, stepper,
-        switching, geometry; share (step over the stability limit), dt (s); seconds (processor
-        time), evaluations (blocks times force evaluations), status ("ok", or why there is no
-        answer); the errors of `WANTS`, NaN without an answer; events, the number compared; missing,
-        the number of events in only one of the two runs.
+        switching, geometry; share (of the stability limit), dt (s); seconds (processor time),
+        evaluations (blocks times force evaluations), status ("ok", or why there is no answer); the
+        errors of `WANTS`, NaN without an answer; events, the number compared; missing, the number
+        of events in only one of the two runs.
 
     Raises:
         RunError: the reference left the range of numbers.

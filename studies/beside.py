@@ -41,7 +41,7 @@ __all__ = ["chart_points", "slider_points", "wave_points"]
 
 REPEATS = size(3, 1)
 SHARES = size((0.9, 0.5, 0.25, 0.125, 0.0625, 0.03125), (0.9,))
-"""Time steps over the stability limit."""
+"""Time steps, as shares of the stability limit."""
 AMPLITUDE = 1e-3
 """Amplitude of the wave, in l."""
 

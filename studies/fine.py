@@ -88,7 +88,7 @@ LONG = ("561 x 301, to 0.33 s", "0.625 mm, d_c, to 0.745 s")
 USUAL = size(tuple(name for name in CASES if name not in LONG), LATTICES[:1])
 REPEATS = size(2, 1)
 SHORT, JUMPS = 0.25, 1e-8
-"""Steps (over the stability limit) and accuracy (over F_N) of the reference runs for errors."""
+"""Step (as a share of the stability limit) and accuracy of the reference runs for errors."""
 LOADED = size(0.12, 0.01)
 """End of a small run that loads all modules before timing, s."""
 SIZES = {"slip_1": (1, 1), "slip_2_3": (2, 3), "slip_4_10": (4, 10), "fronts": (11, 2**31)}

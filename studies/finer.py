@@ -1,8 +1,9 @@
 """Start a fine lattice from the state of a coarser one, just before an event.
 
 At the first slip of an event all blocks stick or are open. Tractions then define the state, because
-no slip has a memory. The finer lattice gets, at each block, the ratio of friction to contact force
-of the coarser lattice at the same place. The displacements follow from equilibrium,
+friction does not depend on earlier slip. The finer lattice gets, at each block, the ratio of
+friction to contact force of the coarser lattice at the same place. The displacements follow from
+equilibrium,
 
     f_i = r(x_i) p_i   where the interface touches,   f_i = p_i = 0   where it is open.
 

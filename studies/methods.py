@@ -46,7 +46,7 @@ __all__ = ["QUESTIONS", "event_points", "figure", "orders", "table"]
 EVENT, BEFORE, AFTER = size(11, 1), 20e-6, 300e-6
 """The main precursor, counted from 0, and the times before and after its first slip, s."""
 SHARES = size((2.0, 0.9, 0.5, 0.25, 0.125, 0.0625, 0.03125), (2.0, 0.9))
-"""Steps over the stability limit; the first step must be refused."""
+"""Steps, as shares of the stability limit; the first step must be refused."""
 REFERENCE_SHARES = size((0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625), (0.9, 0.5))
 RTOLS = size((1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8), (1e-3,))
 REPEATS = size(3, 1)
@@ -99,8 +99,8 @@ def table(*, progress: bool = False) -> pd.DataFrame:
 
     Returns:
         One row per point. Columns: scene, engine, stepper, switching, geometry, dt (s), share (dt
-        over the stability limit of RK4), rtol, seconds, evaluations, status ("ok", or why it
-        failed), the errors of `QUESTIONS`, start, blocks, missing (blocks with a rupture time in
+        as a share of the stability limit of RK4), rtol, seconds, evaluations, status ("ok", or why
+        it failed), the errors of `QUESTIONS`, start, blocks, missing (blocks with a rupture time in
         only one of the two), and the same errors against the reference of the same geometry, with
         "own_" before their names. NaN where a question does not apply.
     """
@@ -139,7 +139,7 @@ def event_points(
         scene: None means the Fig. 1 scene.
         event: number of the main event, from 1.
         methods: lines of the chart.
-        reference_shares: steps of the reference over the limit, of which the last counts.
+        reference_shares: steps of the reference, as shares of the limit; the last counts.
         repeats: timed runs of each point.
     """
     scene = preset("fig1", **size({}, SCENE)) if scene is None else scene

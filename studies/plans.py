@@ -49,9 +49,9 @@ WORK = size(3e7, 1e5)
 EVENTS = 10
 """Main events of a trial in the quasi-static sequence."""
 FINE = size(0.04, 0.25)
-"""Steps of the reference run over the stability limit."""
+"""Step of the reference run, as a share of the stability limit."""
 WAY = 0.1
-"""Step over the stability limit with which `WORK` gives the length of a trial."""
+"""Step, as a share of the stability limit, with which `WORK` gives the length of a trial."""
 ROUNDING = 1e-6
 """Size of the errors of the reference run, and the least measured error that counts."""
 VISCOSITY = (0.1, 2.0)
@@ -197,7 +197,7 @@ def trial(
 
     Args:
         scene, t_end, want, tolerance: those of the plan.
-        fine: step of the reference run over the stability limit.
+        fine: step of the reference run, as a share of the stability limit.
         verify: how the run measures its errors; None means the default.
     """
     how = {"want": want, "tolerance": tolerance, "verify": verify}

@@ -1,8 +1,8 @@
 """Slow fronts on an interface of junctions: where they are, their speed and length, and their end.
 
 The runs are those of the preset `slow` to 1.6 s in linear geometry, with three seeds. Runs with the
-first seed also have half the step, times t_R without spread, 25 and 400 junctions a block at the
-same u_s, and t_R of 0.5 and 8 ms.
+first seed are repeated with half the step, with times t_R without spread, with 25 and 400 junctions
+a block at the same u_s, and with t_R of 0.5 and 8 ms.
 
 passage     time at which a front passes block i from the trailing edge: the largest of the first
             rupture times of blocks 1 to i in the event. A block that ruptures ahead of the front

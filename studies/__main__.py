@@ -97,7 +97,7 @@ def threads(tell: Tell, quick: bool) -> None:
 @main.command(section="Speed")
 @telling
 def limit(tell: Tell) -> None:
-    """Speed of the core over the highest that this processor allows."""
+    """Speed of the core, as a share of the highest speed that this processor allows."""
     import bench
 
     tell.table(bench.limit(), bench.report)

@@ -4,8 +4,9 @@ The chart has one panel for each want. Four scenes run up to their fourth main e
 scene, run 4, setup 2, and a random scene. Every method is run once on each scene, and its record is
 compared event by event with that of a reference (`errors`). Planned runs of every want and
 tolerance are compared in the same way. The cost of a planned run includes the plan and the runs by
-which it measures its own error (`Record.errors`). Cost is processor time over that of full dynamics
-by velocity Verlet with switches at step ends, so scenes of different size share one axis.
+which it measures its own error (`Record.errors`). Cost is processor time, divided by that of full
+dynamics by velocity Verlet with switches at step ends. Scenes of different size thus share one
+axis.
 
 Methods without an answer to a question, or with other events than the reference, have a cost but no
 error. Such methods are drawn above the axes.
@@ -338,7 +339,7 @@ def full_dynamics(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _in_units(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the table with ``cost``, the time over that of `FULL` on the same scene."""
+    """Return the table with ``cost``, the time divided by that of `FULL` on the same scene."""
     unit = full_dynamics(table).groupby("scene")["seconds"].min()
     return table.assign(cost=table["seconds"] / table["scene"].map(unit))
 

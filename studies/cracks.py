@@ -56,7 +56,7 @@ class Crack:
         S: strength excess.
         X_c0: cohesive zone at rest, m.
         a_end, H: half width and height of the slab, m.
-        begin: half length that is released at once, over the critical half length.
+        begin: half length that is released at once, in units of the critical half length.
     """
 
     blocks: float

@@ -4,7 +4,7 @@ The runs are those of slabs on a prescribed interface, free on top, under a unif
 tau_bar = (tau/p - mu_k)/(mu_s - mu_k). A patch at the trailing edge, twice as long as the slab is
 high, is stressed beyond its strength. A viscous force alpha v resists slip. Each slab has an
 equivalent chain, with k = E B H/l and the mass m of a column. Alpha is in units of sqrt(k m) of
-this chain, and speeds are over its c = l sqrt(k/m).
+this chain, and speeds in units of its c = l sqrt(k/m).
 
 Overdamped fronts of the chain run at v/c = w(tau_bar)/alpha. On lengths below H, a slab of height H
 differs from a chain. The study measures s in v/c = w/(s alpha), the number of columns that act as
@@ -48,13 +48,13 @@ if TYPE_CHECKING:
 __all__ = ["figure", "overdamped", "report", "slab_job", "slider_job", "study"]
 
 ROWS = size((2, 3, 5), (2,))
-"""Blocks over the height of the slabs."""
+"""Numbers of blocks in the height of the slabs."""
 ALPHA = size((0.3, 1.0, 3.0), (1.0,))
-"""Viscosities of slip, over sqrt(k m) of the equivalent chain."""
+"""Viscosities of slip, in units of sqrt(k m) of the equivalent chain."""
 TAU_BAR = size((0.1, 0.2, 0.4, 0.6), (0.6,))
 """Prestresses."""
 WEAKENING = size((3.0, 30.0, 300.0), (3.0,))
-"""Times t_w over l/c."""
+"""Times t_w, in units of l/c."""
 COLOURS = (BLUE, VERMILION, GREEN)
 """Colours of slabs in pictures."""
 BLOCKS = size(120, 20)
@@ -62,13 +62,13 @@ BLOCKS = size(120, 20)
 MU_S, MU_K, P, L = 0.7, 0.45, 60.0, 2.5e-3
 """Friction coefficients, normal force of a block (N) and lattice constant (m)."""
 SLIDER_ALPHA = size((0.0, 0.03, 0.1, 0.3), (0.0,))
-"""Viscosities of the slider, over sqrt(k m) of its equivalent chain."""
+"""Viscosities of the slider, in units of sqrt(k m) of its equivalent chain."""
 T_END, SCENE = size((0.5, {}), (0.015, {"l": 5e-3, "V": 20e-3}))
 """End of runs of the slider, s, unless an event over the whole interface ends them before."""
 
 
 def overdamped(tau_bar: float) -> float:
-    """Return w = alpha v of a steady overdamped front of a chain, over c sqrt(k m)."""
+    """Return w = alpha v of a steady overdamped front of a chain, in units of c sqrt(k m)."""
     return brentq(lambda w: float(theory.chain_prestress_overdamped(w)) - tau_bar, 1e-5, 1e3)
 
 
@@ -80,7 +80,7 @@ def lumped(scene: Scene) -> tuple[float, float]:
 
 
 def slab_job(rows: int, tau_bar: float, alpha: float, t_w: float = 0.0) -> Job:
-    """Return the run of a slab up to the end of its front; alpha over sqrt(k m), t_w over l/c."""
+    """Return the run of a slab up to the end of its front; alpha in sqrt(k m), t_w in l/c."""
     tau = (MU_K + (MU_S - MU_K) * tau_bar) * P
     size = {"L": (BLOCKS - 1) * L, "H": (rows - 1) * L, "l": L}
     scene = slab(p=P, tau=tau, mu_s=MU_S, mu_k=MU_K, **size)
@@ -106,7 +106,7 @@ def slider_job(alpha: float) -> Job:
 
 
 def front(record: Record) -> dict[str, Any]:
-    """Return class and speed (over c of the equivalent chain) of the largest rupture of a run."""
+    """Return class and speed (in c of the equivalent chain) of the largest rupture of a run."""
     found = record.rupture_class()
     v, c_R = found.speed, pace_limits(record.scene)[0]
     told = {"kind": found.kind, "pace": found.pace, "reached": found.reached}
@@ -114,7 +114,7 @@ def front(record: Record) -> dict[str, Any]:
 
 
 def fronts(record: Record) -> dict[str, Any]:
-    """Return numbers of main events and blocks, speeds over c_R, and the share of slow blocks."""
+    """Return numbers of main events and blocks, speeds in c_R, and the share of slow blocks."""
     events = record.events[record.events["is_main"]]
     v = pyfric.analysis.fronts(record)["v_c"].dropna() / pace_limits(record.scene)[0]
     told = {"events": len(events), "most": int(events["n_blocks"].max()), "speeds": len(v)}

@@ -1,10 +1,11 @@
 """Effect of disorder of mu_s on two collapses of the paper: lengths over force, and front speeds.
 
 For each seed mu_s of each block is drawn from a uniform distribution about 0.7, independent of its
-neighbours. The width is the standard deviation over the mean. Lengths of precursors are those of
-the quasi-static sequence in the Fig. 1 scene (Fig. 2a). They are compared with the curve through
-the lengths without disorder. Front speeds are those of hybrid runs with located transitions and
-blocks of 5 mm (Fig. 4). Their medians in bins of the prestress are over all seeds of one width.
+neighbours. The width is the standard deviation of mu_s, divided by its mean. Lengths of precursors
+are those of the quasi-static sequence in the Fig. 1 scene (Fig. 2a). They are compared with the
+curve through the lengths without disorder. Front speeds are those of hybrid runs with located
+transitions and blocks of 5 mm (Fig. 4). Their medians in bins of the prestress are over all seeds
+of one width.
 
 Source: PRL 107, 074301 (2011), Figs. 2(a) and 4.
 """
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 __all__ = ["SEEDS", "WIDTHS", "disordered", "figure", "jobs", "study", "summary", "tables"]
 
 WIDTHS = size((0.0, 0.01, 0.03, 0.1), (0.0, 0.1))
-"""Standard deviations of mu_s over its mean; 0 is run once."""
+"""Widths: standard deviations of mu_s, divided by its mean; 0 is run once."""
 SEEDS = tuple(range(1, size(21, 3)))
 BINS = 6
 """Bins of the prestress; the run without disorder has few points."""
@@ -43,7 +44,7 @@ FRONTS = {"fidelity": "hybrid", "geometry": "linear", "verify": "none"}
 
 
 def disordered(scene: Scene, width: float, seed: int) -> Scene:
-    """Return the scene with uniformly drawn mu_s, of this standard deviation over its mean."""
+    """Return the scene with uniformly drawn mu_s of this width."""
     if not width:
         return scene
     mean = scene.interface.mu_s

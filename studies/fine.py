@@ -272,7 +272,7 @@ def spells(switches: Any, t_end: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def report(frame: pd.DataFrame) -> str:
-    """Return a table of `finer` as text, with times of other builds over those of this build."""
+    """Return a table of `finer` as text, with ratios of other builds' times to this build's."""
     text = frame.to_string(index=False, na_rep="-", float_format="{:.4g}".format)
     times = frame.pivot_table(index="case", columns="build", values="seconds", sort=False)
     others = [build for build in times.columns if build != "this"]

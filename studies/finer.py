@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 __all__ = ["held", "moved", "refined", "tractions"]
 
 BELOW = 1e-9
-"""Least strength in excess of friction at a block that starts stuck, over mu_s."""
+"""Least excess of strength over friction at a block that starts stuck, in units of mu_s."""
 
 
 AHEAD = 1e-4

@@ -6,8 +6,8 @@ outside the model: mu_s varies along the interface ("disorder"), or the driver i
 height ("height").
 
 Coverage depends on the draws of noise. `pulls` separates their effect from that of intervals. A
-pull is one step of Gauss and Newton from the truth over its standard deviation, and has a variance
-of one.
+pull is one step of Gauss and Newton from the truth, divided by its standard deviation. It has a
+variance of one.
 """
 
 from __future__ import annotations

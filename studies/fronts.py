@@ -61,7 +61,7 @@ COARSE = 1.2e-3
 PACE = 5e-9
 """Processor time of these runs per block and force evaluation, s."""
 LAST = 2
-"""Number of the last precursors of runs 1 to 4 that start from a coarser lattice."""
+"""Number of precursors, the last of each of runs 1 to 4, that start from a coarser lattice."""
 AFTER = 3e-3
 """Time by which a fine run exceeds the end of the event on the coarse lattice, s."""
 TRIES = 8

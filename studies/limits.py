@@ -3,8 +3,8 @@
 The computed limit is `pyfric.stability_limit`, from the eigenvalues of the scene's operator. The
 measured limit comes from a small slider at rest with a tiny disturbance, once stuck to the surface
 and once lifted off. A bisection over the step finds where the disturbance begins to grow. No
-contact state changes meanwhile. Axes are the viscosity of the bonds, over sqrt(k m), and the
-stiffness of the foundation, over k. Times are in units of sqrt(m/k).
+contact state changes meanwhile. Axes are the viscosity of the bonds, in units of sqrt(k m), and the
+stiffness of the foundation, in units of k. Times are in units of sqrt(m/k).
 
 Steppers without a limit are measured at a step far above that of RK4.
 """
@@ -41,7 +41,7 @@ STIFFNESSES = size((0.01, 1.0, 10.0, 100.0), (1.0,))
 
 
 def small_slider(eta: float, stiffness: float) -> Scene:
-    """Return 8 x 5 blocks of setup 1 at rest, for eta over sqrt(k m) and k_f over k.
+    """Return 8 x 5 blocks of setup 1 at rest, for eta in units of sqrt(k m) and k_f in units of k.
 
     Limits of this size are exact. Limits of larger sliders follow from plane waves in an infinite
     lattice, and are lower by up to a tenth.
@@ -64,12 +64,12 @@ def stability_map(
 
     Args:
         steppers: names of steppers in `LIMITED`.
-        etas: viscosities over sqrt(k m).
-        stiffnesses: of the foundation, over k.
+        etas: viscosities, in units of sqrt(k m).
+        stiffnesses: stiffnesses of the foundation, in units of k.
         progress: print on stderr what is running.
 
     Returns:
-        Columns: stepper, eta (over sqrt(k m)), stiffness (k_f/k), computed and measured (the limits
+        Columns: stepper, eta (in sqrt(k m)), stiffness (k_f/k), computed and measured (the limits
         in units of sqrt(m/k)), ratio (measured over computed).
     """
     rows = []

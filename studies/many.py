@@ -188,7 +188,7 @@ def _plain(field: Any, seed: int) -> dict[str, Any]:
 
 
 def report(frame: pd.DataFrame) -> str:
-    """Return a table of `costs` as text, with times of other builds over those of this build."""
+    """Return a table of `costs` as text, with ratios of other builds' times to this build's."""
     shown = frame.assign(processor=1e3 * frame["processor"], wall=1e3 * frame["wall"])
     shown = shown.rename(columns={"processor": "processor (ms)", "wall": "wall (ms)"})
     text = shown.to_string(index=False, float_format="{:.4g}".format)

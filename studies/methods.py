@@ -263,7 +263,7 @@ def _rms(values: np.ndarray) -> float:
 
 
 def _closure(record: Record) -> float:
-    """Return the residual of the energy budget over the friction heat."""
+    """Return the residual of the energy budget, divided by the friction heat."""
     curve = record.curve
     if "friction_heat" not in curve:
         return math.nan

@@ -55,7 +55,7 @@ WAY = 0.1
 ROUNDING = 1e-6
 """Size of the errors of the reference run, and the least measured error that counts."""
 VISCOSITY = (0.1, 2.0)
-"""Range of eta over its default value."""
+"""Range of eta, in units of its default value."""
 TRIALS = size(200, 1)
 """Number of trials of one call."""
 WANTS = ("loading_curve", "precursors", "stress", "front_speed", "motion")
@@ -67,7 +67,7 @@ def drawn(
 ) -> tuple[Scene, float, str, float]:
     """Return scene, t_end (s), want and tolerance of trial n of a seed.
 
-    Its eta lies between the two values of `viscosity`, over the default value.
+    Its eta lies between the two values of `viscosity`, in units of the default value.
     """
     rng = np.random.default_rng([seed, n])
 
@@ -239,7 +239,7 @@ def alone(scene: Scene, t_end: float) -> float:
 
 
 def of_longest(made: Record) -> float | None:
-    """Return the step of a record over the longest step of RK4 that resolves weakening."""
+    """Return the ratio of a record's step to the longest step of RK4 that resolves weakening."""
     scene, dt = made.scene, made.method.dt
     return dt and dt / min(stability_limit(scene)[0], scene.resolving_step)
 

@@ -2,8 +2,9 @@
 
 A precursor needs a patch that slips unstably and is smaller than the slider. If friction weakens
 with slip, slip becomes unstable at the nucleation length L_c. So precursors should end at a fixed
-L_c over the length L of the slider, and their number should be a function of L_c/L. Each series of
-runs changes one parameter of the Fig. 1 scene (l = 5 mm), or the law, at the same values of L_c/L.
+ratio of L_c to the length L of the slider, and their number should be a function of L_c/L. Each
+series of runs changes one parameter of the Fig. 1 scene (l = 5 mm), or the law, at the same values
+of L_c/L.
 
 This rule was fixed before the runs. These counts were known before: with linear weakening 11
 precursors at 6 um and 0 at 8 um for l = 2.5 mm; 9, 2 and 0 at 8, 10 and 20 um for l = 5 mm; with
@@ -35,8 +36,8 @@ Collapse   y = ln(1 + mean count) of a series at a value of L_c/L. The curve of 
            larger share in 95 % or more. Otherwise the data do not tell.
 End        Precursors end where the mean count falls below 1/2 for good, interpolated in ln(L_c/L).
            Error bars are 16 to 84 % of draws of seeds. All series of a scale have one end if the
-           largest over the smallest is below `ONE`. Scales are ranked by the standard deviation of
-           the ln of the end.
+           ratio of the largest to the smallest is below `ONE`. Scales are ranked by the standard
+           deviation of the ln of the end.
 Lattice    The ends at l and l/2 are compared for precursors of at least four blocks of l, the same
            least size for both. The end does not depend on l if both agree within 20 %, and if X_c0
            has `RESOLVED` blocks or more at the end on the finer lattice.
@@ -78,9 +79,9 @@ FAST = 10e-3
 """Slip rate of events by rate, m/s: 13 times the driver's speed, a hundredth of that of
 ruptures."""
 WIDTH = 0.03
-"""Standard deviation of mu_s over its mean."""
+"""Standard deviation of mu_s, divided by its mean."""
 RATED_WIDTH = 0.01
-"""Standard deviation of f* over its mean; drops of f* are smaller."""
+"""Standard deviation of f*, divided by its mean; drops of f* are smaller."""
 CORRELATION = 20e-3
 """Correlation length of mu_s and f*, m."""
 SEEDS, FEW = size(3, 2), 2
@@ -108,7 +109,7 @@ HOW = {
 }
 """Options of all runs."""
 TEXT = {"lengths": str, "lengths_by_rate": str}
-"""Columns that are text: lengths over L, separated by blanks."""
+"""Columns that are text: lengths in units of L, separated by blanks."""
 SAMPLES = 2000
 """Number of points of the curve in a run."""
 UENISHI_RICE, RUBIN_AMPUERO, SMALL_RATIO = 2 * 0.579, 1.3774, 0.378

@@ -192,7 +192,7 @@ def ends(
 
 
 def spread_of_ends(found: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
-    """Return for each scale the std of the ln of ends, and the largest end over the smallest.
+    """Return for each scale the std of ln of ends, and the ratio of the largest to the smallest.
 
     Series without an end in their range are left out; the column series has the number that remain.
     """
@@ -217,7 +217,7 @@ def spread_of_ends(found: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def measured(runs: pd.DataFrame) -> pd.DataFrame:
-    """Return runs with columns from lengths: first and longest precursor over L, and large.
+    """Return runs with columns from lengths: first and longest precursor, in L, and large.
 
     large is the number of precursors at least as long as four blocks of `LARGEST`.
     """

@@ -43,7 +43,7 @@ __all__ = ["CHECKS", "checks", "diagram", "figure", "job", "kind", "slowest"]
 TAU = size(tuple(np.round(np.arange(0.1, 0.1701, 0.005), 3)), (0.1, 0.17))
 """tau_0/p."""
 WIDTH = size(tuple(np.round(np.arange(0.0, 0.501, 0.1), 3)), (0.0, 0.2))
-"""Half width of the distribution of stretches over u_s."""
+"""Half width of the distribution of stretches, in units of u_s."""
 T_END = size(60e-3, 2e-3)
 """Longest time in which a front must pass all blocks, s: 30 mean times t_R."""
 SAMPLE = 1e-4
@@ -53,11 +53,11 @@ CHECKS = {"as in the map": {}, "half the step": {"share": 0.5}, "seed 1": {"seed
 
 
 def job(tau: float, width: float, share: float = 1.0, seed: int = 0) -> Job:
-    """Return the run at tau_0/p and a half width of stretches over u_s.
+    """Return the run at tau_0/p and a half width of stretches, in units of u_s.
 
     Args:
         tau, width: tau_0/p, and the half width.
-        share: step over that of the map.
+        share: step, in units of that of the map.
         seed: seed of the junctions' times.
     """
     law = dataclasses.replace(preset("slow").interface.law, stretch=float(width), seed=seed)
@@ -87,7 +87,7 @@ def kind(record: Record) -> str:
 
 
 def slowest(record: Record) -> float:
-    """Return the speed of the slow stretch over c_S, NaN where there is none."""
+    """Return the speed of the slow stretch in units of c_S, or NaN without a slow stretch."""
     t, stretch = _front(record)
     if stretch is None:
         return np.nan

@@ -1,8 +1,9 @@
 """Accuracy and cost of each method in one panel, compared with the paper's, for the Fig. 1 scene.
 
-The horizontal axis is the processor time of the paper's method over that of a method. The vertical
-axis is the largest error of start and arrest forces of main events, over F_N. Points and errors are
-those of `studies/accuracy.py`. LAMMPS is timed on the bond forces of the steps of velocity Verlet.
+The horizontal axis is the ratio of the processor time of the paper's method to that of a method.
+The vertical axis is the largest error of start and arrest forces of main events, over F_N. Points
+and errors are those of `studies/accuracy.py`. LAMMPS is timed on the bond forces of the steps of
+velocity Verlet.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ RATIOS, LENGTHS, FASTER = size(
     ((1 / 3, 1 / 2, 2 / 3, 4 / 5), (2e-7, 4e-7, 8e-7), (0.1, 1.0, 10.0)),
     ((1 / 2, 4 / 5), (8e-7, 16e-7), (20.0,)),
 )
-"""a/b, D_c (m), and V over that of the preset, of the other runs; b is that of the preset."""
+"""a/b, D_c (m), and V (in units of the preset's) of the other runs; b is that of the preset."""
 PUSHED = size(0.7e-3, 0.2e-3)
 """Way of the driver in the other runs, m."""
 CHECK = size({"half the step": {"dt": 0.3e-6}, "accuracy 1e-5": {"accuracy": 1e-5}}, {})
@@ -46,7 +46,7 @@ def precursors(record: pyfric.Record) -> pd.Index:
 
 
 def fronts(record: pyfric.Record, event: int) -> float:
-    """Return the median front speed of an event over that of shear waves, or NaN."""
+    """Return the median front speed of an event in units of the shear-wave speed, or NaN."""
     speeds = pyfric.front_speed(record.rupture_times[record.row(event)], record.scene.slider.l)
     speeds = np.abs(speeds[np.isfinite(speeds)])
     return float(np.median(speeds)) / material_of(record.scene).c_S if len(speeds) else np.nan
@@ -118,7 +118,7 @@ def count(record: pyfric.Record) -> int:
 
 
 def middle(record: pyfric.Record) -> float:
-    """Return the median of the front speeds of precursors, over that of shear waves."""
+    """Return the median front speed of precursors, in units of the shear-wave speed."""
     speeds = [fronts(record, event) for event in precursors(record)]
     return float(np.nanmedian(speeds)) if np.isfinite(speeds).any() else np.nan
 
@@ -134,7 +134,7 @@ def regime(record: pyfric.Record) -> str:
 
 
 def first(record: pyfric.Record) -> float:
-    """Return the force at the first event over F_N."""
+    """Return the force at the first event, in units of F_N."""
     return float(record.events["F_T_start"].min()) / record.scene.F_N
 
 

@@ -34,8 +34,8 @@ Verdict    The verdict is on resolved variants with little viscosity, on all of 
            data do not tell. The paper's collapse survives if all three variants keep it, and does
            not survive if all three lose it.
 
-The study also gives the share that G/Gamma explains, the energy release of static states over the
-fracture energy.
+The study also gives the share that G/Gamma explains, the ratio of energy release in static states
+to fracture energy.
 
 Source: PRL 107, 074301 (2011), Fig. 4; L. B. Freund, Dynamic Fracture Mechanics (1990).
 """
@@ -88,9 +88,9 @@ VISCOSITIES: dict[str, dict[str, Any]] = {
 }
 """eta^2 and kind of dashpots -> fields of the slider."""
 BEGIN = 1.05
-"""Length of the released crack over the critical length."""
+"""Length of the released crack, in units of the critical length."""
 TRANSITS = 1.0
-"""Time of a run, over L/c_S."""
+"""Time of a run, in units of L/c_S."""
 SAMPLE = 5e-7
 """Time between stored points of slip, s."""
 CHECKED = "run1"
@@ -156,9 +156,9 @@ def front(
         d_c: slip of weakening, m.
         viscosity: one of `VISCOSITIES`.
         l: lattice constant, m; None means that of the rule.
-        share: step over the usual step.
+        share: step, in units of the usual step.
         geometry: "linear" or "finite".
-        begin: length of the released crack over the critical length.
+        begin: length of the released crack, in units of the critical length.
 
     Returns:
         One row for each place that the front passes. Columns: x (m) from the trailing edge; t (s)

@@ -1,9 +1,9 @@
 """Scatter of strength and first precursor with disorder of mu_s: 10 000 quasi-static sequences.
 
 mu_s of the blocks in the Fig. 1 scene has a normal distribution about 0.7 (`Spread`). The width is
-its standard deviation over its mean. In one half of the sets blocks are independent, and the width
-changes. In the other half the width is 5 %, and the correlation length changes. Each set has 1000
-seeds.
+its standard deviation, divided by its mean. In one half of the sets blocks are independent, and the
+width changes. In the other half the width is 5 %, and the correlation length changes. Each set has
+1000 seeds.
 
 strength
     Static F_T/F_N at which the first system-size event starts.
@@ -39,7 +39,7 @@ from pyfric.sweeps import Ensemble, ensemble
 __all__ = ["LENGTHS", "SEEDS", "WIDTHS", "errors", "field", "figure", "sets", "study", "table"]
 
 WIDTHS = size((1e-4, 1e-3, 0.01, 0.03, 0.05), (0.05,))
-"""Standard deviations of mu_s over its mean, of independent blocks."""
+"""Widths of mu_s of independent blocks."""
 LENGTHS = size((5e-3, 10e-3, 20e-3, 40e-3, 80e-3), (5e-3, 10e-3, 20e-3))
 """Correlation lengths at the width `WIDTH`, in m; L is 140 mm."""
 WIDTH = 0.05
@@ -50,10 +50,10 @@ T_END = 1.3
 GROUPS = 20
 """Groups of seeds, each of which is left out in turn."""
 COMPLETE = 0.01
-"""Least potency of compared events over the largest of all sets. Smaller events are few, and slips
-of single blocks at the trailing edge. A policy."""
+"""Least potency of compared events, as a share of the largest of all sets. Smaller events are few,
+and slips of single blocks at the trailing edge. A policy."""
 LEAST = 1e-5
-"""Smallest potency in the figure over the largest of all sets."""
+"""Smallest potency in the figure, as a share of the largest of all sets."""
 COLUMNS = ("F_slide", "F_precursor", "L_p_first", "n_precursors", "t_slide")
 EVENTS = ("t_start", "finished", "potency")
 QUANTITIES = {
@@ -66,7 +66,7 @@ QUANTITIES = {
 
 
 def field(width: float, length: float) -> Spread:
-    """Return mu_s of a set; width is std over mean, and length the correlation length (m)."""
+    """Return mu_s of a set with a width and a correlation length (m)."""
     mean = preset("fig1").interface.mu_s
     return Spread(mean=mean, std=width * mean, correlation_length=length)
 

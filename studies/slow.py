@@ -50,13 +50,13 @@ __all__ = ["CASES", "amontons_coulomb", "figure", "jobs", "longest_stretch",
 STORED = Path(__file__).parents[1] / "reference_data"
 """Stored runs with the paper's friction."""
 T_END, FASTER = size((1.6, 1), (0.012, 50))
-"""End of each run, s, and the driver's speed over that of the preset."""
+"""End of each run, s, and the driver's speed, in units of that of the preset."""
 SAMPLE = 5e-5
 """Time between points of the motion, s."""
 BAND, RATIO, LEAST = (0.01, 0.03), 20.0, 5
-"""Range of slow speeds over c_S; least ratio of speeds beside a stretch; its fewest blocks."""
+"""Range of slow speeds, in c_S; least ratio of speeds beside a stretch; its fewest blocks."""
 SLOW = BAND[1]
-"""Speed over c_S up to which a block counts as slow."""
+"""Speed, in units of c_S, up to which a block counts as slow."""
 BESIDE = 2
 """Fewest blocks with a speed before and after a stretch between fast parts."""
 SLIPS = 0.2e-3
@@ -122,8 +122,8 @@ def ruptures(record: Record) -> pd.DataFrame:
     """Return one row for each event that ruptures all blocks.
 
     Columns: event; t_start (s); F_T_start and F_T_arrest over F_N; arrest, from 1; first and last
-    block of its slow stretch, from 1, and the speed of the stretch over c_S; speeds before and
-    after it over its speed; between; accepted. Without a slow stretch these columns are NaN and
+    block of its slow stretch, from 1, and the speed of the stretch in c_S; ratios of speeds before
+    and after it to its speed; between; accepted. Without a slow stretch these columns are NaN and
     False.
     """
     scene, rows, since = record.scene, [], 0

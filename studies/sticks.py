@@ -356,7 +356,7 @@ def held(peer: Peer, share: float) -> float:
 
 
 def pulled(peer: Peer, step: float) -> dict[str, Any]:
-    """Return version, forces (N), their error over p, and the processor time in s.
+    """Return version, forces (N), their error in units of p, and the processor time in s.
 
     Forces are the largest force, and the least force after it. The error is the largest difference
     from the closed form at any sampled time.
@@ -375,7 +375,7 @@ def fine(two: bool) -> Any:
 
 
 def chained(peer: Peer, step: float) -> dict[str, Any]:
-    """Return version, the largest error of the force over p, and the processor time in s."""
+    """Return version, the largest error of the force in units of p, and the processor time in s."""
     t, u, seconds, known = peer.run(step, T_CHAIN, None)
     t_fine, u_fine, *_ = fine(peer.two)
     error = float(np.abs(np.interp(t, t_fine, u_fine) - u).max()) * K / P

@@ -20,7 +20,7 @@ M, P, K, V = 1.0, 10.0, 100.0, 2e-3
 MU_S, MU_K = 0.6, 0.4
 """A program with one coefficient takes MU_S."""
 START = 0.9
-"""Force on a pulled block at the end of the ramp, over the threshold."""
+"""Force on a pulled block at the end of the ramp, as a share of the threshold."""
 RAMP = 1.0
 """Time of the ramp in which the spring is stretched before it is held or pulled, s."""
 N, K_BOND, ETA, V_CHAIN, T_CHAIN = 10, 1000.0, 2.0, 0.05, 14.0

@@ -57,9 +57,9 @@ def tpv3(*, quick: bool = False, progress: bool = False) -> pd.DataFrame:
         progress: print on stderr what is being run.
 
     Returns:
-        One row for each run; columns: l (m), eta2 (eta^2/(k m)), dashpots, rms (over the last
-        arrival of the reference), t_2 ... t_14 (s), rate_5, rate_10 (m/s) and slip_5, slip_10 (m)
-        between two bodies, dt, seconds.
+        One row for each run; columns: l (m), eta2 (eta^2/(k m)), dashpots, rms (in units of the
+        last arrival of the reference), t_2 ... t_14 (s), rate_5, rate_10 (m/s) and slip_5, slip_10
+        (m) between two bodies, dt, seconds.
     """
     rows = []
     for eta2, dashpots in DASHPOTS:
@@ -149,5 +149,5 @@ def ruptured(scene: Scene, dt: float, t_end: float) -> tuple[np.ndarray, np.ndar
 
 
 def misfit(arrivals: np.ndarray) -> float:
-    """Return the RMS difference to the reference over the stations, over its last arrival."""
+    """Return the RMS difference to the reference at the stations, in units of its last arrival."""
     return float(np.sqrt(np.mean((arrivals - REFERENCE) ** 2)) / REFERENCE[-1])

@@ -123,7 +123,7 @@ def shares(case: Case, record: Record) -> np.ndarray:
 
 
 def measured(*, progress: bool = False) -> pd.DataFrame:
-    """Return each price over the stored one, and its largest share of the time of a run."""
+    """Return the ratio of each price to the stored price, and its largest share of a run's time."""
     rows, taken = [], []
     for case in cases()[::EVERY]:
         seconds = []

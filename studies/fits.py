@@ -65,7 +65,9 @@ def pulls(
     draws: int = size(8, 1),
     say: Callable[[str], None] = print,
 ) -> pd.DataFrame:
-    """Return a row for each truth of the set "right" and each draw of noise, that of its fit first.
+    """Return a row for each truth of the set "right" and each draw of noise.
+
+    The draw of its fit comes first.
 
     Columns are the pulls of parameters, and the decrease of chi^2 by one step of Gauss and Newton
     from the truth with linear residuals. The mean of this decrease is the number of parameters.

@@ -103,7 +103,7 @@ def _benchmark() -> list[tuple[str, Any, Any]]:
 
 
 def _viscosity() -> list[tuple[str, Any, Any]]:
-    """TPV3 on 100 m with the viscosity of `slab`, and with the paper's."""
+    """TPV3 with l = 100 m, with the viscosity of `slab` and with the paper's."""
     lattice = {"p": [100.0] * 30, "tau": [69.0] * 30, "L": 29.0, "H": 9.0, "l": 1.0}
     plain = slab(**lattice)
     of = plain.eta / math.sqrt(plain.slider.k * plain.m)

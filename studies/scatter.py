@@ -48,7 +48,7 @@ SEEDS = size(1000, 40)
 T_END = 1.3
 """End of runs, s, after the slider has slid as a whole."""
 GROUPS = 20
-"""Groups of seeds, each of which is left out in turn."""
+"""Number of groups of seeds; each group is left out in turn."""
 COMPLETE = 0.01
 """Least potency of compared events, as a share of the largest of all sets. Smaller events are few,
 and slips of single blocks at the trailing edge. A policy."""

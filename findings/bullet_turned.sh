@@ -6,7 +6,7 @@
 # Expected: the plate stops after v^2/(2 mu g) = 100 mm each time. Nothing in the scene has a direction, and the guide says that
 # the default is a cone of friction.
 # Seen: turned by 45 degrees the plate stops after 114 mm, as with friction 0.44. Smaller steps and more iterations of the
-# solver do not change that. The guide suggests the pyramid (enableConeFriction=0) if friction looks wrong; it gives 70 mm. A
+# solver do not change this. The guide suggests the pyramid (enableConeFriction=0) if friction looks wrong; it gives 70 mm. A
 # change proposed to its authors explains the error: the solver treats two components along axes of the world one after the
 # other, with different masses.
 # pyfric slides along one line. To compare with this program, let the plate slide along x or y of the world.

@@ -7,8 +7,7 @@
 # gran/hooke/history, whose tangential spring force is K_t times the displacement.
 # Seen: it moves by 31 mm. The tangential stiffness is K_t times the radius of the contact, sqrt(overlap times radius of the
 # grain). This radius is 2.2 mm here, and a different number in other units of length. The style granular with the same numbers
-# is right. Pages of later versions say that versions from March 2023 to June 2026 behave so; this was the newest wheel when the
-# script was written.
+# is right. Pages of later versions say that versions from March 2023 to June 2026 behave so.
 # The study of blocks that stick uses the style granular.
 set -eu
 folder=$(mktemp -d)

@@ -191,7 +191,7 @@ def figure(found: dict[str, pd.DataFrame]) -> DataFigure:
 
 
 def _symbols(axes: Axes, name: str, values: Sequence[float], fillstyle: str) -> None:
-    """Name the symbols of a panel."""
+    """Add a legend of the symbols to a panel."""
     for marker, value in zip("osD^", values, strict=False):
         look = {"marker": marker, "ls": "none", "fillstyle": fillstyle, "ms": 5}
         axes.plot([], [], color="0.3", label=f"{name} = {value:g}", **look)

@@ -45,7 +45,7 @@ def study(path: Path, say: Callable[[str], None] = print) -> pd.DataFrame:
     """Return a row for each fit; fits that are missing in the file are made and added to it."""
     rows = pd.read_csv(path).to_dict("records") if path.exists() else []
     made = {(row["set"], row["seed"]) for row in rows}
-    for seed in range(max(SETS.values())):  # sets in turn, so an unfinished file holds all
+    for seed in range(max(SETS.values())):  # so that an unfinished file holds all sets
         for name, count in SETS.items():
             if seed < count and (name, seed) not in made:
                 say(f"{name} {seed}")

@@ -89,7 +89,7 @@ def irwin_hall(n: int) -> BSpline:
 
 
 def slipping_share(t: float, t_p: float, t_R: float, std: float) -> float:
-    """Return the share of slipping junctions at a time after the start, t_p after the first break.
+    """Return the share of slipping junctions at a time after the start, when all are pinned.
 
     Args:
         t: time, s, less than 5 t_p.

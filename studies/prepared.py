@@ -57,7 +57,7 @@ def job(tau: float, width: float, share: float = 1.0, seed: int = 0) -> Job:
 
     Args:
         tau, width: tau_0/p, and the half width.
-        share: step, in units of that of the map.
+        share: step, in units of the map's step.
         seed: seed of the junctions' times.
     """
     law = dataclasses.replace(preset("slow").interface.law, stretch=float(width), seed=seed)

@@ -1,4 +1,4 @@
-"""Cost of fine lattices: processor time, steps and memory of short runs, with other builds.
+"""Cost of fine lattices: processor time, steps and memory of short runs, in this and other builds.
 
 Each run is made on one thread in a separate process, whose peak memory is measured. The builds take
 turns, and the least time of each run counts. Other builds are those of commits. Each commit is

@@ -5,9 +5,9 @@ noise of 1e-3 F_N. Its events are fitted with both parameters free. The truths o
 outside the model: mu_s varies along the interface ("disorder"), or the driver is at twice the
 height ("height").
 
-Coverage depends on the draws of noise. `pulls` separates their effect from that of intervals. A
-pull is one step of Gauss and Newton from the truth, divided by its standard deviation. It has a
-variance of one.
+Coverage depends on the draws of noise. `pulls` separates the effect of draws from that of
+intervals. A pull is one step of Gauss and Newton from the truth, divided by its standard deviation.
+It has a variance of one.
 """
 
 from __future__ import annotations

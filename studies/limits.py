@@ -104,7 +104,7 @@ def figure(table: pd.DataFrame) -> DataFigure:
         part = table[table["stepper"] == stepper]
         for (stiffness, line), colour in zip(part.groupby("stiffness"), colours, strict=False):
             text = rf"$k_\mathrm{{f}}/k$ = {stiffness:g}"
-            width = 2.6 if stiffness == part["stiffness"].min() else 1.2  # under the other
+            width = 2.6 if stiffness == part["stiffness"].min() else 1.2  # drawn below others
             axes.plot(line["eta"], line["computed"], color=colour, lw=width, label=text)
             axes.plot(line["eta"], line["measured"], "o", mec=colour, mfc="none", ms=4.5)
         axes.set_xscale("symlog", linthresh=0.03, linscale=0.4)

@@ -1,4 +1,4 @@
-"""Costs of many quasi-static runs, with other builds: records, ensembles, diagrams, fits.
+"""Costs of many quasi-static runs, in this and other builds: records, ensembles, diagrams, fits.
 
 Each case runs in a separate process, which loads modules before timing. The builds take turns, and
 the least time of each case counts. The table gives processor time, with that of worker processes,
@@ -52,7 +52,7 @@ CASES = size(
 )
 """Repeats of a case, runs of the ensemble, and values on each axis of the diagram."""
 FEWER = {"ensemble": 200, "diagram": 8}
-"""The same for builds without `ensemble`."""
+"""Runs of the ensemble, and values on each axis, for builds without `ensemble`."""
 ONCE = ("fit",)
 """Cases that are made once."""
 WIDTH, CORES, REPEATS = 0.05, 2, size(3, 1)

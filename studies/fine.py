@@ -1,7 +1,7 @@
 """Cost of fine lattices: processor time, steps and memory of short runs, in this and other builds.
 
 Each run is made on one thread in a separate process, whose peak memory is measured. The builds take
-turns, and the least time of each run counts. Other builds are those of commits. Each commit is
+turns, and the least time of each run counts. Other builds are builds of commits. Each commit is
 checked out into a temporary folder, installed there, and removed.
 
 Steps are counted by spells. A spell is the time from a first slip until no block slips, and its

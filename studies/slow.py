@@ -54,7 +54,7 @@ T_END, FASTER = size((1.6, 1), (0.012, 50))
 SAMPLE = 5e-5
 """Time between points of the motion, s."""
 BAND, RATIO, LEAST = (0.01, 0.03), 20.0, 5
-"""Stretches: range of speeds, in c_S; least ratio of speeds beside them; least blocks."""
+"""Stretches: range of speeds, in c_S; least ratio of speeds beside them; fewest blocks."""
 SLOW = BAND[1]
 """Speed, in units of c_S, up to which a block counts as slow."""
 BESIDE = 2

@@ -4,7 +4,7 @@
 # Input: a process with OMP_PROC_BIND=true, which clusters recommend, loads the library. No thread is started.
 # Expected: threads of a team are bound when they start; the process keeps its processors.
 # Seen: the first thread of the process is bound at once. os.sched_getaffinity(0) then returns one processor. Child processes
-# inherit it, so workers share one processor.
+# inherit this, so workers share one processor.
 # pyfric gives the process its processors back after it has loaded its core.
 set -eu
 folder=$(mktemp -d)

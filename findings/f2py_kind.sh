@@ -4,7 +4,7 @@
 # Input: a procedure with real(dp) arguments, dp from a module in another file, as in most Fortran projects. f2py reads only the
 # file of the procedure, because the module needs no wrapper.
 # Expected: an error, or double precision once the compiler knows dp.
-# Seen: f2py ends with 0 and wraps the arguments as single precision; one printed line says so. If it reads both files, it wraps
+# Seen: f2py ends with 0 and wraps the arguments as single precision; one printed line says so. If f2py reads both files, it wraps
 # double precision.
 # pyfric's only file for f2py uses c_double and c_int.
 set -eu

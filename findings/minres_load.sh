@@ -5,7 +5,7 @@
 # stiffness is symmetric and positive, and its condition is 4e4.
 # Expected: with rtol = 1e-5, the default, springs carry 10 N, as with cg. The documentation says that minres ends when the
 # relative residual is below rtol, and that 0 means success.
-# Seen: it returns 0, and springs carry 2.25 N. The first block moves by 0.57 mm instead of 1.03 mm, and the residual is 7% of
+# Seen: minres returns 0, and springs carry 2.25 N. The first block moves by 0.57 mm instead of 1.03 mm, and the residual is 7% of
 # the load. minres compares rtol with the residual over the norms of stiffness and displacement instead of the load. An open
 # issue of SciPy (16868) asks for a message that says so. With rtol = 1e-8 the springs carry all 10 N here.
 # pyfric calls no iterative solver for static states. If you check one with minres, look at the residual.

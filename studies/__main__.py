@@ -1,6 +1,6 @@
 """Studies of pyfric, each a command: `python studies NAME` in the folder of the sources.
 
-They take long or need other programs, so pyfric is installed without them.
+Studies take long or need other programs, so pyfric is installed without them.
 """
 
 from __future__ import annotations
@@ -599,8 +599,8 @@ def velocity_steps(out: Path, tell: Tell) -> None:
 def curves(out: Path, data: Path | None, tell: Tell) -> None:
     """Fit nine public curves of paper on paper, and one law to all of them (ten minutes).
 
-    pyfric does not include the curves. Without their folder, the command prints where they are. The
-    next call continues where this one was stopped.
+    pyfric does not include the curves. Without the folder of curves, the command prints where they
+    are. The next call continues where this one was stopped.
     """
     check_folder(out)
     import curves

@@ -11,8 +11,8 @@ length     Precursors of the Fig. 1 scene with d_c = 1 um. Their lengths are com
            with the quasi-static sequence without weakening.
 Fig. 4     Front speeds of these precursors, and their collapse over runs 1 to 4, on finer and finer
            lattices: which results remain? A fine lattice may start from the state of a lattice
-           twice as coarse just before an event (`finer`). If it also has a whole run, the study
-           gives the difference of the two.
+           twice as coarse just before an event (`finer`). If the fine lattice also has a whole run,
+           the study gives the difference of the two.
 
 Runs are kept in a folder; stopped runs of the Fig. 1 scene continue from there.
 

@@ -111,7 +111,7 @@ def _changes(fronts: pd.DataFrame) -> list[tuple[str, str, float]]:
 
 
 def _change(one: pd.DataFrame, two: pd.DataFrame, case: str) -> list[tuple[str, str, float]]:
-    """Return the rms of ln of the ratio of v_c(x) of two fronts, where both have speeds."""
+    """Return the rms of ln(v_c/v_c') of two fronts at the places where both have speeds."""
     inside = one["x_over_L"].between(two["x_over_L"].min(), two["x_over_L"].max())
     other = np.interp(one["x_over_L"][inside], two["x_over_L"], two["v_c"])
     change = np.log(other / one["v_c"][inside])

@@ -2,7 +2,7 @@
 
 Amontons-Coulomb friction has no length scale. The slider of the Fig. 1 scene is refined in two
 ways. With eta = sqrt(0.1 k m) at every l, as in the paper, waves are damped over a fixed number of
-blocks. With eta fixed in N s/m, a fixed bulk viscosity, they are damped over a fixed length. In a
+blocks. With eta fixed in N s/m, a fixed bulk viscosity, waves are damped over a fixed length. In a
 square lattice under plane stress k does not depend on l, and block mass and load fall with l.
 
 The hybrid engine with located switching runs each scene; the prediction curve of mu_s = mu_k

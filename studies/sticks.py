@@ -4,8 +4,8 @@ A block of mass m and weight p lies on a plane. The end of its spring K is held 
 threshold mu_s p, or pulled at V. In closed form, with w = sqrt(K/m):
 
 held      the block does not move
-pulled    it slips from mu_s p on; the force is mu_k p + (mu_s - mu_k) p cos wt + (K V/w) sin wt,
-          between mu_k p + r and mu_k p - r with r^2 = ((mu_s - mu_k) p)^2 + (K V/w)^2. For slow
+pulled    the block slips from mu_s p on; the force is mu_k p + (mu_s - mu_k) p cos wt + (K V/w) sin
+          wt, between mu_k p + r and mu_k p - r with r^2 = ((mu_s - mu_k) p)^2 + (K V/w)^2. For slow
           pulling these limits are mu_s p and (2 mu_k - mu_s) p, where the block stops
 
 A chain of ten such blocks is pulled at its first block until all slide. The reference for the chain

@@ -141,7 +141,7 @@ def error_of_mean(values: np.ndarray) -> float:
 
 
 def one_law(table: pd.DataFrame) -> pd.DataFrame:
-    """Return how much the quantities that one law would fix differ between curves.
+    """Return differences between curves of quantities that are equal under one law.
 
     Coulomb friction fixes mu_s and mu_k. If each curve has a separate level of friction (humidity,
     wear, the zero of the sensor), Coulomb friction fixes mu_s - mu_k. A law of speed and its

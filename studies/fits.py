@@ -67,7 +67,7 @@ def pulls(
 ) -> pd.DataFrame:
     """Return a row for each truth of the set "right" and each draw of noise.
 
-    The draw of its fit comes first.
+    The draw with which a truth was fitted comes first.
 
     Columns are the pulls of parameters, and the decrease of chi^2 by one step of Gauss and Newton
     from the truth with linear residuals. The mean of this decrease is the number of parameters.

@@ -2,9 +2,9 @@
 # astropy 8.0.2, astropy.units, beside cf-units 3.3.1 (UDUNITS) and pint 0.25.3.
 #
 # Input: "N/m s" as the unit of a dashpot, such as an attribute of a netCDF file has.
-# Expected: one meaning. In UDUNITS, which the conventions of netCDF follow, and in pint it is N s/m, from left to right.
-# Seen: astropy reads N/(m s), without a warning, although it warns of two slashes. Its reader of the format OGIP gives N s/m.
-# pyfric writes "N s/m", which all of them read alike, and refuses text that does not convert to it.
+# Expected: one meaning. UDUNITS, the reference for conventions of netCDF, and pint read it from left to right, as N s/m.
+# Seen: astropy reads N/(m s) without a warning, although it warns of two slashes. Its reader of the format OGIP gives N s/m.
+# pyfric writes "N s/m", which all of these libraries read alike. It refuses text that does not convert to this unit.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -2,9 +2,9 @@
 # libgomp 11 (the OpenMP library of GCC), as in the wheel of scikit-learn 1.5.2.
 #
 # Input: a process with OMP_PROC_BIND=true, which clusters recommend, loads the library. No thread is started.
-# Expected: threads of the team are bound later, when there are some; the process may run where it could before.
-# Seen: its first thread is bound at once. os.sched_getaffinity(0) then has one processor, and each process that it starts
-# inherits that, so that workers share one processor.
+# Expected: threads of a team are bound when they start; the process keeps its processors.
+# Seen: the first thread of the process is bound at once. os.sched_getaffinity(0) then returns one processor. Child processes
+# inherit this, so workers share one processor.
 # pyfric gives the process its processors back after it has loaded its core.
 set -eu
 folder=$(mktemp -d)

@@ -1,15 +1,15 @@
 #!/bin/sh
 # PyBullet 3.2.7.
 #
-# Input: a square plate slides over a plane at 1 m/s, with friction 0.5 and gravity 10 m/s^2, parallel to two of its edges. Then
-# the same with plate and speed turned by 45 degrees about the vertical, and by 90 degrees.
-# Expected: it stops after v^2/(2 mu g) = 100 mm each time. Nothing in the scene has a direction, and the guide says that the
-# default is a cone of friction.
-# Seen: turned by 45 degrees it stops after 114 mm, as with friction 0.44. Smaller steps and more iterations of the solver do
-# not change that. The pyramid (enableConeFriction=0), which the guide suggests if friction looks wrong, makes it 70 mm. A
-# change that is proposed to its authors explains it: two components along axes of the world are solved one by one, with
-# different masses.
-# pyfric slides along one line. Who compares with this program lets the plate slide along x or y of the world.
+# Input: a square plate slides over a plane at 1 m/s, with friction 0.5 and gravity 10 m/s^2, parallel to two of its edges. The
+# scene is repeated with plate and speed turned by 45 and by 90 degrees about the vertical.
+# Expected: the plate stops after v^2/(2 mu g) = 100 mm each time. Nothing in the scene has a direction, and the guide says that
+# the default is a cone of friction.
+# Seen: turned by 45 degrees the plate stops after 114 mm, as with friction 0.44. Smaller steps and more iterations of the
+# solver do not change this. The guide suggests the pyramid (enableConeFriction=0) if friction looks wrong; it gives 70 mm. A
+# change proposed to its authors explains the error: the solver treats two components along axes of the world one after the
+# other, with different masses.
+# pyfric slides along one line. To compare with this program, let the plate slide along x or y of the world.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,14 +1,14 @@
 #!/bin/sh
 # cannon-es 0.20.0, a program for rigid bodies in JavaScript.
 #
-# Input: a block of 1 kg with friction 0.5 on a plane, gravity 10 m/s^2. It is pushed along the plane for a second, with steps of
-# 1/60 s, 1/120 s and 1/240 s.
-# Expected: it slides if the push is above 5 N, for each step. The documentation says that the largest friction force is taken to
-# be mu times mass times gravity.
-# Seen: it stays below 1200 N, 2400 N and 4800 N, and slides above. The solver takes this force, at each of the four contacts, for
-# the largest impulse of a step. Smaller steps thus make friction larger.
-# pyfric limits the force of friction, whatever the step is. Who compares with this program divides the coefficient by the steps
-# per second and by the number of contacts.
+# Input: a block of 1 kg with friction 0.5 on a plane, gravity 10 m/s^2. It is pushed along the plane for a second, with steps
+# of 1/60 s, 1/120 s and 1/240 s.
+# Expected: the block slides if the push is above 5 N, for each step. The documentation says that the largest friction force is
+# mu times mass times gravity.
+# Seen: the block stays below 1200 N, 2400 N and 4800 N, and slides above. The solver uses this force, at each of the four
+# contacts, as the largest impulse of a step. Smaller steps thus make friction larger.
+# pyfric limits the force of friction at any step. To compare with this program, divide the coefficient by the steps per second
+# and by the number of contacts.
 set -eu
 command -v node >/dev/null && command -v npm >/dev/null || exit 2
 folder=$(mktemp -d)

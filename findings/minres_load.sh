@@ -1,14 +1,14 @@
 #!/bin/sh
 # SciPy 1.17.1, scipy.sparse.linalg.minres.
 #
-# Input: a chain of 200 blocks on bonds of 10^6 N/m. A spring of 100 N/m holds each block, and 10 N push the first one. The
+# Input: a chain of 200 blocks on bonds of 10^6 N/m. A spring of 100 N/m holds each block, and 10 N push the first block. The
 # stiffness is symmetric and positive, and its condition is 4e4.
 # Expected: with rtol = 1e-5, the default, springs carry 10 N, as with cg. The documentation says that minres ends when the
 # relative residual is below rtol, and that 0 means success.
-# Seen: it returns 0, and springs carry 2.25 N. The first block moves by 0.57 mm instead of 1.03 mm, and the residual is 7% of
-# the load. What it compares with rtol is the residual over the norms of stiffness and displacement, not over the load. An open
-# issue of SciPy (16868) asks for a message that says so. With rtol = 1e-8 all 10 N are carried here.
-# pyfric calls no iterative solver for static states; who checks one with minres looks at the residual.
+# Seen: minres returns 0, and springs carry 2.25 N. The first block moves by 0.57 mm instead of 1.03 mm, and the residual is 7% of
+# the load. minres compares rtol with the residual over the norms of stiffness and displacement instead of the load. An open
+# issue of SciPy (16868) asks for a message that says so. With rtol = 1e-8 the springs carry all 10 N here.
+# pyfric calls no iterative solver for static states. If you check one with minres, look at the residual.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

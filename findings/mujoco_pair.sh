@@ -2,9 +2,11 @@
 # MuJoCo 4.0.0.
 #
 # Input: a block of friction 0.3 on a plane whose friction is not set, pushed by half of its weight.
-# Expected: it slides, because 0.5 > 0.3, as it does where coefficients of a pair are multiplied or averaged harmonically.
-# Seen: the contact takes the larger coefficient, 1 of the plane, and the block stays within millimetres. With 0.3 on both it slides.
-# Who compares a measured pair of materials sets the coefficient of both bodies, as the study of blocks that stick does.
+# Expected: it slides, because 0.5 > 0.3, as it does in programs that multiply coefficients of a pair or take their harmonic
+# mean.
+# Seen: the contact takes the larger coefficient, 1 of the plane, and the block stays within millimetres. With 0.3 on both it
+# slides.
+# For a measured pair of materials set the coefficient of both bodies, as the study of blocks that stick does.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

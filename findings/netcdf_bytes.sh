@@ -2,9 +2,10 @@
 # netCDF4 1.7.4 (Python).
 #
 # Input: a variable of bytes without _FillValue that holds all values of its type, such as flags or raw counts of a recorder.
-# Expected: all values come back. The User's Guide (Attribute Conventions, valid_range) says that the valid range of bytes
+# Expected: all values are read back. The User's Guide (Attribute Conventions, valid_range) says that the valid range of bytes
 # includes all possible values unless _FillValue is given.
-# Seen: -127 of a signed byte and 255 of an unsigned byte come back masked. With fill_value=False they come back.
+# Seen: -127 of a signed byte and 255 of an unsigned byte are read back masked. With fill_value=False they are read back
+# unmasked.
 # Flags in the files of pyfric are bytes that hold 0 or 1 only.
 set -eu
 folder=$(mktemp -d)

@@ -3,9 +3,9 @@
 #
 # Input: forces of up to 40 kN, packed as netCDF files often are: 16-bit integers with a scale_factor of 1 N.
 # Expected: an error, since the largest integer is 32767, or the largest force that fits.
-# Seen: 40 000 N come back as -25 536 N, from both packages and without a warning. The conventions for packed data leave the range to
-# the writer.
-# pyfric writes no packed values. Who reads such a file looks for jumps by 65 536 steps of its scale.
+# Seen: 40 000 N are read back as -25 536 N, from both packages and without a warning. The conventions for packed data leave the
+# range to the writer.
+# pyfric writes no packed values. In such a file look for jumps by 65 536 steps of its scale.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -2,9 +2,9 @@
 # pint 0.25.3.
 #
 # Input: lengths, speeds and forces with a decimal comma, as many countries write them and instruments export them.
-# Expected: 1.5 mm for "1,5 mm", or an error, as unyt gives. The documentation has no word on commas.
+# Expected: 1.5 mm for "1,5 mm", or an error, as unyt gives. The documentation does not mention commas.
 # Seen: commas are dropped. "1,5 mm" is 15 mm, "12,5 mm/s" is 125 mm/s, and "1.234,5 N" is 1.2345 N.
-# pyfric reads the number itself, refuses a comma there, and asks pint for the unit alone.
+# pyfric reads the number itself, refuses a comma in it, and asks pint for the unit alone.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,11 +1,11 @@
 #!/bin/sh
 # quantities 0.16.4.
 #
-# Input: a slip of 1 mm over a length of 1 m, as a plain number, for a law that takes one.
+# Input: a slip of 1 mm over a length of 1 m, as a plain number, for a law that takes a number.
 # Expected: 0.001, as pint and unyt give, or an error. Other functions of the package, such as exp, refuse the ratio.
-# Seen: float() of it is 1.0, and so is NumPy's interp at it: a ratio keeps the unit mm/m, and the number alone is taken. With
+# Seen: float() of the ratio is 1.0, and NumPy's interp uses 1.0, too. A ratio keeps the unit mm/m, and float() drops it. With
 # .simplified it is 0.001.
-# pyfric refuses quantities of this package, and arrays with a unit of any other where it takes plain numbers.
+# pyfric refuses quantities of this package, and arrays with a unit of any other package where it takes plain numbers.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

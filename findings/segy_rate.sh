@@ -1,12 +1,12 @@
 #!/bin/sh
 # ObsPy 1.5.1, Stream.write with format SEGY.
 #
-# Input: records of 51.2 kHz, 102.4 kHz and 5 MHz, as recorders of sound and acoustic emission in a laboratory give.
-# Expected: they come back with their rates, or are refused. The documentation of the writer says that the format has whole
+# Input: records of 51.2 kHz, 102.4 kHz and 5 MHz, as laboratory recorders of sound and acoustic emission give.
+# Expected: they are read back with their rates, or refused. The documentation of the writer says that the format has whole
 # microseconds, and the writer refuses records with more than 65535 us between samples.
-# Seen: the interval is cut (not rounded) to whole microseconds without a word. They come back with 52.6 kHz, 111 kHz and 1 Hz,
-# so that an event at 1 s is at 0.97 s or 0.92 s. The writer of the same package for format SU rounds.
-# pyfric reads and writes no SEG-Y. Who reads a rate there compares it with that of the recorder.
+# Seen: the writer cuts (does not round) the interval to whole microseconds without a warning. The records are read back with
+# 52.6 kHz, 111 kHz and 1 Hz, so an event at 1 s is at 0.97 s or 0.92 s. The writer of the same package for format SU rounds.
+# pyfric reads and writes no SEG-Y. Compare a rate in such a file with that of the recorder.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

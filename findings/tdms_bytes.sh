@@ -1,11 +1,12 @@
 #!/bin/sh
 # npTDMS 1.13.0, TdmsWriter.
 #
-# Input: forces in an array of NumPy whose numbers are big-endian, as readers of binary files give them, such as
-# scipy.io.netcdf_file. NumPy calculates with them as with any other.
-# Expected: the file holds these forces. The documentation asks for a 1-D array of NumPy and has no word on the order of bytes.
-# Seen: bytes are written as they are, in a file that says little-endian. Forces of 1, 2 and 3.5 N come back as 3e-319, 3e-322 and
-# 2e-320 N, integers of 1, 2, 300 as 16777216, 33554432, 738263040. After astype(float) forces come back right.
+# Input: forces in a big-endian array of NumPy, as readers of binary files give them, such as scipy.io.netcdf_file. NumPy
+# calculates with this array as with any other.
+# Expected: the file holds these forces. The documentation asks for a 1-D array of NumPy and does not mention the order of
+# bytes.
+# Seen: bytes are written as they are, in a file marked as little-endian. Forces of 1, 2 and 3.5 N are read back as 3e-319,
+# 3e-322 and 2e-320 N, integers of 1, 2, 300 as 16777216, 33554432, 738263040. After astype(float) forces are read back right.
 # pyfric reads TDMS and writes none.
 set -eu
 folder=$(mktemp -d)

@@ -1,6 +1,6 @@
-"""Studies of the project's own, each a command: `python studies NAME` in the folder of the sources.
+"""Studies of pyfric, each a command: `python studies NAME` in the folder of the sources.
 
-They need more time, or other programs, than users of pyfric need, and are not installed with it.
+Studies take long or need other programs, so pyfric is installed without them.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from pyfric.cli.shared import (
 
 
 def made_by(*words: object) -> str:
-    """Return how files say that they were made."""
+    """Return the command line that files state as their origin."""
     run = ["python", "studies", *(["--tiny"] if tiny() else [])]
     return shlex.join([*run, *map(str, words)])
 
@@ -54,10 +54,11 @@ def _tiny(_: object, __: object, given: bool) -> None:
     help="Make each study with sizes at which it ends in seconds; its numbers mean nothing.",
 )
 def main() -> None:
-    """Measure the speed of pyfric, how its methods converge, and what the model says.
+    """Measure the speed of pyfric, the convergence of its methods, and results of the model.
 
-    --out is a folder, in which files that have the names of the outputs are replaced, or one file,
-    which --overwrite replaces. --json prints the result as JSON, --quiet nothing but errors.
+    --out is a folder or a file. In a folder, files with the names of the outputs are replaced.
+    A file is replaced only with --overwrite. --json prints the result as JSON, and --quiet
+    prints only errors.
     """
 
 
@@ -77,7 +78,7 @@ _beside_option = click.option(
 @telling
 @_quick_option
 def kernel(tell: Tell, quick: bool) -> None:
-    """Time per block and force evaluation, beside peers where they are installed."""
+    """Time per block and force evaluation, compared with other programs that are installed."""
     import bench
 
     tell.table(bench.kernel(quick=quick, progress=tell.progress), bench.report)
@@ -87,7 +88,7 @@ def kernel(tell: Tell, quick: bool) -> None:
 @telling
 @_quick_option
 def threads(tell: Tell, quick: bool) -> None:
-    """Gain from more threads, by the size of the lattice."""
+    """Gain in speed from more threads, for each size of the lattice."""
     import bench
 
     tell.table(bench.threads(quick=quick, progress=tell.progress), bench.report)
@@ -96,7 +97,7 @@ def threads(tell: Tell, quick: bool) -> None:
 @main.command(section="Speed")
 @telling
 def limit(tell: Tell) -> None:
-    """How near the core is to what this processor can do."""
+    """Speed of the core, as a share of the highest speed that this processor allows."""
     import bench
 
     tell.table(bench.limit(), bench.report)
@@ -106,7 +107,7 @@ def limit(tell: Tell) -> None:
 @telling
 @_quick_option
 def scenes(tell: Tell, quick: bool) -> None:
-    """Gain from several processes on independent runs."""
+    """Gain in speed from several processes on independent runs."""
     import bench
 
     tell.table(bench.scenes(quick=quick, progress=tell.progress), bench.report)
@@ -124,7 +125,7 @@ def fidelity(tell: Tell) -> None:
 @main.command(section="Speed")
 @telling
 def work(tell: Tell) -> None:
-    """Prices of counted operations, measured again on this machine (one minute)."""
+    """Prices of operations (their times), measured again on this machine (one minute)."""
     import work
 
     tell.table(work.measured(progress=tell.progress), work.report)
@@ -162,7 +163,7 @@ def finer(
 ) -> None:
     """Processor time, steps and memory of short runs on finer and finer lattices (five minutes).
 
-    Beside --out, a CSV file, goes its provenance.
+    --out is a CSV file; its provenance is written beside it.
     """
     check_table(out, overwrite)
     import fine
@@ -193,9 +194,9 @@ def many(
     tell: Tell,
     quick: bool,
 ) -> None:
-    """What records, ensembles, diagrams and fits of quasi-static runs cost (some minutes).
+    """Costs of records, ensembles, diagrams and fits of quasi-static runs (some minutes).
 
-    Beside --out, a CSV file, goes its provenance.
+    --out is a CSV file; its provenance is written beside it.
     """
     check_table(out, overwrite)
     import many
@@ -235,7 +236,7 @@ def lattices(out: Path, commits: tuple[str, ...], tell: Tell) -> None:
 @figure_out_option
 @telling
 def chart(out: Path, tell: Tell) -> None:
-    """Chart what accuracy costs in four scenes, what plans take, and LAMMPS (ten minutes)."""
+    """Chart error over cost of methods, plans and LAMMPS in four scenes (ten minutes)."""
     check_folder(out)
     import accuracy
     import pandas as pd
@@ -274,9 +275,9 @@ def price(out: Path, tell: Tell) -> None:
 @figure_out_option
 @telling
 def methods(out: Path, tell: Tell) -> None:
-    """Measure how every method converges on one event, and beside other programs (two minutes).
+    """Measure how every method converges on one event, and compare other programs (two minutes).
 
-    DIR gets methods.png, methods.pdf, the points and measured orders as CSV, and their provenance.
+    Writes methods.png, methods.pdf, points and orders as CSV, and their provenance to DIR.
     """
     check_folder(out)
     import methods
@@ -329,10 +330,9 @@ def plans(
     stored: tuple[str, str] | None,
     tell: Tell,
 ) -> None:
-    """Draw scenes, wants and tolerances and see whether plans keep what they promise.
+    """Test whether plans of random scenes, wants and tolerances keep their tolerances.
 
-    A trial takes some seconds; with --resume, those whose rows are in FILE are not
-    made again.
+    A trial takes some seconds. With --resume, trials with a row in FILE are left out.
     """
     import plans
 
@@ -357,9 +357,9 @@ def plans(
 @overwrite_option
 @telling
 def promises(cases: tuple[str, ...], out: Path | None, overwrite: bool, tell: Tell) -> None:
-    """Show what records say where a promise is hard to keep, beside what is true (four minutes).
+    """Compare records with true values in scenes where a tolerance is hard to keep (four minutes).
 
-    CASES are names of cases; all without one. Beside --out goes its provenance.
+    CASES are names of cases; without names all cases run. Provenance is written beside --out.
     """
     check_table(out, overwrite)
     import promises
@@ -386,7 +386,7 @@ def _short(value: Any) -> str:
 def tpv3(out: Path | None, overwrite: bool, tell: Tell, quick: bool) -> None:
     """TPV3, a benchmark of earthquake rupture: rupture times against its reference (two minutes).
 
-    Beside --out, a CSV file, goes its provenance.
+    --out is a CSV file; its provenance is written beside it.
     """
     check_table(out, overwrite)
     import tpv3
@@ -401,9 +401,9 @@ def tpv3(out: Path | None, overwrite: bool, tell: Tell, quick: bool) -> None:
 @overwrite_option
 @telling
 def viscosity(out: Path | None, overwrite: bool, tell: Tell) -> None:
-    """Slow cracks down by dashpots, beside fracture mechanics (five minutes).
+    """Measure by how much dashpots slow down cracks, against fracture mechanics (five minutes).
 
-    Beside --out, a CSV file, goes its provenance.
+    --out is a CSV file; its provenance is written beside it.
     """
     check_table(out, overwrite)
     import cracks
@@ -417,7 +417,7 @@ def viscosity(out: Path | None, overwrite: bool, tell: Tell) -> None:
 @figure_out_option
 @telling
 def resolution(out: Path, tell: Tell) -> None:
-    """Refine the lattice of the Fig. 1 scene and show what converges (several minutes)."""
+    """Refine the lattice of the Fig. 1 scene and show which results converge (several minutes)."""
     check_folder(out)
     import resolution
 
@@ -449,10 +449,10 @@ def fronts(
     finer: tuple[str, ...],
     tell: Tell,
 ) -> None:
-    """Show when front speeds are physical: cracks, lengths, a resolved Fig. 4 (about 15 minutes).
+    """Test when front speeds are physical: cracks, lengths, a resolved Fig. 4 (about 15 minutes).
 
-    Runs are kept in --runs; the next call goes on where this one was stopped. What each lattice is
-    planned to take is said before it starts: 8 times the one before it. Precursors on a lattice of
+    Runs are kept in --runs; the next call continues from there. The expected time of each lattice
+    is printed before it starts: 8 times that of the previous lattice. Precursors on a lattice of
     --finer start just before the first slip, from the tractions of the run with twice the l.
     """
     from pyfric.values import check_number, spoken
@@ -478,9 +478,9 @@ def fronts(
 @folder_option("--out", required=True, metavar="DIR", help="Folder of its files.")
 @telling
 def resolved(runs: Path, out: Path, tell: Tell) -> None:
-    """Tell prestress from position in fronts whose cohesive zone is resolved (half an hour).
+    """Separate effects of prestress and position in fronts with a resolved zone (half an hour).
 
-    Runs are kept in --runs; the next call goes on where this one was stopped.
+    Runs are kept in --runs; the next call continues from there.
     """
     check_folder(out)
     import resolved
@@ -539,9 +539,9 @@ def rated_ruptures(out: Path, tell: Tell) -> None:
 @overwrite_option
 @telling
 def collapse(fronts: Path, out: Path | None, overwrite: bool, tell: Tell) -> None:
-    """Tell prestress from position in front speeds, from the file fronts_fronts.csv of `fronts`.
+    """Separate effects of prestress and position on front speeds, from runs of `fronts`.
 
-    Beside --out, a CSV file, goes its provenance.
+    --out is a CSV file; its provenance is written beside it.
     """
     check_table(out, overwrite)
     import collapse
@@ -556,9 +556,9 @@ def collapse(fronts: Path, out: Path | None, overwrite: bool, tell: Tell) -> Non
 @figure_out_option
 @telling
 def fits(out: Path, tell: Tell) -> None:
-    """Fit random truths, and count intervals that cover them (an hour and a half).
+    """Fit runs of random parameters, and count intervals that hold them (an hour and a half).
 
-    The next call goes on where this one was stopped.
+    The next call continues where this one was stopped.
     """
     check_folder(out)
     import fits
@@ -578,9 +578,9 @@ def fits(out: Path, tell: Tell) -> None:
 @figure_out_option
 @telling
 def velocity_steps(out: Path, tell: Tell) -> None:
-    """Fit a, b, D_c and the machine to velocity steps of random truths (a quarter of an hour).
+    """Fit a, b, D_c, f* and stiffness to velocity steps of random parameters (15 minutes).
 
-    The next call goes on where this one was stopped.
+    The next call continues where this one was stopped.
     """
     check_folder(out)
     import velocity_steps
@@ -599,8 +599,8 @@ def velocity_steps(out: Path, tell: Tell) -> None:
 def curves(out: Path, data: Path | None, tell: Tell) -> None:
     """Fit nine public curves of paper on paper, and one law to all of them (ten minutes).
 
-    The curves are no part of pyfric; without their folder, it is said where they are. The next call
-    goes on where this one was stopped.
+    pyfric does not include the curves. Without the folder of curves, the command prints where they
+    are. The next call continues where this one was stopped.
     """
     check_folder(out)
     import curves
@@ -625,7 +625,7 @@ def curves(out: Path, data: Path | None, tell: Tell) -> None:
 def disorder(out: Path, runs: Path | None, tell: Tell) -> None:
     """Let mu_s vary at random, and measure lengths and front speeds (a minute).
 
-    Runs are kept in --runs; the next call goes on where this one was stopped.
+    Runs are kept in --runs; the next call continues from there.
     """
     folder = out / "runs" if runs is None else runs
     check_folder(out)
@@ -641,7 +641,7 @@ def disorder(out: Path, runs: Path | None, tell: Tell) -> None:
 def scatter(out: Path, tell: Tell) -> None:
     """Scatter of strength and first precursor, and sizes, in 10 000 disordered runs (a minute).
 
-    Numbers of runs are kept as those of `pyfric.ensemble` are.
+    Numbers of finished runs are kept, as by `pyfric.ensemble`.
     """
     check_folder(out)
     import scatter
@@ -658,7 +658,7 @@ def scatter(out: Path, tell: Tell) -> None:
 def precursors(out: Path, runs: Path | None, seeds: int | None, tell: Tell) -> None:
     """Number and length of precursors over the nucleation length, and their end (16 minutes).
 
-    Runs are kept in --runs; the next call goes on where this one was stopped.
+    Runs are kept in --runs; the next call continues from there.
     """
     folder = out / "runs" if runs is None else runs
     check_folder(out)
@@ -679,9 +679,9 @@ def precursors(out: Path, runs: Path | None, seeds: int | None, tell: Tell) -> N
 @click.option("--case", "cases", multiple=True, help="Only this case; may be repeated.")
 @telling
 def slow(out: Path, runs: Path | None, cases: tuple[str, ...], tell: Tell) -> None:
-    """Slow fronts on junctions: seeds, half the step, no spread, n_s, t_R (20 minutes).
+    """Slow fronts on junctions with other seeds, step, spread, n_s and t_R (20 minutes).
 
-    Runs are kept in --runs; the next call goes on where this one was stopped.
+    Runs are kept in --runs; the next call continues from there.
     """
     folder = out / "runs" if runs is None else runs
     check_folder(out)
@@ -703,7 +703,7 @@ def slow(out: Path, runs: Path | None, cases: tuple[str, ...], tell: Tell) -> No
 def prepared(out: Path, runs: Path | None, tell: Tell) -> None:
     """Fast, slow and arrested fronts on prepared interfaces of junctions (five minutes).
 
-    Runs are kept in --runs; the next call goes on where this one was stopped.
+    Runs are kept in --runs; the next call continues from there.
     """
     folder = out / "runs" if runs is None else runs
     check_folder(out)
@@ -718,9 +718,9 @@ def prepared(out: Path, runs: Path | None, tell: Tell) -> None:
 @folder_option("--runs", metavar="DIR", help="Folder of its runs. [default: runs in --out]")
 @telling
 def creeping(out: Path, runs: Path | None, tell: Tell) -> None:
-    """Slow fronts of viscous slip in slabs, beside those of a chain (four minutes).
+    """Slow fronts of viscous slip in slabs, compared with a chain (four minutes).
 
-    Runs are kept in --runs; the next call goes on where this one was stopped.
+    Runs are kept in --runs; the next call continues from there.
     """
     folder = out / "runs" if runs is None else runs
     check_folder(out)
@@ -734,7 +734,7 @@ def creeping(out: Path, runs: Path | None, tell: Tell) -> None:
 @figure_out_option
 @telling
 def one_block(out: Path, tell: Tell) -> None:
-    """One block on junctions that is moved at a given speed, beside closed forms (a minute)."""
+    """One block on junctions, moved at a given speed, against closed forms (a minute)."""
     check_folder(out)
     import one_block as study
 
@@ -754,7 +754,7 @@ def one_block(out: Path, tell: Tell) -> None:
 def sticks(out: Path, only: tuple[str, ...], tell: Tell) -> None:
     """One block and ten on a spring, in pyfric and in programs with friction: creep, forces, cost.
 
-    The other programs are installed first, in an environment of their own (five minutes).
+    The command first installs the other programs in a separate environment (five minutes).
     """
     check_folder(out)
     import pandas as pd

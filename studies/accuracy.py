@@ -1,14 +1,15 @@
-"""Work-precision chart: what accuracy costs, and what the planner takes for a tolerance.
+"""Work-precision chart: error over cost of each method, and of planned runs.
 
-One panel for each want. Four scenes, up to their fourth main event: the Fig. 1 scene, run 4, setup
-2, and one drawn at random. Every method is run once on each scene and its record compared, event by
-event, with that of a reference (`errors`); the planner is asked for every want and tolerance, and
-what it takes is compared in the same way. Its cost holds the plan, and the runs by which it
-measures its own error (`Record.errors`). Cost is processor time, over that of full dynamics by
-velocity Verlet with switches at step ends, so that scenes of different size share one axis.
+The chart has one panel for each want. Four scenes run up to their fourth main event: the Fig. 1
+scene, run 4, setup 2, and a random scene. Every method is run once on each scene, and its record is
+compared event by event with that of a reference (`errors`). Planned runs of every want and
+tolerance are compared in the same way. The cost of a planned run includes the plan and the runs by
+which it measures its own error (`Record.errors`). Cost is processor time, divided by that of full
+dynamics by velocity Verlet with switches at step ends. Scenes of different size thus share one
+axis.
 
-Methods that give no answer to a question, or other events than the reference, have a cost but no
-error: they stand above the axes.
+Methods without an answer to a question, or with other events than the reference, have a cost but no
+error. Such methods are drawn above the axes.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ __all__ = [
 ]
 
 EVENTS = size(4, 1)
-"""Main events of a run."""
+"""Number of main events in a run."""
 TOLERANCES = size((0.1, 0.03, 0.01, 0.003, 0.001), (0.1,))
 WANTS = {
     "loading_curve": "loading curve: $F_\\mathrm{T}(t)$, RMS over $F_\\mathrm{N}$",
@@ -62,17 +63,17 @@ WANTS = {
     "stress": "stresses after events, RMS over $F_\\mathrm{N}/N_x$",
     "front_speed": "front speeds, 95th percentile of relative differences",
 }
-"""Want -> what its error is."""
+"""Want -> meaning of its error."""
 REFERENCE = size(1 / 16, 1 / 2)
-"""Step of the reference over the stability limit."""
+"""Step of the reference, as a share of the stability limit."""
 SCENE = {"L": 0.07, "H": 0.04, "l": 5e-3, "F_N": 1750.0, "V": 20e-3}
-"""Of the one scene at tiny sizes."""
+"""End of the run of the only scene at tiny sizes."""
 TRIES = size(2, 1)
-"""Runs of a method; the quickest one counts. Full dynamics runs once."""
+"""Repeats of a method, of which the quickest counts. Full dynamics runs once."""
 
 
 FULL = Method("dynamic", "finite", "step_end", 0.45, "verlet")
-"""Its cost is the unit."""
+"""The method whose cost is the unit."""
 METHODS = (
     Method("quasistatic"),
     *(Method("hybrid", "linear", "located", share) for share in (0.9, 0.5, 0.25)),
@@ -120,16 +121,15 @@ def chart(*, progress: bool = False) -> pd.DataFrame:
     """Measure all points of the chart.
 
     Args:
-        progress: say on stderr what is running.
+        progress: print on stderr what is running.
 
     Returns:
         One row per point. Columns: scene; kind ("method", "plan", "reference"); want and
-        tolerance of a plan, and ``said``, the error that it measured itself; engine, stepper,
-        switching, geometry; share (step over the stability limit), dt (s); seconds (processor
-        time), evaluations (blocks times force evaluations), status ("ok", or why there is no
-        answer); the errors of `WANTS`, NaN
-        where there is none; events and missing, those compared and those that only one of the two
-        has.
+        tolerance of a plan, and ``said``, the error that the plan measured; engine, stepper,
+        switching, geometry; share (of the stability limit), dt (s); seconds (processor time),
+        evaluations (blocks times force evaluations), status ("ok", or why there is no answer); the
+        errors of `WANTS`, NaN without an answer; events, the number compared; missing, the number
+        of events in only one of the two runs.
 
     Raises:
         RunError: the reference left the range of numbers.
@@ -183,7 +183,7 @@ def _run(scene: Scene, t_end: float, method: Method) -> tuple[Record, float]:
 
 
 def _measured(scene: Scene, t_end: float, method: Method, truth: Record) -> dict[str, Any]:
-    """Return a row with the errors of a method; where it fails, with the reason."""
+    """Return a row with the errors of a method, or the reason of its failure."""
     try:
         record, seconds = _run(scene, t_end, method)
     except (SceneError, RunError) as error:
@@ -194,7 +194,7 @@ def _measured(scene: Scene, t_end: float, method: Method, truth: Record) -> dict
 def _planned(
     scene: Scene, t_end: float, want: str, tolerance: float, truth: Record
 ) -> dict[str, Any]:
-    """Return a row of what the planner takes, its measurement of its own error included."""
+    """Return a row of a planned run, with the error that the run measured."""
     begin = time.process_time()
     how = {"want": want, "tolerance": tolerance}
     record = simulate(scene, t_end, progress=False, threads=1, **how)
@@ -220,9 +220,10 @@ def _row(record: Record, seconds: float, share: float | None) -> dict[str, Any]:
 
 
 def errors(record: Record, truth: Record) -> dict[str, Any]:
-    """Return the errors of `WANTS`, and how many events were compared and are missing.
+    """Return the errors of `WANTS`, and the numbers of compared and missing events.
 
-    Main events from the trailing edge are paired, those that differ least where one run has more.
+    Main events from the trailing edge are paired. If one run has more events, the pairs with the
+    smallest differences count.
     """
     rows = [_rows(one) for one in (record, truth)]
     i, j = paired(record.events.iloc[rows[0]], truth.events.iloc[rows[1]], truth.scene)
@@ -248,7 +249,7 @@ def errors(record: Record, truth: Record) -> dict[str, Any]:
 
 
 def _high(off: np.ndarray) -> float:
-    """Return the 95th percentile of what is known; NaN where nothing is."""
+    """Return the 95th percentile of the numbers other than NaN, or NaN without any."""
     known = off[np.isfinite(off)]
     return float(np.quantile(known, 0.95)) if len(known) else math.nan
 
@@ -269,7 +270,7 @@ def _speeds(record: Record, rows: np.ndarray) -> np.ndarray:
 
 
 def frontier(part: pd.DataFrame, want: str) -> pd.DataFrame:
-    """Return the points of one scene that no other beats in both cost and error, by cost."""
+    """Return the points of one scene that no other point beats in both cost and error, by cost."""
     part = part[np.isfinite(part[want]) & (part["status"] == "ok")].sort_values("seconds")
     least = part[want].cummin()
     return part[part[want] < least.shift(fill_value=math.inf)]
@@ -283,18 +284,17 @@ KINDS = {
     ("hybrid", "finite"): ("o", "hybrid, finite geometry"),
     ("dynamic", "finite"): ("p", "full dynamics"),
 }
-"""Engine and geometry -> marker and name."""
+"""Engine and geometry -> marker and name in the chart."""
 NO_ANSWER = 2.0
-"""Where points without an answer are drawn."""
+"""Height at which points without an answer are drawn."""
 
 
 def figure(table: pd.DataFrame) -> DataFigure:
     """Return the chart: error over cost, one panel for each want.
 
-    Grey: methods, by `KINDS`; lines: the frontier of each scene; large: what the planner takes,
-    with a bar up to the tolerance that it was given, red if its error is larger, thick up to the
-    error that it measured itself. Diamonds: rows of the kind
-    "peer", what other programs would take.
+    Grey symbols are methods, by `KINDS`; lines are the frontier of each scene. Large symbols are
+    planned runs. A bar reaches up to the tolerance of the plan, is red if the error is larger, and
+    is thick up to the measured error. Diamonds are other programs (rows of the kind "peer").
     """
     fig = DataFigure(figsize=(7.2, 6.6), layout="constrained")
     FigureCanvasAgg(fig)
@@ -339,7 +339,7 @@ def full_dynamics(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _in_units(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the table with ``cost``, the time over that of `FULL` on the same scene."""
+    """Return the table with ``cost``, the time divided by that of `FULL` on the same scene."""
     unit = full_dynamics(table).groupby("scene")["seconds"].min()
     return table.assign(cost=table["seconds"] / table["scene"].map(unit))
 
@@ -366,7 +366,7 @@ def _panel(axes: Axes, table: pd.DataFrame, want: str) -> None:
 
 
 def _choices(axes: Axes, rows: pd.DataFrame, want: str, colour: str) -> None:
-    """Draw what the planner takes, each with a bar between its error and its tolerance."""
+    """Draw planned runs, each with a bar between its error and its tolerance."""
     for _, row in rows.iterrows():
         error, tolerance = row[want], row["tolerance"]
         kept = error <= tolerance

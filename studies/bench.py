@@ -1,10 +1,10 @@
-"""Speed of the core: ns per block and force evaluation, beside what a user would otherwise take.
+"""Speed of the core: ns per block and force evaluation, beside other programs.
 
-All figures of a table come from one run, each the minimum of repeats taken in turn, so that their
-ratios hold on a noisy machine. A step of RK4 is four force evaluations; "pyfric" is a fourth of a
-full step, with everything in it: springs, dashpots, friction, boundaries, the stepper, switching;
-"forces only" leaves out the stepper and switching. The peers (`peers`)
-evaluate bond forces; LAMMPS with nve also moves its atoms.
+Variants of a table are timed in turns in one run, and the least time of each counts. Ratios thus
+hold on a noisy machine. A step of RK4 has four force evaluations. "pyfric" is a fourth of a full
+step: springs, dashpots, friction, boundaries, the stepper and switching. "forces only" leaves out
+the stepper and switching. The other programs (`peers`) evaluate bond forces; LAMMPS with nve also
+moves its atoms.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ __all__ = ["LATTICES", "RIVAL", "kernel", "limit", "report", "scenes", "threads"
 LATTICES = size(((40, 25), (57, 31), (200, 50), (400, 250), (1000, 1000)), ((5, 4),))
 """Blocks along x and z; 57 x 31 is the paper's setup 1."""
 RIVAL = "LAMMPS harmonic + nve"
-"""The peer that ratios are given against: a plain LAMMPS run, `bond_style harmonic`, `fix nve`."""
+"""The reference of ratios: a plain LAMMPS run, `bond_style harmonic`, `fix nve`."""
 RIVAL_FORCES = "LAMMPS harmonic, forces only"
-"""The same without moving the atoms, for the core's force evaluation alone."""
+"""LAMMPS with fixed atoms, the reference for the force evaluation alone."""
 SLIPPING = {"pyfric, all slip": 0.0, "pyfric, all weaken": 1e-3}
-"""Rows where all bottom blocks slip, and the d_c (m) of each; what a table of the law costs."""
+"""Rows in which all bottom blocks slip, and d_c (m) of each, for the cost of a table of the law."""
 REPEATS, SECONDS, LEAST = size((5, 0.15, 40), (1, 1e-3, 4))
 SCENES_END = size(0.25, 1e-3)
 """End of the runs of `scenes`, s."""
@@ -48,11 +48,11 @@ Timed = Callable[[int], None]
 
 
 def kernel(*, quick: bool = False, progress: bool = False) -> pd.DataFrame:
-    """Time the core and its peers on lattices from 10^3 to 10^6 blocks, on one thread.
+    """Time the core and other programs on lattices from 10^3 to 10^6 blocks, on one thread.
 
     Args:
         quick: only the lattices up to 2000 blocks.
-        progress: say on stderr what is being timed, if it is a terminal.
+        progress: print on stderr what is being timed, if it is a terminal.
 
     Returns:
         Columns: N_x, N_z, what, geometry, variant, budget, ns (per block and force evaluation).
@@ -70,11 +70,11 @@ def kernel(*, quick: bool = False, progress: bool = False) -> pd.DataFrame:
 
 
 def threads(*, quick: bool = False, progress: bool = False) -> pd.DataFrame:
-    """Time the core on 1, 2, … threads, up to the processors at hand.
+    """Time the core on 1, 2, … threads, up to the number of processors.
 
     Args:
         quick: only the lattices up to 10^5 blocks.
-        progress: say on stderr what is being timed, if it is a terminal.
+        progress: print on stderr what is being timed, if it is a terminal.
 
     Returns:
         Columns: N_x, N_z, geometry, threads, ns (per block and force evaluation).
@@ -108,26 +108,26 @@ def time_peer(scene: Scene) -> float:
 
 
 ADDITIONS = {"linear": 38, "finite": 84}
-"""Additions, subtractions and comparisons per block in one force evaluation, as the loops of
-fortran/lattice.f90 and finite.f90 have them; there are fewer multiplications, which have units of
-their own. Linear: 10 for the springs and 9 for the dashpots, in each direction. Finite: 12 for each
-of the two straight springs, 14 for each of the two diagonal ones, 14 to gather them, 18 for the
-dashpots."""
+"""Additions, subtractions and comparisons per block in one force evaluation, in the loops of
+fortran/lattice.f90 and finite.f90. Multiplications are fewer, and the processor has separate units
+for them. Linear: 10 for the springs and 9 for the dashpots, in each direction. Finite: 12 for each
+of the two straight springs, 14 for each of the two diagonal springs, 14 to sum their forces, 18 for
+the dashpots."""
 STEP_ADDITIONS = 4
-"""And by the stepper, in each stage."""
+"""Additions of the stepper in each stage."""
 ALONE = ("additions",)
-"""Key of the additions that nothing else goes with."""
+"""Key of the measurement of additions alone."""
 
 
 def limit() -> pd.DataFrame:
-    """Compare the core with the most additions this processor makes, on the Fig. 1 lattice.
+    """Compare the core with the highest rate of additions of this processor, on the Fig. 1 lattice.
 
-    Kernels and plain additions take turns, so that a processor that changes its speed changes both.
-    Fused multiply-adds would spare additions, but would make bits depend on the processor.
+    Kernels and plain additions take turns, so changes in the processor's speed affect both. Fused
+    multiply-adds would save additions, but would make bits depend on the processor.
 
     Returns:
-        Columns: what, geometry, additions (per block and evaluation), limit (ns, if nothing but
-        them took time), ns (measured), share (limit over ns). The attribute "peak" of the frame is
+        Columns: what, geometry, additions (per block and evaluation), limit (ns, if only additions
+        took time), ns (measured), share (limit over ns). The attribute "peak" of the frame is
         additions per ns.
     """
     scene, n = _scene(57, 31), 10**4
@@ -151,7 +151,7 @@ def scenes(*, quick: bool = False, progress: bool = False) -> pd.DataFrame:
 
     Args:
         quick: shorter runs.
-        progress: say on stderr what is being timed.
+        progress: print on stderr what is being timed.
 
     Returns:
         Columns: workers, runs, seconds (from the first job to the last record, start of the
@@ -240,7 +240,7 @@ def _core(scene: Scene, n_threads: int) -> dict[tuple, Timed]:
 
 
 def _laws(scene: Scene) -> dict[tuple, Timed]:
-    """Return runs in which all bottom blocks slip; steps are so short that they go on."""
+    """Return runs in which all bottom blocks slip, with steps so short that none stops."""
     found: dict[tuple, Timed] = {}
     if scene.N_x * scene.N_z > 10**4:
         return found
@@ -254,7 +254,7 @@ def _laws(scene: Scene) -> dict[tuple, Timed]:
 
 
 def _state(scene: Scene, geometry: Geometry, *, loaded: bool) -> State:
-    """Return the loaded state, or for large lattices the unstrained one (speeds are equal)."""
+    """Return the loaded state, or for large lattices the unstrained one, which is as fast."""
     if loaded:
         return loaded_state(scene, geometry).state(scene, 1e-7)
     N_x, N_z = scene.N_x, scene.N_z
@@ -299,7 +299,7 @@ def _forces(scene: Scene, geometry: Geometry, state: State, variant: str) -> Tim
 
 
 def _peers(scene: Scene, stack: ExitStack) -> dict[tuple, Timed]:
-    """Return the peers that are installed, by (what, geometry, variant, budget)."""
+    """Return the installed programs of `peers`, by (what, geometry, variant, budget)."""
     rng = np.random.default_rng(0)
     y = 1e-6 * rng.standard_normal((scene.N_z, 4, scene.N_x))
     found: dict[tuple, Timed] = {}

@@ -1,15 +1,15 @@
-"""Beside other programs: LAMMPS for the bonds, SciPy for four sliding blocks.
+"""Comparison with other programs: LAMMPS for the bonds, SciPy for four sliding blocks.
 
 wave
     A standing wave in a free lattice of the size of the Fig. 1 scene, without friction and
-    viscosity, beside LAMMPS, which integrates the same bonds with velocity Verlet. Error of the
+    viscosity. LAMMPS integrates the same bonds with velocity Verlet. The error is that of the
     displacements after two periods.
 slider
-    Four blocks that stick and slip, beside `scipy.integrate.solve_ivp` with events. Error of the
-    times of all switches.
+    Four blocks that stick and slip, compared with `scipy.integrate.solve_ivp` with events. The
+    error is that of the times of all switches.
 chart
-    The scenes of `accuracy`: what the bonds alone of the steps of full dynamics would
-    take LAMMPS, with the error of those steps.
+    The scenes of `accuracy`: the time that LAMMPS takes for the bond forces of the steps of full
+    dynamics, with the error of those steps.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ __all__ = ["chart_points", "slider_points", "wave_points"]
 
 REPEATS = size(3, 1)
 SHARES = size((0.9, 0.5, 0.25, 0.125, 0.0625, 0.03125), (0.9,))
-"""Steps over the stability limit."""
+"""Time steps, as shares of the stability limit."""
 AMPLITUDE = 1e-3
-"""Of the wave, in l."""
+"""Amplitude of the wave, in l."""
 
 
 def wave_points(say: Callable[[str], None] = lambda _: None) -> Iterator[dict[str, Any]]:
@@ -90,7 +90,7 @@ def wave_points(say: Callable[[str], None] = lambda _: None) -> Iterator[dict[st
 def _wave(
     scene: Scene, u: np.ndarray, t_end: float, n: int, stepper: str
 ) -> tuple[np.ndarray, float]:
-    """Return u after n steps of the free lattice from rest at u, and the time it took, in s."""
+    """Return u after n steps of the free lattice from rest at u, and the processor time, in s."""
     state = loaded_state(scene).state(scene, t_end / n)
     state.y[:], state.rod[:], state.mode[:] = 0.0, 0.0, OPEN
     state.y[:, :2] = u
@@ -176,7 +176,7 @@ def _slider_row(
 
 
 def _ivp(scene: Scene, rtol: float) -> tuple[list[tuple], float, int]:
-    """Return the switches (t, block, old, new) by SciPy, seconds, and the evaluations of forces."""
+    """Return the switches (t, block, old, new) by SciPy, seconds, and the number of evaluations."""
     N, m, eta = scene.N_x, scene.m, scene.eta
     law = scene.law
     p, k, driver = scene.load, scene.slider.k, scene.driver
@@ -227,7 +227,7 @@ LAMMPS_STEPS = size(2000, 20)
 
 
 def chart_points(points: pd.DataFrame) -> Iterator[dict[str, Any]]:
-    """Yield a point of LAMMPS for each scene among the points of the chart."""
+    """Yield a point of LAMMPS for each scene of the chart."""
     for row in chart.full_dynamics(points).to_dict("records"):
         scene, row = chart.scenes()[row["scene"]], row | {"kind": "peer", "engine": "LAMMPS"}
         if peers.available()["lammps"].startswith("missing"):

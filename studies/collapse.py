@@ -1,10 +1,10 @@
-"""Fig. 4(b) with weakening: what prestress explains of front speeds, and what position alone does.
+"""Fig. 4(b) with weakening: do prestress or position explain front speeds?
 
-The fronts are those that the study `fronts` keeps: runs 1 to 4, on several lattices, with the
-paper's viscosity, with d_c = 1 um and with Amontons-Coulomb friction. They are compared like for
-like, by the last precursors of each run, as many as were run on the finest lattice. Shares of the
-variance of ln v_c, bootstrap over fronts and data that know the position alone are those of claim
-13 (`pyfric.paper.claims.shares`).
+The fronts are those of the study `fronts`: runs 1 to 4, on several lattices, with the paper's
+viscosity, with d_c = 1 um and with Amontons-Coulomb friction. Only the last precursors of each run
+are compared, as many as were run on the finest lattice. Shares of the variance of ln v_c, their
+bootstrap over fronts, and synthetic speeds that depend on position alone are those of claim 13
+(`pyfric.paper.claims.shares`).
 
 The prestress is that of the first slip. With d_c > 0 the front begins tens of milliseconds later:
 see `resolved`.
@@ -32,7 +32,7 @@ SHARES = {
     "position": ("position", ["value", "low", "high"]),
     "beyond": ("prestress, of what position leaves", ["value", "low", "high", "null"]),
 }
-"""Column of `shares` -> what it is, and its rows."""
+"""Column of `shares` -> its meaning, and its rows."""
 
 
 def collapse(fronts: pd.DataFrame) -> pd.DataFrame:
@@ -42,10 +42,11 @@ def collapse(fronts: pd.DataFrame) -> pd.DataFrame:
         fronts: the table "fronts" of the study `fronts`; `begun` is 0 or the l of the coarser run.
 
     Returns:
-        Columns: d_c and l (m); precursors, "all" or "last"; fronts and points, how many; X_c0 and
-        X_c, the shares of points with six blocks or more in the cohesive zone at rest, and at v_c,
-        where a front at or above c_R has none; then for each of `SHARES` its value, low, high (ends
-        of the 95 % interval) and null (the upper end of that of data that know the position alone).
+        Columns: d_c and l (m); precursors, "all" or "last"; fronts and points, their numbers; X_c0
+        and X_c, the shares of points with six blocks or more in the cohesive zone at rest, and at
+        v_c (a front at or above c_R has no zone); then for each of `SHARES` its value, low, high
+        (ends of the 95 % interval) and null (the upper end of the interval for synthetic speeds
+        that depend on position alone).
     """
     return pd.DataFrame(_rows(_numbered(fronts[fronts["scene"] != "fig1"])))
 
@@ -71,10 +72,10 @@ def _rows(points: pd.DataFrame) -> Iterator[dict[str, Any]]:
 
 
 def _numbered(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the fronts with their number, from 1 in order of time, and the place of each block."""
+    """Return the fronts, numbered from 1 in order of time, with the position of each block."""
     table = table.reset_index(drop=True)
     about = table[["scene", "d_c", "l", "begun", "event"]]
-    # events that began from a coarser lattice are the first ones of their own runs
+    # an event that began from a coarser lattice is the first of its run
     new = (about != about.shift()).any(axis=1) | (table["n"].diff() <= 0)
     table = table.assign(front=new.cumsum())
     n = table.groupby("front")["n"]

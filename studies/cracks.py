@@ -1,4 +1,4 @@
-"""A two-sided crack under a uniform stress drop, beside fracture mechanics: for `fronts`."""
+"""A two-sided crack under a uniform stress drop against fracture mechanics, for `fronts`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["FROM", "TO", "Crack", "crack", "kept_crack", "viscosity", "viscous"]
 
 WINDOW = 250.0
-"""Speeds of a crack are means over twice this length, m."""
+"""Half of the length over which speeds of a crack are averaged, m."""
 FROM, TO = 3e3, 12e3
 """Half lengths of a crack at which speeds are compared, m."""
 VISCOSITIES: tuple[tuple[float, float, Literal["along", "full"]], ...] = size(
@@ -47,16 +47,16 @@ ROCK = theory.Material(c_P=3464 * math.sqrt(3), c_S=3464.0, rho=2670.0)
 
 @dataclass(frozen=True, kw_only=True)
 class Crack:
-    """A two-sided crack under a uniform stress drop; one body, per m of thickness.
+    """A two-sided crack under a uniform stress drop: one of the two bodies, per m of thickness.
 
     Attributes:
         blocks: X_c0/l.
         eta2: (bond viscosity)^2/(k m): 0.1 in the paper.
-        dashpots: whether it resists rotation, "full", as the paper's does.
+        dashpots: "full" if dashpots resist rotation, as in the paper.
         S: strength excess.
         X_c0: cohesive zone at rest, m.
         a_end, H: half width and height of the slab, m.
-        begin: half length that is released at once, over the critical one.
+        begin: half length that is released at once, in units of the critical half length.
     """
 
     blocks: float
@@ -93,7 +93,7 @@ class Crack:
         return theory.fracture_energy(self.mu_s, self.mu_k, self.p, self.d_c)
 
     def scene(self) -> Scene:
-        """Return half of the crack's surroundings."""
+        """Return the scene: half of the slab around the crack."""
         l, k = self.spacing, 0.75 * self.material.E_prime
         m, N_x, N_z = self.material.rho * l**2, round(self.a_end / l), round(self.H / l) + 1
         return slab(
@@ -122,8 +122,8 @@ def crack(which: Crack, **options: Any) -> tuple[pd.DataFrame, Record]:
     """Run a crack.
 
     Returns:
-        A table: a (m), v and v_theory (m/s) from `FROM` to `TO`, as far as the crack came; and the
-        record.
+        A table: a (m), v and v_theory (m/s) from `FROM` to `TO`, up to the end of the crack; and
+        the record.
     """
     scene, material = which.scene(), which.material
     critical = theory.crack_length(material, 0.0, which.dtau, which.Gamma, bodies=1)
@@ -146,11 +146,11 @@ def viscosity(
     cases: Sequence[tuple[float, float, Literal["along", "full"]]] = VISCOSITIES,
     say: Callable[[str], None] = lambda _: None,
 ) -> pd.DataFrame:
-    """Return by how much dashpots change the speed of a crack, beside fracture mechanics.
+    """Return by how much dashpots change the speed of a crack, against fracture mechanics.
 
     Returns:
         One row for each crack: blocks in X_c0, eta2, dashpots; mean and worst of v/v_theory - 1
-        from `FROM` to `TO`; formula, what `pyfric.record.viscous_error` says.
+        from `FROM` to `TO`; formula, the value of `pyfric.record.viscous_error`.
     """
     rows = []
     for blocks, eta2, dashpots in cases:
@@ -165,7 +165,7 @@ def viscosity(
 
 
 def kept_crack(path: Path, which: Crack) -> pd.DataFrame:
-    """Return the table of a crack with its cost, from a file or made."""
+    """Return the table of a crack with its cost, from its file if that exists."""
     if path.is_file():
         return pd.read_csv(path)
     begin = time.process_time()

@@ -1,17 +1,18 @@
-"""Slow fronts of viscous slip in two dimensions: where they appear, and whether a chain knows them.
+"""Slow fronts of viscous slip in two dimensions: where they appear, and if a chain predicts them.
 
-Slabs on a prescribed interface, free on top, stressed evenly to tau_bar = (tau/p - mu_k)/(mu_s -
-mu_k). A patch at the trailing edge, twice as long as the slab is high, is stressed beyond its
-strength. Slip is resisted by alpha v, alpha in units of sqrt(k m) of the chain to which the slab is
-lumped: k = E B H/l, and m that of a column. Speeds are over its c = l sqrt(k/m).
+The runs are those of slabs on a prescribed interface, free on top, under a uniform scaled prestress
+tau_bar = (tau/p - mu_k)/(mu_s - mu_k). A patch at the trailing edge, twice as long as the slab is
+high, is stressed beyond its strength. A viscous force alpha v resists slip. Each slab has an
+equivalent chain, with k = E B H/l and the mass m of a column. Alpha is in units of sqrt(k m) of
+this chain, and speeds in units of its c = l sqrt(k/m).
 
-The chain's overdamped fronts run at v/c = w(tau_bar)/alpha. A slab of height H is no chain on
-lengths below H: v/c = w/(s alpha), with s the number of columns that act as one block, is what
-remains to be measured.
+Overdamped fronts of the chain run at v/c = w(tau_bar)/alpha. On lengths below H, a slab of height H
+differs from a chain. The study measures s in v/c = w/(s alpha), the number of columns that act as
+one block.
 
-Beside them the same slabs without alpha, whose mu falls from mu_s to mu_k over a time t_w since
-slip began, and the Fig. 1 slider with alpha under its driver. Slabs whose last block slips before
-the front comes, by what runs ahead of it, have no speed.
+Other runs are the same slabs without alpha, whose mu falls from mu_s to mu_k over a time t_w since
+slip began, and the Fig. 1 slider with alpha under its driver. A slab has no speed if its last block
+slips before the front comes.
 
 Source: K. Thøgersen et al., PRE 100, 043004 (2019), for the chain.
 """
@@ -47,13 +48,13 @@ if TYPE_CHECKING:
 __all__ = ["figure", "overdamped", "report", "slab_job", "slider_job", "study"]
 
 ROWS = size((2, 3, 5), (2,))
-"""Blocks over the height of the slabs."""
+"""Numbers of blocks in the height of the slabs."""
 ALPHA = size((0.3, 1.0, 3.0), (1.0,))
-"""Viscosities of slip, over sqrt(k m) of the lumped chain."""
+"""Viscosities of slip, in units of sqrt(k m) of the equivalent chain."""
 TAU_BAR = size((0.1, 0.2, 0.4, 0.6), (0.6,))
 """Prestresses."""
 WEAKENING = size((3.0, 30.0, 300.0), (3.0,))
-"""Times t_w over l/c."""
+"""Times t_w, in units of l/c."""
 COLOURS = (BLUE, VERMILION, GREEN)
 """Colours of slabs in pictures."""
 BLOCKS = size(120, 20)
@@ -61,25 +62,25 @@ BLOCKS = size(120, 20)
 MU_S, MU_K, P, L = 0.7, 0.45, 60.0, 2.5e-3
 """Friction coefficients, normal force of a block (N) and lattice constant (m)."""
 SLIDER_ALPHA = size((0.0, 0.03, 0.1, 0.3), (0.0,))
-"""Viscosities of the slider, over sqrt(k m) of the chain to which it is lumped."""
+"""Viscosities of the slider, in units of sqrt(k m) of its equivalent chain."""
 T_END, SCENE = size((0.5, {}), (0.015, {"l": 5e-3, "V": 20e-3}))
-"""End of its runs, s, where no event over the whole interface ends them before."""
+"""End of runs of the slider, s, unless an event over the whole interface ends them before."""
 
 
 def overdamped(tau_bar: float) -> float:
-    """Return w = alpha v of a steady overdamped front of a chain, over c sqrt(k m)."""
+    """Return w = alpha v of a steady overdamped front of a chain, in units of c sqrt(k m)."""
     return brentq(lambda w: float(theory.chain_prestress_overdamped(w)) - tau_bar, 1e-5, 1e3)
 
 
 def lumped(scene: Scene) -> tuple[float, float]:
-    """Return c (m/s) and sqrt(k m) (N s/m) of the chain to which a slider is lumped."""
-    high = scene.N_z - 0.5 if scene.prescribed else scene.N_z  # the bottom row of a slab is half
+    """Return c (m/s) and sqrt(k m) (N s/m) of the equivalent chain of a slider."""
+    high = scene.N_z - 0.5 if scene.prescribed else scene.N_z  # half blocks at the bottom
     k, m = high * 4 / 3 * scene.slider.k, high * scene.m
     return scene.slider.l * math.sqrt(k / m), math.sqrt(k * m)
 
 
 def slab_job(rows: int, tau_bar: float, alpha: float, t_w: float = 0.0) -> Job:
-    """Return the run of a slab: alpha over sqrt(k m), t_w over l/c; it ends with its front."""
+    """Return the run of a slab up to the end of its front; alpha in sqrt(k m), t_w in l/c."""
     tau = (MU_K + (MU_S - MU_K) * tau_bar) * P
     size = {"L": (BLOCKS - 1) * L, "H": (rows - 1) * L, "l": L}
     scene = slab(p=P, tau=tau, mu_s=MU_S, mu_k=MU_K, **size)
@@ -105,7 +106,7 @@ def slider_job(alpha: float) -> Job:
 
 
 def front(record: Record) -> dict[str, Any]:
-    """Return class and speed (over c of the lumped chain) of the largest rupture of a run."""
+    """Return class and speed (in c of the equivalent chain) of the largest rupture of a run."""
     found = record.rupture_class()
     v, c_R = found.speed, pace_limits(record.scene)[0]
     told = {"kind": found.kind, "pace": found.pace, "reached": found.reached}
@@ -113,7 +114,7 @@ def front(record: Record) -> dict[str, Any]:
 
 
 def fronts(record: Record) -> dict[str, Any]:
-    """Return main events, blocks of the largest one, speeds over c_R of all, share of slow ones."""
+    """Return numbers of main events and blocks, speeds in c_R, and the share of slow blocks."""
     events = record.events[record.events["is_main"]]
     v = pyfric.analysis.fronts(record)["v_c"].dropna() / pace_limits(record.scene)[0]
     told = {"events": len(events), "most": int(events["n_blocks"].max()), "speeds": len(v)}
@@ -122,7 +123,7 @@ def fronts(record: Record) -> dict[str, Any]:
 
 
 def study(folder: Path, say: Callable[[str], None] = lambda _: None) -> dict[str, pd.DataFrame]:
-    """Make the runs that the folder does not hold yet; return the tables."""
+    """Make the runs that are missing in the folder; return the tables."""
 
     def run(job: Job, told: Callable[[Record], dict[str, Any]] = front) -> dict[str, Any]:
         (record,) = run_all([job], workers=1, cache=folder, progress=False)
@@ -149,7 +150,7 @@ def study(folder: Path, say: Callable[[str], None] = lambda _: None) -> dict[str
 
 
 def figure(found: dict[str, pd.DataFrame]) -> DataFigure:
-    """Return speeds of slabs beside the chain's formula, and those of weakening in time."""
+    """Return a figure: speeds in slabs beside the chain's formula, and with weakening in time."""
     fig = figures.DataFigure(figsize=(7.2, 3.2), layout="constrained")
     FigureCanvasAgg(fig)
     left, right = fig.subplots(1, 2)
@@ -190,7 +191,7 @@ def figure(found: dict[str, pd.DataFrame]) -> DataFigure:
 
 
 def _symbols(axes: Axes, name: str, values: Sequence[float], fillstyle: str) -> None:
-    """Name the symbols of a panel."""
+    """Add a legend of the symbols to a panel."""
     for marker, value in zip("osD^", values, strict=False):
         look = {"marker": marker, "ls": "none", "fillstyle": fillstyle, "ms": 5}
         axes.plot([], [], color="0.3", label=f"{name} = {value:g}", **look)

@@ -1,12 +1,12 @@
 """Nine public curves of a slider of paper on paper: coefficients of each, and one law for all.
 
 The slider of 30.7 g is pulled by a spring of k = 168, 1002 or 2254 N/m at V = 42, 1100 or 4300
-um/s; F/(m g) is sampled at 2 kHz. Its events do not repeat, so that they are compared as a
-population (`pyfric.fitting.Sizes`): mean forces at both ends of large events, and recurrence. The
+um/s; F/(m g) is sampled at 2 kHz. Its events do not repeat, so they are compared as a population
+(`pyfric.fitting.Sizes`): mean forces at the start and end of large events, and recurrence. The
 model is a stiff slider on the spring.
 
 The curves are those of J. Colas, N. Pustelnik, C. Oliver, P. Abry, J.-C. Geminard, V. Vidal,
-accepted by Phys. Rev. E in 2019. They are no part of the project: `SOURCE` says where they are.
+accepted by Phys. Rev. E in 2019. pyfric does not include them: `SOURCE` says where they are.
 """
 
 from __future__ import annotations
@@ -36,19 +36,19 @@ SOURCE = {
 }
 M, G = 30.7e-3, 9.81
 STIFFNESSES, SPEEDS = size((168, 1002, 2254), (168,)), size((42, 1100, 4300), (1100,))
-"""N/m, and um/s."""
+"""Stiffnesses of the spring, N/m, and speeds of its end, um/s."""
 BOUNDS = size({"mu_s": (0.2, 0.7), "mu_k": (0.1, 0.65)}, {"mu_s": (0.3, 0.5)})
 HOW = {"fidelity": "hybrid", "geometry": "linear"}
 RATE = size(2000, 500)
-"""Samples per second of a made curve."""
+"""Samples per second of a synthetic curve."""
 PARTS = 20
-"""Parts of a curve whose means tell the error of its mean."""
+"""Parts of a curve whose means give the error of its mean."""
 
 
 def slider(k: float, V: float, **changes: Any) -> pyfric.Scene:
     """Return a stiff slider on a spring: two blocks under a plate, which move as one.
 
-    Their bond is stiff enough for some 40 steps in the swing of an event, and not stiffer.
+    Their bond is as stiff as some 40 steps in the oscillation of an event allow.
     """
     given = {"mu_s": 0.36, "mu_k": 0.32} | changes
     return pyfric.chain(
@@ -57,7 +57,7 @@ def slider(k: float, V: float, **changes: Any) -> pyfric.Scene:
 
 
 def found_in(folder: Path | None) -> Iterator[tuple[int, int, Curve]]:
-    """Yield stiffness, speed and curve of each file; a made curve at tiny sizes."""
+    """Yield stiffness, speed and curve of each file; a synthetic curve at tiny sizes."""
     for k in STIFFNESSES:
         for V in SPEEDS:
             if folder is None:
@@ -69,9 +69,9 @@ def found_in(folder: Path | None) -> Iterator[tuple[int, int, Curve]]:
 
 
 def made(k: float, V: float, n: int = 9, seed: int = 0) -> Curve:
-    """Return a curve of a block whose strength is another one each time, in closed form.
+    """Return a curve of a block with a new strength in each event, in closed form.
 
-    It sticks until F/F_N reaches the strength, and swings about mu_k for half a period.
+    The block sticks until F/F_N reaches the strength, and swings about mu_k for half a period.
     """
     rng, rate = np.random.default_rng(seed), k * V * 1e-6 / (M * G)
     strength, mu_k, half = 0.38 + 0.015 * rng.standard_normal(n), 0.32, np.pi * np.sqrt(M / k)
@@ -88,7 +88,7 @@ def made(k: float, V: float, n: int = 9, seed: int = 0) -> Curve:
 
 
 def study(folder: Path | None, out: Path, say: Callable[[str], None] = print) -> pd.DataFrame:
-    """Return a row for each curve; those in the file are not made again, and new ones are added."""
+    """Return a row for each curve; rows that are missing in the file are made and added to it."""
     path = out / "curves.csv"
     rows = pd.read_csv(path).to_dict("records") if path.exists() else []
     known = {(row["k"], row["V"]) for row in rows}
@@ -135,17 +135,17 @@ def population(table: pd.DataFrame, sizes: Sizes) -> dict[str, float]:
 
 
 def error_of_mean(values: np.ndarray) -> float:
-    """Return the standard error of a mean of numbers that follow each other."""
+    """Return the standard error of the mean of a series of correlated numbers."""
     one_on = max(float(np.corrcoef(values[1:], values[:-1])[0, 1]), 0.0)
     return float(values.std(ddof=1) * np.sqrt((1 + one_on) / (1 - one_on) / len(values)))
 
 
 def one_law(table: pd.DataFrame) -> pd.DataFrame:
-    """Return how far what a law has in common is from being one number for all curves.
+    """Return differences between curves of quantities that are equal under one law.
 
-    Coulomb friction has one mu_s and one mu_k. If each curve has a level of its own (humidity,
-    wear, the zero of the sensor), mu_s - mu_k is left. Under any law of speed and of its history,
-    such as rate and state, a slider that slides at one speed has one mean force.
+    Coulomb friction fixes mu_s and mu_k. If each curve has a separate level of friction (humidity,
+    wear, the zero of the sensor), Coulomb friction fixes mu_s - mu_k. A law of speed and its
+    history, such as rate and state, fixes the mean force of a slider that slides at one speed.
     """
     rows = []
     level = np.hypot(table["peak_error"], table["valley_error"]) / 2
@@ -179,7 +179,7 @@ def report(table: pd.DataFrame) -> str:
 
 
 def report_of_laws(table: pd.DataFrame) -> str:
-    """Return how far curves are from one law."""
+    """Return the differences of curves from one law, in lines."""
     return "\n".join(
         f"{row['number']} of {row['curves']}: {row['mean']:.3f}, from curve to curve "
         f"+- {row['std']:.3f}, each known to {row['error']:.3f}, chi^2 {row['chi2']:.3g} "
@@ -189,7 +189,7 @@ def report_of_laws(table: pd.DataFrame) -> str:
 
 
 def wanted(folder: Path | None) -> str:
-    """Return what to say if there are no curves; "" if there are."""
+    """Return a message if the curves are missing, otherwise ""."""
     if tiny() or (folder is not None and any(folder.glob("k*Nm_v*.mat"))):
         return ""
     where = f"{SOURCE['repository']}, commit {SOURCE['commit'][:7]}"
@@ -197,6 +197,6 @@ def wanted(folder: Path | None) -> str:
 
 
 def add_source(path: Path) -> None:
-    """Add to a provenance where the curves are from."""
+    """Add the source of the curves to a provenance."""
     lines = [f'{name} = "{value}"' for name, value in SOURCE.items()]
     write(path, (path.read_text() + "\n".join(["", "[curves]", *lines, ""])).encode())

@@ -1,10 +1,11 @@
-"""What disorder of mu_s does to two collapses of the paper: lengths over force, and front speeds.
+"""Effect of disorder of mu_s on two collapses of the paper: lengths over force, and front speeds.
 
-mu_s of each block is drawn anew for each seed, evenly about 0.7, independent of its neighbours; the
-width is its standard deviation over its mean. Lengths of precursors are those of the ladder in the
-Fig. 1 scene (Fig. 2a), beside the curve through those of the interface without disorder. Front
-speeds are those of hybrid runs with located transitions and blocks of 5 mm (Fig. 4); their medians
-in bins of the prestress are over all seeds of one width.
+For each seed mu_s of each block is drawn from a uniform distribution about 0.7, independent of its
+neighbours. The width is the standard deviation of mu_s, divided by its mean. Lengths of precursors
+are those of the quasi-static sequence in the Fig. 1 scene (Fig. 2a). They are compared with the
+curve through the lengths without disorder. Front speeds are those of hybrid runs with located
+transitions and blocks of 5 mm (Fig. 4). Their medians in bins of the prestress are over all seeds
+of one width.
 
 Source: PRL 107, 074301 (2011), Figs. 2(a) and 4.
 """
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 __all__ = ["SEEDS", "WIDTHS", "disordered", "figure", "jobs", "study", "summary", "tables"]
 
 WIDTHS = size((0.0, 0.01, 0.03, 0.1), (0.0, 0.1))
-"""Standard deviation of mu_s over its mean; 0 is run once."""
+"""Widths: standard deviations of mu_s, divided by its mean; 0 is run once."""
 SEEDS = tuple(range(1, size(21, 3)))
 BINS = 6
 """Bins of the prestress; the run without disorder has few points."""
@@ -43,7 +44,7 @@ FRONTS = {"fidelity": "hybrid", "geometry": "linear", "verify": "none"}
 
 
 def disordered(scene: Scene, width: float, seed: int) -> Scene:
-    """Return the scene with mu_s drawn evenly, of this standard deviation over its mean."""
+    """Return the scene with uniformly drawn mu_s of this width."""
     if not width:
         return scene
     mean = scene.interface.mu_s
@@ -51,7 +52,7 @@ def disordered(scene: Scene, width: float, seed: int) -> Scene:
 
 
 def jobs(width: float, seed: int) -> tuple[Job, Job]:
-    """Return the ladder and the run for fronts of one draw."""
+    """Return the quasi-static sequence and the run for fronts of one draw."""
     lengths, fronts = preset("fig1"), preset("fig1", l=5e-3, V=5e-3)
     return (
         Job(scene=disordered(lengths, width, seed), t_end=0.8, options=LADDER),
@@ -65,9 +66,9 @@ def study(
     """Make all runs and return their lengths and fronts.
 
     Args:
-        folder: where finished runs are kept; the next call goes on from them.
-        seeds: of the draws.
-        say: told what is being run.
+        folder: where finished runs are kept; the next call uses them.
+        seeds: seeds of the draws.
+        say: called with the name of each run.
     """
     records = {}
     for width in WIDTHS:
@@ -99,11 +100,12 @@ def tables(records: dict[tuple[float, int], tuple[Record, Record]]) -> dict[str,
 
 
 def summary(found: dict[str, pd.DataFrame]) -> pd.DataFrame:
-    """Return one row for each width: how far lengths and speeds are from one curve.
+    """Return one row for each width: the scatter of lengths and speeds about one curve.
 
     Columns: width; precursors of all seeds; rms and largest distance of L_p/L from the curve;
-    blocks of fronts; share of them without a speed, because rupture times do not increase; rms of
-    ln v_c about its median in bins of tau/p, and of the scaled prestress of each block.
+    blocks of fronts; share of these blocks without a speed, because rupture times do not increase;
+    rms of ln v_c about its median in bins of tau/p, and in bins of the scaled prestress of each
+    block.
     """
     rows = []
     for width, lengths in found["lengths"].groupby("width"):

@@ -1,10 +1,10 @@
-"""The engines beside each other on the Fig. 1 scene: wall time, work done, agreement.
+"""The engines compared on the Fig. 1 scene: wall time, work done, agreement.
 
-The yardstick is what a plain compiled version of the paper's method would take: 4.5 million steps
-of four force evaluations on 57 x 31 blocks, each at 0.45 of LAMMPS's time per atom and step
-(`harmonic` bonds, `nve`), which is timed in the same run. Times hold everything from the scene to
-the record, condensation and modes included; imports are not counted. Short runs are repeated, and
-the least time counts.
+The yardstick is the expected time of a plain compiled version of the paper's method. This version
+makes 4.5 million steps of four force evaluations on 57 x 31 blocks. Each evaluation takes 0.45 of
+LAMMPS's time per atom and step (`harmonic` bonds, `nve`), which is timed in the same run. Times
+include everything from the scene to the record, such as condensation and modes, but no imports.
+Short runs are repeated, and the least time counts.
 """
 
 from __future__ import annotations
@@ -42,12 +42,13 @@ ROWS = (
     ),
     ("quasistatic", "linear", "located"),
 )
-"""Engine, geometry, switching; the ladder has no steps and stands beside located dynamics."""
+"""Engine, geometry, switching. The quasi-static sequence has no steps; it is compared with located
+dynamics."""
 T_END, SCENE = size((0.9, {}), (0.012, {"l": 5e-3, "V": 20e-3}))
 PAPER_STEPS, EVALUATIONS, SHARE = 4_500_000, 4, 0.45
 REPEATS = size(5, 1)
 LONG = 5.0
-"""Runs longer than this are made once, s."""
+"""Time above which runs are made once, s."""
 
 
 @at_once()
@@ -55,13 +56,13 @@ def fidelity(*, progress: bool = False) -> pd.DataFrame:
     """Time every engine on the Fig. 1 scene up to 0.9 s, and the prediction curves.
 
     Args:
-        progress: say on stderr what is running.
+        progress: print on stderr what is running.
 
     Returns:
         Columns: scene, engine, geometry, switching, seconds, times_yardstick, times_dynamic, steps,
         block_evaluations, per_switch, events, missing, start, arrest, blocks (see
-        `agreement`). times_yardstick is NaN where LAMMPS is not installed;
-        per_switch is what `steps_per_switch` returns.
+        `agreement`). times_yardstick is NaN where LAMMPS is not installed; per_switch is the result
+        of `steps_per_switch`.
     """
 
     def say(text: str) -> None:
@@ -125,8 +126,8 @@ def fidelity(*, progress: bool = False) -> pd.DataFrame:
 def agreement(record: Record, reference: Record) -> dict[str, float]:
     """Return the largest differences of main events.
 
-    Their number; how many only one of the two has; start and arrest forces, over F_N; blocks of
-    L_p.
+    These are the number of events, the number in only one of the runs, start and arrest forces
+    over F_N, and blocks of L_p.
     """
     found = differences(record, reference)
     most, alone = found.events[["start", "arrest", "length"]].max(), found.events["other"] == 0
@@ -140,9 +141,9 @@ def agreement(record: Record, reference: Record) -> dict[str, float]:
 
 
 def steps_per_switch(record: Record) -> float:
-    """Return how many steps of RK4 on the whole lattice a switch costs, beside the steps made.
+    """Return the cost of a switch, in steps of RK4 on the whole lattice, beyond the steps made.
 
-    NaN for records without steps or switches.
+    The cost is NaN for records without steps or switches.
     """
     steps, switches = record.counts.get("steps", 0), len(record.switches["t"])
     if not steps or not switches:

@@ -1,13 +1,12 @@
-"""Cost of fine lattices: processor time, steps and memory of short scenes, beside other builds.
+"""Cost of fine lattices: processor time, steps and memory of short runs, in this and other builds.
 
-Each run is made on one thread in a process of its own, whose peak memory is measured. The builds
-take turns, and of each run the least time counts. Other builds are those of commits: each is
-checked out into a temporary folder and installed there, so that nothing of it stays.
+Each run is made on one thread in a separate process, whose peak memory is measured. The builds take
+turns, and the least time of each run counts. Other builds are builds of commits. Each commit is
+checked out into a temporary folder, installed there, and removed.
 
-Steps are given by what the slider does: a spell is the time from a first slip until no block slips,
-and its kind is the number of blocks that slip in it. Where a run jumps over stable slip, or a build
-does not count such jumps, a spell may have fewer steps than its time over dt, and spells are not
-told apart.
+Steps are counted by spells. A spell is the time from a first slip until no block slips, and its
+kind is the number of blocks that slip in it. If a run jumps over stable slip, or a build does not
+count such jumps, spells have an unknown number of steps and are not separated by kind.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ class Case(NamedTuple):
     geometry: str = "linear"
     accuracy: float | None = None
     dt: float | None = None
-    """Of this build only; None: the default."""
+    """Cases of this build only; None means the default."""
 
 
 WEAK = {"d_c": 1e-6}
@@ -74,24 +73,24 @@ CASES = {
     "561 x 301, to 0.33 s": Case("fig1", {"l": 0.25e-3}, 0.33),
     "0.625 mm, d_c, to 0.745 s": Case("fig1", WEAK | {"l": 0.625e-3}, 0.745),
 }
-"""Fig. 1 scene with blocks of l, without and with d_c = 1 um, in linear geometry if not said."""
+"""Fig. 1 scene with blocks of l, without and with d_c = 1 um, in linear geometry unless named."""
 LATTICES = size(("5 mm", "2.5 mm", "1.25 mm", "0.625 mm"), ("5 mm", "2.5 mm"))
 LINES = {"d_c = 0": LATTICES}
 LINES |= size({"d_c = 1 um": tuple(f"{name}, d_c" for name in LATTICES)}, {})
 """Cases of the chart of cost against l."""
 SLOPES = {3: r"$\times$ 8", 4: r"$\times$ 16"}
-"""Powers of 1/l beside them: blocks times steps; and as many waits again."""
+"""Powers of 1/l in the chart: blocks times steps, and the same with waits in proportion to 1/l."""
 BUILDS = (("-", "o"), (":", "s"), ("-.", "^"))
 """Line and marker of each build."""
 QUICK = ("2.5 mm", "sequence", "plan")
 LONG = ("561 x 301, to 0.33 s", "0.625 mm, d_c, to 0.745 s")
-"""Cases of minutes a run, which are made if they are named."""
+"""Cases that take minutes, which run only if they are named."""
 USUAL = size(tuple(name for name in CASES if name not in LONG), LATTICES[:1])
 REPEATS = size(2, 1)
 SHORT, JUMPS = 0.25, 1e-8
-"""Steps and accuracy of runs with which errors are measured, over the stability limit and F_N."""
+"""Step (as a share of the stability limit) and accuracy of the reference runs for errors."""
 LOADED = size(0.12, 0.01)
-"""End of a small run that loads all modules before the time is taken, s."""
+"""End of a small run that loads all modules before timing, s."""
 SIZES = {"slip_1": (1, 1), "slip_2_3": (2, 3), "slip_4_10": (4, 10), "fronts": (11, 2**31)}
 """Kinds of spells, by the least and the largest number of blocks that slip."""
 
@@ -106,22 +105,23 @@ def finer(
     errors: bool = False,
     say: Callable[[str], None] = lambda _: None,
 ) -> pd.DataFrame:
-    """Measure what runs cost with this build and, in turns with it, with those of commits.
+    """Measure the cost of runs with this build and builds of commits, in turns.
 
     Args:
         cases: names in `CASES`.
         commits: of this repository.
-        repeats: turns, of which the least time counts.
+        repeats: turns; the least time counts.
         errors: measure errors of forces, too.
-        say: told what is being run.
+        say: called with the name of each run.
 
     Returns:
-        One row for each case and build: case, build, seconds (processor time), GB (the most
-        memory), steps, attempts, refused, slides, modal_bases, main, events; steps within spells by
-        the number of blocks (`SIZES`), and outside of them (`at_rest`); and the largest
-        errors of the forces at which events start, over F_N, NaN unless there are as many events:
-        `error` beside a run of this build with accurate jumps and steps of `SHORT` of the stability
-        limit of RK4, and of this build `error_jumps` beside one with accurate jumps alone.
+        One row for each case and build: case, build, seconds (processor time), GB (peak memory),
+        steps, attempts, refused, slides, modal_bases, main, events; steps within spells by the
+        number of blocks (`SIZES`), and outside of spells (`at_rest`); `error` and `error_jumps`.
+        Errors are the largest of the forces at which events start, over F_N, NaN if the number of
+        events differs. The reference of `error` is a run of this build with accurate jumps and
+        steps of `SHORT` of the stability limit of RK4. The reference of `error_jumps`, for this
+        build only, is a run with accurate jumps and the same steps.
     """
     rows: list[dict[str, Any]] = []
     exact: dict[str, np.ndarray] = {}
@@ -152,7 +152,7 @@ def finer(
 
 
 def _error(starts: Sequence[float], than: Case, exact: dict[str, np.ndarray]) -> float:
-    """Return the largest difference of forces from those of another run, which is made once."""
+    """Return the largest difference of forces from those of a reference run, which is made once."""
     key = json.dumps(than)
     if key not in exact:
         exact[key] = np.array(_alone(than, None)["starts"])
@@ -182,7 +182,7 @@ def built(commit: str) -> Iterator[Path]:
 
 
 def _alone(case: Case, folder: Path | None) -> dict[str, Any]:
-    """Return what a case costs in a process with the package in a folder; None: as installed."""
+    """Return the cost of a case with the package in a folder; None means the installed one."""
     env = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"}
     found = [folder, THERE.parent] if folder is not None else [THERE.parent]
     env["PYTHONPATH"] = os.pathsep.join(map(str, found))
@@ -192,7 +192,7 @@ def _alone(case: Case, folder: Path | None) -> dict[str, Any]:
 
 
 def measured(case: Case) -> dict[str, Any]:
-    """Return what a case costs in this process, apart from loading modules."""
+    """Return the cost of a case in this process, apart from loading modules."""
     import resource
     import time
 
@@ -225,7 +225,7 @@ def _run(case: Case, scene: Any, t_end: float) -> Any:
         from pyfric.statics import stability_limit
 
         how["dt"] = case.dt or SHORT * stability_limit(scene)[0]
-    if case.engine in ("hybrid", "dynamic"):  # the energy budget had another name
+    if case.engine in ("hybrid", "dynamic"):  # older builds name this option "budget"
         names = ("energies", "budget")
         without = next(name for name in names if hasattr(pyfric.Options(), name))
         how |= {"geometry": case.geometry, "threads": 1, without: False}
@@ -257,7 +257,7 @@ def _counted(record: Any, case: Case) -> dict[str, Any]:
 
 
 def spells(switches: Any, t_end: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return how long the spells of slip until t_end (s) last, in s, and the blocks of each."""
+    """Return the durations of spells of slip until t_end (s), in s, and the blocks of each."""
     t, block, old, new = (np.asarray(switches[name]) for name in ("t", "block", "old", "new"))
     slips, before = np.cumsum((np.abs(new) == 1).astype(int) - (np.abs(old) == 1)), 0
     lasts, blocks, begin = [], [], 0
@@ -272,7 +272,7 @@ def spells(switches: Any, t_end: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def report(frame: pd.DataFrame) -> str:
-    """Return a table of `finer` as text, with times of other builds over those of this one."""
+    """Return a table of `finer` as text, with ratios of other builds' times to this build's."""
     text = frame.to_string(index=False, na_rep="-", float_format="{:.4g}".format)
     times = frame.pivot_table(index="case", columns="build", values="seconds", sort=False)
     others = [build for build in times.columns if build != "this"]
@@ -283,7 +283,7 @@ def report(frame: pd.DataFrame) -> str:
 
 
 def figure(frame: pd.DataFrame) -> DataFigure:
-    """Draw processor time against l, of this build in full and of another one dashed."""
+    """Draw processor time against l: full lines for this build, dashed lines for another build."""
     from pyfric.figures import DataFigure
     from pyfric.figures.style import style
 

@@ -1,15 +1,16 @@
 """Start a fine lattice from the state of a coarser one, just before an event.
 
-At the first slip of an event all blocks stick or are open, so that tractions say all: no slip has a
-memory. The finer lattice gets, at each block, the ratio of friction to contact force of the coarser
-one at the same place, and the displacements follow from equilibrium,
+At the first slip of an event all blocks stick or are open. Tractions then define the state, because
+friction does not depend on earlier slip. The finer lattice gets, at each block, the ratio of
+friction to contact force of the coarser lattice at the same place. The displacements follow from
+equilibrium,
 
     f_i = r(x_i) p_i   where the interface touches,   f_i = p_i = 0   where it is open.
 
-The slider moves with the driver; other waves of the coarse lattice are left out.
+The slider moves with the driver; waves of the coarse lattice are left out.
 
-What differs from a run from the loaded slider: the tractions are those that events on the coarse
-lattice left, smooth between its blocks. `fronts` measures what this does.
+Unlike in a run from the loaded slider, the tractions are those that events on the coarse lattice
+left, interpolated between its blocks. `fronts` measures the effect of this difference.
 
 Source: PRL 107, 074301 (2011), tractions at crack initiation.
 """
@@ -35,15 +36,15 @@ if TYPE_CHECKING:
 __all__ = ["held", "moved", "refined", "tractions"]
 
 BELOW = 1e-9
-"""Strength that is left at least where a block starts to stick, over mu_s."""
+"""Least excess of strength over friction at a block that starts stuck, in units of mu_s."""
 
 
 AHEAD = 1e-4
-"""Time between two static states that give the speed at which the driver moves the slider, s."""
+"""Time between the two static states that give the speed of the slider under its driver, s."""
 
 
 def tractions(record: Record, event: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the friction of a record just before an event, between its blocks too.
+    """Return the friction of a record just before an event, interpolated between its blocks.
 
     Args:
         record: a run.
@@ -51,7 +52,7 @@ def tractions(record: Record, event: int, x: np.ndarray) -> tuple[np.ndarray, np
         x: positions from the middle of the slider, shape (n,), in m.
 
     Returns:
-        f/p, shape (n,), and whether the interface is open there, shape (n,), bool.
+        f/p, shape (n,), and whether the interface is open at these positions, shape (n,), bool.
     """
     scene, row = record.scene, record.row(event)
     p = record.p_before[row]
@@ -63,7 +64,7 @@ def tractions(record: Record, event: int, x: np.ndarray) -> tuple[np.ndarray, np
 
 
 def held(record: Record, event: int, scene: Scene) -> Callable[[float], Equilibrium]:
-    """Return states of a finer lattice whose blocks stay where they are just before an event.
+    """Return states of a finer lattice at rest just before an event.
 
     Args:
         record: a run on a coarser lattice.
@@ -71,10 +72,10 @@ def held(record: Record, event: int, scene: Scene) -> Callable[[float], Equilibr
         scene: the same scene with a smaller l.
 
     Returns:
-        The state of rest as a function of time, s, on which the driver's place hangs.
+        The state of rest as a function of time, s, which sets the driver's position.
 
     Raises:
-        SceneError: the slider has another length, or not all of its friction is that of slip.
+        SceneError: the slider has another length, or its friction depends on more than slip.
         EquilibriumError: the open blocks do not settle.
     """
     if not np.allclose(scene.x[[0, -1]], record.scene.x[[0, -1]], rtol=1e-9, atol=0):
@@ -92,14 +93,14 @@ def held(record: Record, event: int, scene: Scene) -> Callable[[float], Equilibr
 def refined(record: Record, event: int, scene: Scene) -> State:
     """Return the state of a finer lattice at the first slip of an event.
 
-    Args, errors: those of `held`.
+    Args and Raises are those of `held`.
     """
     t, at = float(record.events["t_start"].loc[event]), held(record, event, scene)
     return moved(at, scene, t, step_size(scene))
 
 
 def moved(at: Callable[[float], Equilibrium], scene: Scene, t: float, dt: float) -> State:
-    """Return the state at a time t, s, of `held`, as it moves with the driver; steps are dt, s."""
+    """Return the state of `held` at a time t, s, moving with the driver; steps are dt, s."""
     now, later = (at(time).state(scene, dt, t) for time in (t, t + AHEAD))
     now.y[:, 2:] = (later.y[:, :2] - now.y[:, :2]) / AHEAD
     now.rod[3:] = (later.rod[:3] - now.rod[:3]) / AHEAD

@@ -1,11 +1,13 @@
-"""Fits of random truths: are parameters found, do intervals cover them, are wrong models noticed?
+"""Fits of runs with random parameters: errors, coverage of intervals, detection of wrong models.
 
-A truth is a quasi-static run of the Fig. 1 scene, sampled at 2 kHz with noise of 1e-3 F_N. mu_s and
-mu_k are random. Its events are fitted with both free. In the sets "disorder" and "height" the truth
-has what the model has not: mu_s that varies along the interface, or a driver at twice the height.
+A truth is a quasi-static run of the Fig. 1 scene with random mu_s and mu_k, sampled at 2 kHz with
+noise of 1e-3 F_N. Its events are fitted with both parameters free. The truths of two sets lie
+outside the model: mu_s varies along the interface ("disorder"), or the driver is at twice the
+height ("height").
 
-Coverage hangs on the draws of noise. `pulls` tells draws apart from intervals: it takes one step of
-Gauss and Newton from the truth, over its standard deviation, which has a variance of one.
+Coverage depends on the draws of noise. `pulls` separates the effect of draws from that of
+intervals. A pull is one step of Gauss and Newton from the truth, divided by its standard deviation.
+It has a variance of one.
 """
 
 from __future__ import annotations
@@ -27,23 +29,23 @@ from pyfric.measured import events, sampled
 __all__ = ["pulls", "report", "report_of_pulls", "study"]
 
 SETS: dict[str, int] = {"right": size(200, 1), "disorder": size(10, 0), "height": size(10, 0)}
-"""Sets of truths, and how many."""
+"""Sets of truths, and the number of truths in each."""
 RANGES = {"mu_s": (0.6, 0.8), "mu_k": (0.35, 0.55)}
 RANGES = size(RANGES, {"mu_s": (0.7, 0.71)})
-"""Of truths, drawn evenly."""
+"""Ranges from which parameters of truths are drawn uniformly."""
 BOUNDS = size({"mu_s": (0.55, 0.85), "mu_k": (0.3, 0.6)}, {"mu_s": (0.69, 0.72)})
 NOISE, STEP, T_END = 1e-3, "0.5 ms", size(1.3, 0.6)
 INSIDE = 1.645
-"""Of a normal distribution, 90 % are within so many standard deviations."""
+"""Number of standard deviations that holds 90 % of a normal distribution."""
 STD = 0.03
 """Standard deviation of mu_s of blocks in the set "disorder"."""
 
 
 def study(path: Path, say: Callable[[str], None] = print) -> pd.DataFrame:
-    """Return a row for each fit; those in the file are not made again, and new ones are added."""
+    """Return a row for each fit; fits that are missing in the file are made and added to it."""
     rows = pd.read_csv(path).to_dict("records") if path.exists() else []
     made = {(row["set"], row["seed"]) for row in rows}
-    for seed in range(max(SETS.values())):  # in turn, so that a part of them is of all kinds
+    for seed in range(max(SETS.values())):  # so that an unfinished file holds all sets
         for name, count in SETS.items():
             if seed < count and (name, seed) not in made:
                 say(f"{name} {seed}")
@@ -63,10 +65,12 @@ def pulls(
     draws: int = size(8, 1),
     say: Callable[[str], None] = print,
 ) -> pd.DataFrame:
-    """Return a row for each truth of the set "right" and each draw of noise, first that of its fit.
+    """Return a row for each truth of the set "right" and each draw of noise.
 
-    Columns are the pulls of parameters, and by how much one step of Gauss and Newton from the truth
-    lowers chi^2, if residuals are linear: its mean is the number of parameters.
+    The draw with which a truth was fitted comes first.
+
+    Columns are the pulls of parameters, and the decrease of chi^2 by one step of Gauss and Newton
+    from the truth with linear residuals. The mean of this decrease is the number of parameters.
     """
     rows = []
     scene = pyfric.preset("fig1", l="5 mm")
@@ -79,7 +83,7 @@ def pulls(
             measured = sampled(record, STEP, noise=NOISE, seed=seed + 1000 * draw)
             data = Together.of(Events(measured, "all"))
             problem = Problem([scene], [data], BOUNDS, how, 0.0)
-            problem.known = known  # the same runs serve all draws
+            problem.known = known  # all draws use the same runs
             u = problem.place(true)
             residuals, jacobian = problem.residuals(u), derivatives(problem, u)[0]
             variance = np.linalg.inv(jacobian.T @ jacobian)
@@ -119,13 +123,13 @@ def _row(name: str, seed: int) -> dict[str, Any]:
 
 
 def covered(table: pd.DataFrame, name: str) -> pd.Series:
-    """Whether the interval of a parameter has its true value, for each fit."""
+    """Whether the interval of a parameter holds its true value, for each fit."""
     low, high = table[f"{name}_low"].fillna(-np.inf), table[f"{name}_high"].fillna(np.inf)
     return (low <= table[f"{name}_true"]) & (table[f"{name}_true"] <= high)
 
 
 def report_of_pulls(table: pd.DataFrame) -> str:
-    """Return variances of pulls, and how many are within those of an interval of 90 %."""
+    """Return variances of pulls, and the share of pulls within an interval of 90 %."""
     lines = []
     for draw, part in [*table.groupby("draw"), ("all", table)]:
         lines.append(
@@ -141,10 +145,10 @@ def report_of_pulls(table: pd.DataFrame) -> str:
 
 
 def parts_of_pulls(table: pd.DataFrame, key: str) -> tuple[float, float]:
-    """Return the variance of pulls between draws of noise, and between truths without it.
+    """Return the variance of pulls between draws of noise, and between truths.
 
-    The second is the same in all draws of a truth: times of its falls between samples, small events
-    that noise hides.
+    Deviations between truths are the same in all draws of noise: their causes are times of falls
+    between samples, and small events that noise hides.
     """
     draws = table.pivot(index="seed", columns="draw", values=key)
     of_noise = float(draws.var(axis=1).mean())
@@ -152,7 +156,7 @@ def parts_of_pulls(table: pd.DataFrame, key: str) -> tuple[float, float]:
 
 
 def report(table: pd.DataFrame) -> str:
-    """Return what the fits say: errors, coverage, and models that were found not to fit."""
+    """Return results of the fits: errors, coverage, and models that were found not to fit."""
     lines = []
     for name, part in table.groupby("set", sort=False):
         flagged = int((part["probability"] < 0.01).sum())

@@ -1,20 +1,20 @@
-"""Fronts study: when is a front speed of this model physical.
+"""Fronts study: when is a front speed of this model physical?
 
-Three questions, each answered by runs beside theory:
+Three questions, each answered by runs and theory:
 
 crack      A two-sided crack under a uniform stress drop at S = 3, where a continuum allows no
-           supershear: its speed beside fracture mechanics, for few and many blocks in the cohesive
-           zone X_c0. Half of it is run, mirrored in its middle; sides and top absorb. It starts as
-           a crack just longer than the critical one, released at once.
-length     Precursors of the Fig. 1 scene with d_c = 1 um: their lengths beside the length at which
-           the energy release of static states no longer pays for the fracture energy, and beside
-           the ladder without weakening.
-Fig. 4     Front speeds of these precursors, and their collapse over runs 1 to 4, as the lattice
-           becomes finer: what stays, what was the lattice's. A fine lattice may start from the
-           state of one twice as coarse just before an event (`finer`); where both are run, the
-           difference is a number of the study.
+           supershear. Its speed is compared with fracture mechanics, for few and many blocks in the
+           cohesive zone X_c0. One half is run, mirrored in the middle; the other side and the top
+           absorb. A crack just longer than the critical length is released at once.
+length     Precursors of the Fig. 1 scene with d_c = 1 um. Their lengths are compared with the
+           length at which the energy release of static states falls to the fracture energy, and
+           with the quasi-static sequence without weakening.
+Fig. 4     Front speeds of these precursors, and their collapse over runs 1 to 4, on finer and finer
+           lattices: which results remain? A fine lattice may start from the state of a lattice
+           twice as coarse just before an event (`finer`). If the fine lattice also has a whole run,
+           the study gives the difference of the two.
 
-Runs are kept in a folder; those of the Fig. 1 scene go on from there where they were stopped.
+Runs are kept in a folder; stopped runs of the Fig. 1 scene continue from there.
 
 Source: PRL 107, 074301 (2011), Fig. 4; L. B. Freund, Dynamic Fracture Mechanics (1990);
 D. J. Andrews, J. Geophys. Res. 81, 5679 (1976).
@@ -51,23 +51,23 @@ BLOCKS = size((2.0, 4.0, 6.0, 8.0), (2.0, 2.0, 2.0))
 SPACINGS = size((2.5e-3, 1.25e-3, 0.625e-3), (5e-3,))
 """Lattice constants of the Fig. 1 scene, m."""
 T_END = size(0.745, 0.4)
-"""End of its runs, s: the precursor of half the slider's length is over."""
+"""End of runs of the Fig. 1 scene, s, after the precursor of half the slider's length."""
 COLLAPSE = size({"run1": 0.56, "run2": 0.63, "run3": 0.7, "run4": 0.77}, {"run1": 0.56})
-"""Runs of Fig. 4(b) and their ends, s: seven tenths of the time to the first event over all."""
+"""Runs of Fig. 4(b) and their ends, s: 0.7 of the time to the first event over all blocks."""
 D_C = 1e-6
 """Slip of weakening, m."""
 COARSE = 1.2e-3
-"""Least lattice constant of runs without weakening, m: no lattice resolves those."""
+"""Least lattice constant of runs without weakening, m; no lattice resolves their zone."""
 PACE = 5e-9
-"""Processor time of a block evaluation in such runs, all else included, s."""
+"""Processor time of these runs per block and force evaluation, s."""
 LAST = 2
-"""Precursors of runs 1 to 4, the last ones, that are started from a coarser lattice."""
+"""Number of precursors, the last of each of runs 1 to 4, that start from a coarser lattice."""
 AFTER = 3e-3
-"""Time after the end of an event on the coarse lattice to which the fine one is run first, s."""
+"""Time by which a fine run exceeds the end of the event on the coarse lattice, s."""
 TRIES = 8
-"""Longest run over this time."""
+"""Largest number of runs, each longer by `AFTER`."""
 MIDDLE = 0.06, 0.4
-"""Where a front of half the slider's length neither starts nor stops, x/L."""
+"""Range of x/L inside a front of half the slider's length, away from its start and end."""
 LATE = 0.5
 """L_p/L of the precursor whose speeds are shown."""
 
@@ -78,8 +78,9 @@ LATE = 0.5
 def planned(scene: Scene, t_end: float, coarser: Record | None) -> tuple[float, float]:
     """Return the block evaluations and the seconds that a run is expected to take.
 
-    Half the lattice constant takes 8 times what the coarser run took, where it rests as often; the
-    first one what full dynamics takes without located transitions; at `PACE` each.
+    A run at half the lattice constant takes 8 times the evaluations of the coarser run. The first
+    run takes the evaluations of full dynamics without located transitions. Each evaluation takes
+    `PACE`.
     """
     if coarser is None:
         evaluations = STEPPERS["rk4"].evaluations * t_end / step_size(scene)
@@ -94,7 +95,7 @@ def _seconds(record: Record) -> float:
 
 
 def kept(path: Path, scene: Scene, t_end: float) -> Record:
-    """Return the run in a file, or make it; one that was stopped goes on."""
+    """Return the run in a file, or make it; a stopped run is continued."""
     part = path.with_name(path.name + ".part")
     if path.is_file():
         record = Record.load(path)
@@ -133,12 +134,12 @@ def _runs_of(
 
 
 def begun(path: Path, coarse: Record, event: int, scene: Scene) -> Record:
-    """Return an event on another lattice, from the state before it, from a file or made.
+    """Return an event on another lattice, run from the state before it, or read from its file.
 
     Args:
-        path: of the file.
-        coarse: the run on a coarser lattice, or the same one.
-        event: its number there.
+        path: the file of the run.
+        coarse: the run on a coarser lattice, or on the same lattice.
+        event: number of the event in this run.
         scene: the scene on the other lattice.
     """
     if path.is_file() and (record := Record.load(path)).scene == scene:
@@ -165,8 +166,9 @@ def _begun_runs(
 ) -> tuple[dict[tuple[float, int], Record], dict[tuple[float, int], tuple[float, float]]]:
     """Return events of a preset that began from a coarser lattice, by l and event there, and plans.
 
-    Each lattice begins from the one twice as coarse: from its late precursor, or its last `count`.
-    The late one may begin from one that began so itself, where there is no whole run to compare.
+    Each lattice starts from the lattice twice as coarse: at its late precursor, or at its last
+    `count` precursors. Where no whole run exists, the late precursor may start from an event that
+    itself started from a coarser lattice.
     """
     found: dict[tuple[float, int], Record] = {}
     plans: dict[tuple[float, int], tuple[float, float]] = {}
@@ -198,7 +200,7 @@ def _widest(record: Record) -> int:
 
 
 def _lengths(records: dict[tuple[float, float], Record], runs: Path) -> pd.DataFrame:
-    """Return lengths of precursors with weakening, from files or made."""
+    """Return lengths of precursors with weakening, from files if these exist."""
     tables = []
     for (l, d_c), record in records.items():
         if not d_c:
@@ -212,7 +214,7 @@ def _lengths(records: dict[tuple[float, float], Record], runs: Path) -> pd.DataF
 
 
 def _lengths_of(record: Record) -> pd.DataFrame:
-    """Return lengths of precursors: dynamics, Griffith, and the ladder without weakening."""
+    """Return lengths of precursors: dynamics, Griffith, and quasi-static without weakening."""
     l, rows = record.scene.slider.l, []
     ladder = simulate(preset("fig1", l=l), 1.2, fidelity="quasistatic", progress=False)
     steps = analysis.precursor_lengths(ladder)
@@ -246,19 +248,19 @@ def study(
 
     Args:
         runs: folder in which runs are kept; it is made if missing.
-        blocks: blocks in X_c0 of the cracks, with eta^2 = 0.001 k m along the bonds; the third one
-            also with dashpots that resist rotation, and with the paper's viscosity.
+        blocks: blocks in X_c0 of the cracks, with eta^2 = 0.001 k m along the bonds; the third
+            crack also with dashpots that resist rotation, and with the paper's viscosity.
         spacings: lattice constants of the Fig. 1 scene, m.
-        t_end: end of its runs, s.
+        t_end: end of the runs of the Fig. 1 scene, s.
         collapse: lattice constants of runs 1 to 4, m.
-        finer: lattice constants on which precursors start from the run with twice of it, m: the
-            late one of the Fig. 1 scene, and the last `LAST` of runs 1 to 4.
-        say: called with what is done, and what it is planned to take, before it is.
+        finer: lattice constants on which precursors start from the run with twice the constant, m:
+            the late precursor of the Fig. 1 scene, and the last `LAST` of runs 1 to 4.
+        say: called with the name and the expected time of each run before it starts.
 
     Returns:
-        Tables. "crack": blocks, eta2, dashpots, a, v, v_theory. "cost": run, planned and made
+        Tables. "crack": blocks, eta2, dashpots, a, v, v_theory. "cost": run, expected and true
         evaluations and seconds, and seconds of full dynamics. "lengths": l, event, force_arrest,
-        dynamics, griffith, ladder (L_p/L).
+        dynamics, griffith, ladder (L_p/L, the last from the quasi-static sequence).
         "fronts": scene, l, d_c, begun (0, or the l of the run from which the state came), event,
         n, x_over_L, v_c, scaled, X_c0_over_l, and others of `pyfric.analysis.fronts`; late, whether
         it is the precursor of half the length.
@@ -317,7 +319,7 @@ def _shown(
 
 
 def _cost(run: str, expected: tuple[float, float], record: Record) -> dict[str, Any]:
-    """Return what a run was planned to take, and took."""
+    """Return the expected and the true cost of a run."""
     plan = dict(zip(("planned_evaluations", "planned_seconds"), expected, strict=True))
     span = float(record.curve["t"].iloc[-1] - record.curve["t"].iloc[0])
     plan["most_seconds"] = planned(record.scene, span, None)[1]
@@ -332,7 +334,7 @@ def main_events(record: Record) -> np.ndarray:
 
 
 def _late(record: Record) -> int:
-    """Return the main event that is nearest to half the slider's length."""
+    """Return the main event whose length is nearest to half of the slider's."""
     return int((record.events["L_p_over_L"].loc[main_events(record)] - LATE).abs().idxmin())
 
 

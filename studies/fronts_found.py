@@ -1,4 +1,4 @@
-"""What the study of `fronts` comes to: its numbers and its figure."""
+"""Results of the study `fronts`: its numbers and its figure."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ __all__ = ["figure", "summary"]
 
 
 def summary(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
-    """Return the numbers of the study: what, case, value."""
+    """Return the numbers of the study, with columns what, case and value."""
     c_R = Crack(blocks=1).material.c_R
     rows: list[tuple[str, str, float]] = []
     for about, table in tables["crack"].groupby(["blocks", "eta2", "dashpots"]):
@@ -92,7 +92,7 @@ def _speeds(
 def _changes(fronts: pd.DataFrame) -> list[tuple[str, str, float]]:
     """Return how v_c(x) of the late precursor changes from one lattice to the next.
 
-    And how it changes where the run on the same lattice began from the state of a coarser one.
+    Also return the change on one lattice if the run starts from the state of a coarser lattice.
     """
     late = fronts[fronts["late"]]
     rows, whole, begun = [], late[late["begun"] == 0], late[late["begun"] > 0]
@@ -111,7 +111,7 @@ def _changes(fronts: pd.DataFrame) -> list[tuple[str, str, float]]:
 
 
 def _change(one: pd.DataFrame, two: pd.DataFrame, case: str) -> list[tuple[str, str, float]]:
-    """Return the rms of ln v_c(x) of a front over another, where both have speeds."""
+    """Return the rms of ln(v_c/v_c') of two fronts at the places where both have speeds."""
     inside = one["x_over_L"].between(two["x_over_L"].min(), two["x_over_L"].max())
     other = np.interp(one["x_over_L"][inside], two["x_over_L"], two["v_c"])
     change = np.log(other / one["v_c"][inside])
@@ -202,7 +202,7 @@ def _draw_lengths(axes: Any, table: pd.DataFrame) -> None:
 
 
 def _chain(most: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return scaled prestress up to the largest, and the front speed of a chain there, m/s."""
+    """Return values of the scaled prestress, and front speeds of a chain at these, m/s."""
     k, m, l = _lattice(preset("fig1"))
     eta = preset("fig1").eta / math.sqrt(k * m)
     scaled = np.linspace(0.02, min(most, 0.8), 40)

@@ -1,6 +1,6 @@
 """One large lattice: seconds, memory and events of the hybrid engine on the Fig. 1 scene at fine l.
 
-The run is made in a process of its own, whose peak memory is measured.
+The run is made in a separate process, whose peak memory is measured.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pyfric.signals import at_once
 __all__ = ["large", "report"]
 
 FINE, T_END = size((0.25e-3, 0.33), (5e-3, 0.01))
-"""Distance of blocks, m: 561 x 301 of them; past the third main precursor, s."""
+"""Distance of blocks, m, for 561 x 301 blocks; end of the run past the third main precursor, s."""
 
 
 @at_once()
@@ -30,10 +30,10 @@ def large(*, l: float = FINE, t_end: float = T_END, threads: int | None = None) 
     Args:
         l: distance of blocks, in m.
         t_end: end of the run, in s; by default past the third main precursor.
-        threads: threads of the core; None means as many as help.
+        threads: threads of the core; None means the fastest number.
 
     Returns:
-        One row: N_x, N_z, seconds, processor_seconds, stepping (s), GB (the most memory), steps,
+        One row: N_x, N_z, seconds, processor_seconds, stepping (s), GB (peak memory), steps,
         block_evaluations, jumps, events, main.
     """
     spawn = multiprocessing.get_context("spawn")

@@ -1,10 +1,10 @@
 """Stability map: the largest stable step of every stepper, computed and measured.
 
-Computed: `pyfric.stability_limit`, from the eigenvalues of the scene's own operator. Measured: a
-small slider at rest is shaken by next to nothing, once stuck to the surface and once lifted off it,
-and integrated by the core with steps of different length, until a bisection has found where the
-disturbance begins to grow. Nothing switches on the way. Axes are the viscosity of the bonds, over
-sqrt(k m), and the stiffness of the foundation, over k. Times are in units of sqrt(m/k).
+The computed limit is `pyfric.stability_limit`, from the eigenvalues of the scene's operator. The
+measured limit comes from a small slider at rest with a tiny disturbance, once stuck to the surface
+and once lifted off. A bisection over the step finds where the disturbance begins to grow. No
+contact state changes meanwhile. Axes are the viscosity of the bonds, in units of sqrt(k m), and the
+stiffness of the foundation, in units of k. Times are in units of sqrt(m/k).
 
 Steppers without a limit are measured at a step far above that of RK4.
 """
@@ -35,16 +35,16 @@ if TYPE_CHECKING:
 __all__ = ["ETAS", "STIFFNESSES", "figure", "stability_map"]
 
 ETAS = size((0.0, 0.03, 0.1, math.sqrt(0.1), 1.0, 3.0), (0.0, 1.0))
-"""eta/sqrt(k m); the paper's is sqrt(0.1)."""
+"""Values of eta/sqrt(k m); the paper's is sqrt(0.1)."""
 STIFFNESSES = size((0.01, 1.0, 10.0, 100.0), (1.0,))
-"""k_f/k; the paper's is 1."""
+"""Values of k_f/k; the paper's is 1."""
 
 
 def small_slider(eta: float, stiffness: float) -> Scene:
-    """Return 8 x 5 blocks of setup 1 at rest, eta over sqrt(k m) and k_f over k given.
+    """Return 8 x 5 blocks of setup 1 at rest, for eta in units of sqrt(k m) and k_f in units of k.
 
-    Limits of larger sliders come from plane waves in an infinite lattice, and are lower, by up to
-    a tenth; those of this size are exact.
+    Limits of this size are exact. Limits of larger sliders follow from plane waves in an infinite
+    lattice, and are lower by up to a tenth.
     """
     size = {"L": 0.0175, "H": 0.01, "V": 0.0, "mu_s": 1e6}
     plain = setup1(**size)
@@ -63,13 +63,13 @@ def stability_map(
     """Compute and measure the limits.
 
     Args:
-        steppers: steppers, of `LIMITED`.
-        etas: viscosities over sqrt(k m).
-        stiffnesses: of the foundation, over k.
-        progress: say on stderr what is running.
+        steppers: names of steppers in `LIMITED`.
+        etas: viscosities, in units of sqrt(k m).
+        stiffnesses: stiffnesses of the foundation, in units of k.
+        progress: print on stderr what is running.
 
     Returns:
-        Columns: stepper, eta (over sqrt(k m)), stiffness (k_f/k), computed and measured (the limits
+        Columns: stepper, eta (in sqrt(k m)), stiffness (k_f/k), computed and measured (the limits
         in units of sqrt(m/k)), ratio (measured over computed).
     """
     rows = []
@@ -104,7 +104,7 @@ def figure(table: pd.DataFrame) -> DataFigure:
         part = table[table["stepper"] == stepper]
         for (stiffness, line), colour in zip(part.groupby("stiffness"), colours, strict=False):
             text = rf"$k_\mathrm{{f}}/k$ = {stiffness:g}"
-            width = 2.6 if stiffness == part["stiffness"].min() else 1.2  # seen below another
+            width = 2.6 if stiffness == part["stiffness"].min() else 1.2  # drawn below others
             axes.plot(line["eta"], line["computed"], color=colour, lw=width, label=text)
             axes.plot(line["eta"], line["measured"], "o", mec=colour, mfc="none", ms=4.5)
         axes.set_xscale("symlog", linthresh=0.03, linscale=0.4)

@@ -1,17 +1,17 @@
-"""What many quasi-static runs cost, beside other builds: records, ensembles, diagrams, fits.
+"""Costs of many quasi-static runs, in this and other builds: records, ensembles, diagrams, fits.
 
-Each case is made in a process of its own, in which modules are loaded before time is taken. The
-builds take turns, and of each case the least time counts: processor time, with that of worker
-processes, and time on the clock, for each run. Other builds may make fewer runs of a case. The fit,
-which takes minutes with other builds, is made once.
+Each case runs in a separate process, which loads modules before timing. The builds take turns, and
+the least time of each case counts. The table gives processor time, with that of worker processes,
+and wall time, both per run. Other builds may make fewer runs of a case. The fit, which takes
+minutes with other builds, is made once.
 
 sequence
     The sequence of the Fig. 1 scene to 0.9 s as a record.
 events
-    The same, with its table of events.
+    The same sequence, with its table of events.
 ensemble
-    Sequences with mu_s of 5 % disorder as a table of numbers, on two cores: `ensemble`, or where a
-    build has none a `Sweep` with two workers.
+    Sequences with 5 % disorder of mu_s as a table of numbers, on two cores, by `ensemble`. Builds
+    without `ensemble` use a `Sweep` with two workers.
 diagram
     `phase_diagram` of the Fig. 1 scene over mu_k and mu_s by quasi-static runs, in one process.
 sensitivity
@@ -52,7 +52,7 @@ CASES = size(
 )
 """Repeats of a case, runs of the ensemble, and values on each axis of the diagram."""
 FEWER = {"ensemble": 200, "diagram": 8}
-"""The same of builds without ensembles."""
+"""Runs of the ensemble, and values on each axis, for builds without `ensemble`."""
 ONCE = ("fit",)
 """Cases that are made once."""
 WIDTH, CORES, REPEATS = 0.05, 2, size(3, 1)
@@ -67,14 +67,14 @@ def costs(
     quick: bool = False,
     say: Callable[[str], None] = lambda _: None,
 ) -> pd.DataFrame:
-    """Measure what cases cost with this build and, in turns with it, with those of commits.
+    """Measure the cost of cases with this build and builds of commits, in turns.
 
     Args:
         cases: names in `CASES`.
         commits: of this repository.
-        repeats: turns, of which the least time counts; one of those in `ONCE`.
+        repeats: turns, of which the least time counts; cases in `ONCE` have one turn.
         quick: a few runs of each case only.
-        say: told what is being run.
+        say: called with the name of each run.
 
     Returns:
         One row for each case and build: case, build, runs; processor and wall, s for each run.
@@ -100,7 +100,7 @@ def costs(
 
 
 def _alone(name: str, quick: bool, folder: Path | None) -> dict[str, Any]:
-    """Return what a case costs in a process with the package in a folder; None: as installed."""
+    """Return the cost of a case with the package in a folder; None means the installed one."""
     env = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"}
     found = [*([] if folder is None else [folder]), THERE.parent]
     env["PYTHONPATH"] = os.pathsep.join(map(str, found))
@@ -110,7 +110,7 @@ def _alone(name: str, quick: bool, folder: Path | None) -> dict[str, Any]:
 
 
 def measured(name: str, quick: bool) -> dict[str, Any]:
-    """Return what a case costs in this process: runs, and seconds for each run."""
+    """Return the cost of a case in this process: runs, and seconds for each run."""
     import pyfric
 
     own = hasattr(pyfric, "ensemble")
@@ -188,7 +188,7 @@ def _plain(field: Any, seed: int) -> dict[str, Any]:
 
 
 def report(frame: pd.DataFrame) -> str:
-    """Return a table of `costs` as text, with times of other builds over those of this one."""
+    """Return a table of `costs` as text, with ratios of other builds' times to this build's."""
     shown = frame.assign(processor=1e3 * frame["processor"], wall=1e3 * frame["wall"])
     shown = shown.rename(columns={"processor": "processor (ms)", "wall": "wall (ms)"})
     text = shown.to_string(index=False, float_format="{:.4g}".format)

@@ -1,14 +1,14 @@
-"""How methods converge: what is behind the study `accuracy`.
+"""Convergence of methods on one event, for the study `accuracy`.
 
-One event, the 11th main precursor of the Fig. 1 scene, from 20 us before its first slip until
-0.3 ms after. Questions: rupture times (s, RMS over the front, from the first slip on), front speed
-(RMS of relative differences), interface stresses at arrest (norm of the difference over the norm),
-start and arrest forces (over F_N), farthest block, closure of the energy budget (over the friction
-heat). All methods start from one state per geometry. The reference is RK4 with located switching in
-finite geometry, with steps that are halved until it no longer changes. Two more panels stand beside
-other programs: `beside`.
+The event is the 11th main precursor of the Fig. 1 scene, from 20 us before its first slip until
+0.3 ms after. Questions are rupture times (s, RMS over the front, from the first slip on), front
+speed (RMS of relative differences), interface stresses at arrest (norm of the difference over the
+norm), start and arrest forces (over F_N), farthest block, and closure of the energy budget (over
+the friction heat). All methods start from one state per geometry. The reference is RK4 with located
+switching in finite geometry, with steps halved until it no longer changes. Two more panels compare
+with other programs (`beside`).
 
-Work is the time in the core, the least of repeats, and the number of blocks times force
+Work is given as the time in the core, the least of repeats, and as the number of blocks times force
 evaluations. A method that fails or is refused at a point stays in the table, with the reason.
 """
 
@@ -46,7 +46,7 @@ __all__ = ["QUESTIONS", "event_points", "figure", "orders", "table"]
 EVENT, BEFORE, AFTER = size(11, 1), 20e-6, 300e-6
 """The main precursor, counted from 0, and the times before and after its first slip, s."""
 SHARES = size((2.0, 0.9, 0.5, 0.25, 0.125, 0.0625, 0.03125), (2.0, 0.9))
-"""Steps over the stability limit; the first one must be refused."""
+"""Steps, as shares of the stability limit; the first step must be refused."""
 REFERENCE_SHARES = size((0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625), (0.9, 0.5))
 RTOLS = size((1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8), (1e-3,))
 REPEATS = size(3, 1)
@@ -58,15 +58,15 @@ QUESTIONS = {
     "arrest": "arrest force ($F_\\mathrm{N}$)",
     "energy": "energy closure (relative)",
 }
-"""Error columns of the event -> what they mean."""
+"""Error columns of the event -> their meanings."""
 
 
 LINE = ("stepper", "switching", "geometry")
-"""What tells the lines of the event apart."""
+"""Columns that define a line of the chart of the event."""
 
 
 class Method(NamedTuple):
-    """One way to integrate: a line of the chart."""
+    """One method of integration: a line of the chart."""
 
     stepper: str
     switching: str
@@ -95,13 +95,13 @@ def table(*, progress: bool = False) -> pd.DataFrame:
     """Measure all points.
 
     Args:
-        progress: say on stderr what is running.
+        progress: print on stderr what is running.
 
     Returns:
         One row per point. Columns: scene, engine, stepper, switching, geometry, dt (s), share (dt
-        over the stability limit of RK4), rtol, seconds, evaluations, status ("ok", or why it
-        failed), the errors of `QUESTIONS`, start, blocks, missing (blocks whose rupture time only
-        one of the two has), and the same errors against the reference of the same geometry, with
+        as a share of the stability limit of RK4), rtol, seconds, evaluations, status ("ok", or why
+        it failed), the errors of `QUESTIONS`, start, blocks, missing (blocks with a rupture time in
+        only one of the two), and the same errors against the reference of the same geometry, with
         "own_" before their names. NaN where a question does not apply.
     """
 
@@ -117,7 +117,7 @@ def table(*, progress: bool = False) -> pd.DataFrame:
 
 
 class _Start(NamedTuple):
-    """A state just before the event, and the references that start there."""
+    """A state just before the event, and the reference runs from this state."""
 
     state: State
     t_end: float
@@ -135,12 +135,12 @@ def event_points(
     """Yield the points of one event; see `table`.
 
     Args:
-        say: told what is running.
+        say: called with the name of each run.
         scene: None means the Fig. 1 scene.
-        event: which main event, counted from 1.
+        event: number of the main event, from 1.
         methods: lines of the chart.
-        reference_shares: steps of the reference over the limit, the last one of which counts.
-        repeats: runs of each point that are timed.
+        reference_shares: steps of the reference, as shares of the limit; the last counts.
+        repeats: timed runs of each point.
     """
     scene = preset("fig1", **size({}, SCENE)) if scene is None else scene
     limit = stability_limit(scene)[0]
@@ -263,7 +263,7 @@ def _rms(values: np.ndarray) -> float:
 
 
 def _closure(record: Record) -> float:
-    """Return what the energy budget leaves over, over the friction heat."""
+    """Return the residual of the energy budget, divided by the friction heat."""
     curve = record.curve
     if "friction_heat" not in curve:
         return math.nan
@@ -278,8 +278,8 @@ def _closure(record: Record) -> float:
 def orders(table: pd.DataFrame, question: str = "rupture") -> pd.DataFrame:
     """Return the measured orders: slopes of log error over log dt of each method of the event.
 
-    Errors are those against the reference of the same geometry, of the points whose error is at
-    least ten times what the reference still changes by.
+    Errors are those against the reference of the same geometry. Points count if their error is at
+    least ten times the last change of the reference.
 
     Args:
         table: from `table`.
@@ -324,8 +324,8 @@ PANELS = (
 def figure(table: pd.DataFrame) -> DataFigure:
     """Return the chart: error over computing time, one panel for each question.
 
-    Filled markers are finite geometry, open ones linear; circles are located switching, squares
-    switching at step ends, triangles runs without switches, diamonds peers.
+    Filled markers are finite geometry, open markers linear. Circles are located switching, squares
+    switching at step ends, triangles runs without switches, diamonds other programs.
     """
     fig = DataFigure(figsize=(7.2, 7.4), layout="constrained")
     FigureCanvasAgg(fig)

@@ -1,16 +1,16 @@
-"""One block on junctions that is moved at a given speed, beside closed forms.
+"""One block on junctions, moved at a given speed, against closed forms.
 
-A block under constant p, on 1e5 junctions that break at the stretch u_s, slip for a time t_R and
-pin again; q = v t_R/u_s, w = 1/(1 + q):
+A block under constant p stands on 1e5 junctions. These break at the stretch u_s, slip for a time
+t_R and pin again. With q = v t_R/u_s and w = 1/(1 + q):
 
 steady      F/p = (mu_s/2 + mu_d q)/(1 + q), for any distribution of t_R
 start-up    share of slipping junctions, from all pinned: sum over n of G_n(t - (n + 1) t_p)
             - G_(n + 1)(t - (n + 1) t_p), t_p = u_s/v, G_n the distribution of the sum of n draws
 hold        F/p = w mu_s/2 + (1 - w) mu_d exp(-t/t_R), for exponential times
 slide       after a long hold: F/p = (1 - w) mu_s y + w (mu_s (1 - y^2)/2 + mu_d y), with
-            y = displacement/u_s up to 1, so fast that none pins
+            y = displacement/u_s up to 1, so fast that no junction pins
 
-Source: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014); the forms are derived here.
+Source of the law: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014).
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ QS = size((0.25, 0.5, 1.0, 2.0, 4.0), (1.0,))
 
 
 class Dragged:
-    """Three blocks so heavy that they move as they are told, each on a third of 1e5 junctions.
+    """Three blocks so heavy that friction does not slow them, each on a third of 1e5 junctions.
 
     Attributes:
         t: time, in s.
     """
 
     STEPS = 400
-    """To the stretch u_s: a junction breaks late by 1/800 of it in the mean."""
+    """Steps up to the stretch u_s, so junctions break late by 1/800 of u_s on average."""
 
     def __init__(
         self, t_R: float, t_R_std: float = 0.0, n_s: int = size(33_334, 100), **how: Any
@@ -65,7 +65,7 @@ class Dragged:
         return self.state.t
 
     def move(self, v: float, n: int, dt: float, every: int = 1) -> np.ndarray:
-        """Move at v (m/s) for n steps of dt (s); return F/p after every so many."""
+        """Move at v (m/s) for n steps of dt (s); return F/p after every `every` steps."""
         self.state = self.state.with_dt(dt)
         self.state.y[:, 2] = v
         log, found = core.Log(3), []
@@ -76,7 +76,7 @@ class Dragged:
         return np.array(found)
 
     def slide(self, v: float, distance: float, every: int = 10) -> np.ndarray:
-        """Slide at v over a distance in u_s; return F/p after every so many steps."""
+        """Slide at v over a distance in u_s; return F/p after every `every` steps."""
         return self.move(v, round(distance * self.STEPS), U_S / v / self.STEPS, every)
 
     def pinned(self) -> float:
@@ -89,7 +89,7 @@ def irwin_hall(n: int) -> BSpline:
 
 
 def slipping_share(t: float, t_p: float, t_R: float, std: float) -> float:
-    """Return the share of slipping junctions at a time after the start, t_p after the first break.
+    """Return the share of slipping junctions at a time after the start, when all are pinned.
 
     Args:
         t: time, s, less than 5 t_p.
@@ -98,7 +98,7 @@ def slipping_share(t: float, t_p: float, t_R: float, std: float) -> float:
     """
 
     def ended(n: int, t: float) -> float:
-        """G_n(t): n draws of mean + std (sum of 12 - 6) are over."""
+        """Return G_n(t): the probability that n times of mean + std (sum of 12 - 6) are over."""
         if n == 0:
             return float(t >= 0)
         x = (t - n * t_R) / std + 6 * n
@@ -109,14 +109,14 @@ def slipping_share(t: float, t_p: float, t_R: float, std: float) -> float:
 
 
 def exponential(distance: float, q: float) -> tuple[Dragged, float]:
-    """Return a block after sliding over a distance in u_s, times exponential, and steady F/p."""
+    """Return a block with exponential t_R after sliding over a distance in u_s, and steady F/p."""
     block, v = Dragged(T_R, T_R, t_R_distribution="gamma", stretch=1.0), q * U_S / T_R
     block.slide(v, distance - 2, every=80)
     return block, float(block.slide(v, 2, every=40).mean())
 
 
 def study(say: Callable[[str], None] = lambda _: None) -> dict[str, pd.DataFrame]:
-    """Return what blocks do and the closed forms: columns x, block and exact, for each motion."""
+    """Return measured and exact values for each motion: columns x, block and exact."""
     found = {}
     rows = []
     for q in QS:
@@ -126,7 +126,7 @@ def study(say: Callable[[str], None] = lambda _: None) -> dict[str, pd.DataFrame
     found["steady"] = rows
     say("start-up")
     block, v, rows = Dragged(T_R, T_R_STD), U_S / T_R, []
-    block.slide(v, 0.025)  # no point lies at the first break
+    block.slide(v, 0.025)  # so no point is at the first break
     for _ in range(59):
         block.slide(v, 0.05, every=20)
         share = slipping_share(block.t, T_R, T_R, T_R_STD)
@@ -139,7 +139,7 @@ def study(say: Callable[[str], None] = lambda _: None) -> dict[str, pd.DataFrame
         ratio, t = block.move(0.0, 1, 1e-4)[-1], (block.t - begin) / T_R
         rows.append((t, ratio, MU_S / 4 + MU_D / 2 * np.exp(-t)))
     found["hold"] = rows
-    block.move(0.0, 1, 20 * T_R)  # all have pinned
+    block.move(0.0, 1, 20 * T_R)  # all junctions have pinned
     ratio = block.slide(1e3 * U_S / T_R, 0.975)
     y = np.arange(1, len(ratio) + 1) * 10 / Dragged.STEPS
     exact = (1 - w) * MU_S * y + w * (MU_S * (1 - y**2) / 2 + MU_D * y)

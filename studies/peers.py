@@ -1,7 +1,7 @@
-"""What a user would otherwise evaluate the lattice's bond forces with, for `studies kernel`.
+"""Other programs that evaluate the lattice's bond forces, for `studies kernel`.
 
-Three peers: plain NumPy, numba and LAMMPS. Each does the work of one force evaluation on one
-core; none shares code with the core of this package.
+The peers are plain NumPy, numba and LAMMPS. Each makes one force evaluation on one processor core.
+They share no code with the core of pyfric.
 
 ========  =================  =========================================================
 NumPy     springs, dashpots  whole-array slices, one bond family at a time
@@ -35,7 +35,7 @@ Forces = Callable[[np.ndarray], np.ndarray]
 BondStyle = Literal["harmonic", "harmonic/omp"]
 
 BONDS = ((1, 0), (0, 1), (1, 1), (-1, 1))
-"""Columns and rows from a block to the other end of its bond: the four families, each bond once."""
+"""Columns and rows from a block to the other end of its bond, for the four families of bonds."""
 STRAIN = 1e-3
 """Largest displacement of an atom in `LammpsBonds`, in units of l."""
 INSTALL = "pip install -r studies/requirements.txt"
@@ -116,12 +116,14 @@ def _numba() -> Any:
 def numba_forces(scene: Scene, geometry: Geometry) -> Forces:
     """Return a compiled function that evaluates all springs and dashpots, on one thread.
 
-    Each block gathers the pulls of its eight neighbours; inside the lattice without asking whether
-    they exist. Of the loops tried this is the fastest: it evaluates each bond twice, but no store
-    depends on an earlier one, so the compiler vectorises it. No fastmath.
+    Each block sums the forces of its eight neighbours; inside the lattice the loop does not test
+    whether they exist. Of the loops tried this is the fastest. This loop evaluates each bond twice,
+    but all stores are independent, so the compiler vectorises it. The compiler does not use
+    fastmath.
 
     The function takes y (N_z, 4, N_x) as in `numpy_forces` and returns F (N_z, 2, N_x) in N, a new
-    array. It is compiled here, not in the first call, and once for all lattices of equal k, l, eta.
+    array. The function is compiled before the first call, and once for all lattices of equal k, l,
+    eta.
 
     Raises:
         ImportError: numba is missing.
@@ -170,7 +172,7 @@ def _compiled(k: float, l: float, eta: float, linear: bool) -> Forces:
     @njit
     def forces(y):
         N_z, N_x = y.shape[0], y.shape[2]
-        # F is made here and written in this very loop: otherwise the loop is not vectorised.
+        # The loop is vectorised only if F is made here and written in this loop.
         F = np.empty((N_z, 2, N_x))
         for j in range(1, N_z - 1):
             for i in range(1, N_x - 1):
@@ -233,17 +235,17 @@ def lammps_bonds(
 class LammpsBonds:
     """The springs of a lattice as harmonic bonds in LAMMPS, two-dimensional, on one core.
 
-    Geometry is finite, always; there are no dashpots, no pair forces, no thermodynamic output.
+    Geometry is always finite. There are no dashpots, no pair forces and no thermodynamic output.
     Lengths are in units of l and stiffnesses in units of k (``units lj``); LAMMPS's K is k_ij / 2.
-    The atoms stand where the blocks do, shifted at random by up to `STRAIN` l.
+    The atoms stand at the places of blocks, shifted at random by up to `STRAIN` l.
 
-    Counted per evaluation: LAMMPS sets the forces to zero and computes those of all bonds, each
-    bond once, in its ordinary time loop; with `integrate`, it also moves the atoms. The bond list
-    is made once. Energies, stresses (by default computed in the last step) and LAMMPS's own timers
-    are off; there are no ghost atoms, so nothing is communicated.
+    In a timed evaluation LAMMPS sets the forces to zero and computes those of all bonds, each bond
+    once, in its ordinary time loop. With `integrate` it also moves the atoms. The bond list is made
+    once. Energies, stresses (by default computed in the last step) and LAMMPS's timers are off.
+    Without ghost atoms nothing is communicated.
 
     Attributes:
-        integrate: Each step also moves the atoms (``fix nve``, velocity Verlet, a tiny time step).
+        integrate: each step also moves the atoms (``fix nve``, velocity Verlet, a tiny time step).
         style: "harmonic", or "harmonic/omp", the same bonds with LAMMPS's faster loop (one thread).
     """
 
@@ -263,7 +265,7 @@ class LammpsBonds:
         self._lmp.command("run 0 post no")
 
     def start(self, u: np.ndarray, dt: float) -> None:
-        """Begin again from rest at displacements u, shape (N_z, 2, N_x), in m.
+        """Restart from rest at displacements u, shape (N_z, 2, N_x), in m.
 
         dt is the time step in units of sqrt(m/k).
         """
@@ -274,7 +276,7 @@ class LammpsBonds:
         self._lmp.command("run 0 post no")
 
     def run(self, n: int) -> None:
-        """Make n steps, each with one force evaluation; there is none before the first step."""
+        """Make n steps, each with one force evaluation, and none before the first step."""
         self._lmp.command(f"run {n} pre no post no")
 
     def displacements(self) -> np.ndarray:
@@ -296,7 +298,7 @@ class LammpsBonds:
         self.close()
 
     def _x(self) -> np.ndarray:
-        """Return the atoms' x and z (LAMMPS's y) in units of l, shape (atoms, 2): LAMMPS's own."""
+        """Return LAMMPS's array of the atoms' x and z (its y) in units of l, shape (atoms, 2)."""
         return self._lmp.numpy.extract_atom("x")[:, :2]
 
     def _on_lattice(self, values: np.ndarray) -> np.ndarray:

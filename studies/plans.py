@@ -1,15 +1,15 @@
-"""Are plans kept: random scenes, wants and tolerances, against full dynamics.
+"""Do plans keep their tolerance? Random scenes, wants and tolerances against full dynamics.
 
-Each trial draws a small scene (setup 1, setup 2 or a chain, with other sizes, friction, viscosity,
-stiffness, load and driver), what is wanted and a tolerance. The planned run is compared with full
-dynamics in finite geometry (linear for a chain) whose steps are a twenty-fifth of the stability
-limit: shorter than those of all levels.
-Trial n of a seed is always the same. Rows are appended to a file as they are done, and trials that
-are in it are not made again.
+Each trial draws a small scene (setup 1, setup 2 or a chain, with random size, friction, viscosity,
+stiffness, load and driver), a want and a tolerance. The planned run is compared with full dynamics
+in finite geometry (linear for a chain), with steps of a twenty-fifth of the stability limit, below
+those of all levels. Trial n of a seed is always the same. Rows are appended to a file as they are
+made, and trials in the file are not repeated.
 
-A promise is kept where the real error of what was wanted is within the tolerance, and honest where
-it is within the run's own measured error. If a run holds up to the time from which on its record
-says that single events cannot be trusted, later events are left out, and counted.
+A plan promises its tolerance. The promise is kept if the true error of the want is within the
+tolerance. The promise is honest if the true error is within the measured error of the run. A record
+may say that single events are uncertain from a time on. Events after this time are left out, and
+counted.
 """
 
 from __future__ import annotations
@@ -45,19 +45,19 @@ if TYPE_CHECKING:
 __all__ = ["QUANTITIES", "drawn", "drawn_wide", "run", "stored", "table", "trial"]
 
 WORK = size(3e7, 1e5)
-"""Block evaluations of full dynamics with steps of `WAY`."""
+"""Largest number of block evaluations of full dynamics with steps of `WAY`."""
 EVENTS = 10
-"""Main events of a trial, by the ladder."""
+"""Main events of a trial in the quasi-static sequence."""
 FINE = size(0.04, 0.25)
-"""Its steps, over the stability limit."""
+"""Step of the reference run, as a share of the stability limit."""
 WAY = 0.1
-"""Step over the stability limit with which `WORK` gives the length of a trial."""
+"""Step, as a share of the stability limit, with which `WORK` gives the length of a trial."""
 ROUNDING = 1e-6
-"""Errors of the reference run itself are of this size: no measured error counts as smaller."""
+"""Size of the errors of the reference run, and the least measured error that counts."""
 VISCOSITY = (0.1, 2.0)
-"""Range of eta over its default."""
+"""Range of eta, in units of its default value."""
 TRIALS = size(200, 1)
-"""Trials of one call."""
+"""Number of trials of one call."""
 WANTS = ("loading_curve", "precursors", "stress", "front_speed", "motion")
 QUANTITIES = ("start", "arrest", "length", "stress", "speed_median", "speed_95", "speed_worst")
 
@@ -67,7 +67,7 @@ def drawn(
 ) -> tuple[Scene, float, str, float]:
     """Return scene, t_end (s), want and tolerance of trial n of a seed.
 
-    Its eta is between these shares of the default.
+    Its eta lies between the two values of `viscosity`, in units of the default value.
     """
     rng = np.random.default_rng([seed, n])
 
@@ -103,11 +103,12 @@ def drawn(
 
 
 def drawn_wide(seed: int, n: int) -> tuple[Scene, float, str, float]:
-    """Return scene, t_end (s), want and tolerance of trial n of a seed, from far more scenes.
+    """Return scene, t_end (s), want and tolerance of trial n of a seed, from a wider range.
 
-    Lattices to 60 x 35, 3 to 300 N a block, k_f/k from 0.03 to 30, L/H from 1 to 14, eta from 0.05
-    to 2 of the default; some with d_c, ageing, friction that weakens with speed, disorder, a
-    protocol, a prescribed interface, or an end inside an event; tolerances from 0.1 to 0.001.
+    Lattices have up to 60 x 35 blocks, 3 to 300 N a block, k_f/k from 0.03 to 30, L/H from 1 to 14,
+    and eta from 0.05 to 2 of the default. Some scenes have d_c, ageing, friction that weakens with
+    speed, disorder, a protocol, a prescribed interface, or an end inside an event. Tolerances are
+    0.1 to 0.001.
     """
     rng = np.random.default_rng([seed, n, 2])
 
@@ -174,7 +175,7 @@ def drawn_wide(seed: int, n: int) -> tuple[Scene, float, str, float]:
 
 
 def _way(scene: Scene) -> float:
-    """Return how far the driver moves until the ladder has had `EVENTS` main events, in m."""
+    """Return the way of the driver up to `EVENTS` main events in quasi-static slip, in m."""
     one = dataclasses.replace(scene, driver=dataclasses.replace(scene.driver, V=1.0))
     most = 2 * scene.F_N * (1 / scene.driver.K + 1 / scene.slider.k)
     ladder = QuasistaticRun(one, t_gap=0.0)
@@ -192,15 +193,15 @@ def trial(
     fine: float = FINE,
     verify: str | None = None,
 ) -> dict[str, Any]:
-    """Return what became of one promise, as a row of the table.
+    """Return the result of one trial, as a row of the table.
 
     Args:
-        scene, t_end, want, tolerance: the question.
-        fine: step of the reference run over the stability limit.
-        verify: how the run measures its errors; None as runs do by default.
+        scene, t_end, want, tolerance: those of the plan.
+        fine: step of the reference run, as a share of the stability limit.
+        verify: how the run measures its errors; None means the default.
     """
     how = {"want": want, "tolerance": tolerance, "verify": verify}
-    machine_speed.cache_clear()  # as in a process of its own
+    machine_speed.cache_clear()  # as in a new process
     start = time.process_time()
     made = simulate(scene, t_end, **how, progress=False)
     ran = time.process_time()
@@ -238,7 +239,7 @@ def alone(scene: Scene, t_end: float) -> float:
 
 
 def of_longest(made: Record) -> float | None:
-    """Return the step of a record over the longest of RK4 that resolves weakening."""
+    """Return the ratio of a record's step to the longest step of RK4 that resolves weakening."""
     scene, dt = made.scene, made.method.dt
     return dt and dt / min(stability_limit(scene)[0], scene.resolving_step)
 
@@ -250,7 +251,7 @@ def full_seconds(scene: Scene, made: Record, t_end: float) -> float:
 
 
 def judged(made: Record, truth: Record) -> dict[str, Any]:
-    """Return the errors of a record, measured and real, and what holds."""
+    """Return the errors of a record, measured and true, and whether they keep the tolerance."""
     own = made.errors or Errors()
     until = math.inf
     if own.until is not None or own.partly:
@@ -284,13 +285,13 @@ def run(
     wide: bool = False,
     weakening: bool = False,
 ) -> pd.DataFrame:
-    """Make the trials that a file does not hold yet, append their rows, and return all.
+    """Make the trials that are missing in a file, append their rows, and return all rows.
 
     Args:
         path: CSV file, made if missing.
-        numbers: which trials.
-        seed: of the draws.
-        progress: say one line for each trial.
+        numbers: numbers of the trials.
+        seed: seed of the draws.
+        progress: print one line for each trial.
         verify: as in `trial`.
         viscosity: as in `drawn`.
         wide: draw from `drawn_wide`.
@@ -309,7 +310,7 @@ def run(
                 continue
             found = trial(*question, verify=verify)
         except (RunError, SceneError, EquilibriumError) as error:
-            print(f"{n}: no such scene: {error}", flush=True)  # refused, or a lattice that folds
+            print(f"{n}: no such scene: {error}", flush=True)  # refused, or a folded lattice
             continue
         row = {"seed": seed, "n": n, "kind": question[0].name} | found
         new = not path.exists()
@@ -326,7 +327,7 @@ def run(
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return how often promises were kept: one row for each want, and one for all."""
+    """Return how often promises were kept, in one row for each want and one row for all."""
     groups = [*rows.groupby("want"), ("all", rows)]
     return pd.DataFrame(
         [
@@ -350,12 +351,12 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def stored(name: str, folder: Path, tolerance: float = 0.05) -> dict[str, Any]:
-    """Return whether a planned run's front speeds are those of stored full dynamics, as a row.
+    """Return a row that compares a planned run's front speeds with those of stored full dynamics.
 
     Args:
         name: a set of `pyfric.checks.regression`, such as "run4_finite".
-        folder: where it is.
-        tolerance: of the plan for front speeds.
+        folder: folder of the set.
+        tolerance: tolerance of the plan for front speeds.
     """
     known = regression.load(name, folder)
     t_end = float(known.whole["t_stop"]) + regression.AFTER

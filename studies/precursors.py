@@ -1,52 +1,54 @@
 """When are there precursors? Their number and length over the nucleation length.
 
 A precursor needs a patch that slips unstably and is smaller than the slider. If friction weakens
-over a slip, slip is unstable from the nucleation length L_c on. So precursors should end where L_c
-is a share of the slider, and their number should be a function of L_c/L. Each series of runs
-changes one thing of the Fig. 1 scene (l = 5 mm), or the law, at the same values of L_c/L.
+with slip, slip becomes unstable at the nucleation length L_c. So precursors should end at a fixed
+ratio of L_c to the length L of the slider, and their number should be a function of L_c/L. Each
+series of runs changes one parameter of the Fig. 1 scene (l = 5 mm), or the law, at the same values
+of L_c/L.
 
-The rule, fixed before the runs. What was known before: with linear weakening 11 precursors at 6 um
-and 0 at 8 um for l = 2.5 mm; 9, 2 and 0 at 8, 10 and 20 um for l = 5 mm; with rate and state
-(l = 5 mm) 5 at 0.4 mm/s and 27 at 4 mm/s. Pilot runs told times, and their counts were not read,
-but for two seeds of four points of a slider of nine blocks.
+This rule was fixed before the runs. These counts were known before: with linear weakening 11
+precursors at 6 um and 0 at 8 um for l = 2.5 mm; 9, 2 and 0 at 8, 10 and 20 um for l = 5 mm; with
+rate and state (l = 5 mm) 5 at 0.4 mm/s and 27 at 4 mm/s. Pilot runs measured times. Their counts
+were read only for two seeds of four points of a slider of nine blocks.
 
-Precursor  Number of runs `n_precursors`: finished events of at least four blocks, with the block at
-           the trailing edge and without some other one, before the first event of all blocks.
-           Events by contact, the package's own, make the verdict. Events by slip faster than `FAST`
-           are counted beside them: stable slip joins events by contact, and does not join these.
+Precursor  A finished event of at least four blocks, before the first event of all blocks. It
+           includes the block at the trailing edge, and leaves out at least one other block. The
+           count of a run is `n_precursors`. Events by contact, the default of pyfric, make the
+           verdict. Events by slip faster than `FAST` are also counted, because stable slip joins
+           only events by contact.
 L_c        Slip weakening: 1.158 E d_c/((mu_s - mu_k) p), twice the half-length of Uenishi and Rice,
            with the slope at the first slip and mean p. Rate and state: twice the half-length of
            Rubin and Ampuero, 1.3774 L_b for a/b < 0.378, else L_b/(pi (1 - a/b)^2).
-Series     `SERIES`. Neither F_N nor V is a test of L_c alone: in linear geometry F_N and V at one
-           L_c/L are one parameter, V/F_N. Only the laws, mu_s, L, H and h test it.
-Disorder   mu_s (f* with rate and state) is a random field of the same x for each l, `SEEDS` seeds
-           (`FEW` where runs are long), of width `WIDTH` over a correlation length of 20 mm. Error
-           bars are standard errors.
-Collapse   y = ln(1 + mean count) of a series at a value of L_c/L. The curve of a scale is the best
-           one that never rises (least squares). The share of a scale is that of the variance of y
-           which curves through the other series predict, each series left out in turn: a curve
-           between its points in ln, flat beyond them. Scales: L_c/L; nulls d_c alone, L_c alone,
-           position of load alone (L_c/h), size of the lattice (L_c/l); also L_c/H, and energies in
-           place of slopes (L_G/L; exponential weakening takes twice the energy). All series of
-           slip weakening count, with l = 5 and 2.5 mm.
-           L_c/L holds if its share is `ENOUGH` or more, and larger than that of each null in 95 %
-           or more of `DRAWS` draws of series with replacement. It is refuted if a null has the
+Series     `SERIES`. Only the laws, mu_s, L, H and h test L_c. In linear geometry F_N and V at one
+           L_c/L are one parameter, V/F_N.
+Disorder   mu_s (f* with rate and state) is a random field, the same function of x for each l. Its
+           width is `WIDTH`, and its correlation length 20 mm. Points have `SEEDS` seeds, or `FEW`
+           where runs are long. Error bars are standard errors.
+Collapse   y = ln(1 + mean count) of a series at a value of L_c/L. The curve of a scale is the
+           least-squares curve that never rises. The curve is linear in ln between its points and
+           constant beyond them. Each series is left out in turn, and the curve through the other
+           series predicts its y. The share of a scale is the predicted share of the variance of y.
+           Scales are L_c/L; the nulls d_c alone, L_c alone, position of load (L_c/h) and size of
+           the lattice (L_c/l); also L_c/H, and energies in place of slopes (L_G/L; exponential
+           weakening takes twice the energy). All series of slip weakening count, with l = 5 and 2.5
+           mm. L_c/L holds if its share is `ENOUGH` or more, and larger than that of each null in 95
+           % or more of `DRAWS` draws of series with replacement. L_c/L is refuted if a null has the
            larger share in 95 % or more. Otherwise the data do not tell.
-End        Precursors end where the mean count falls below 1/2 for good, on a line in ln(L_c/L)
-           between values; error bars: 16 to 84 % of draws of seeds. The end is one value of a scale
-           if over series largest/smallest is below `ONE`. Scales are ranked by the standard
+End        Precursors end where the mean count falls below 1/2 for good, interpolated in ln(L_c/L).
+           Error bars are 16 to 84 % of draws of seeds. All series of a scale have one end if the
+           ratio of the largest to the smallest is below `ONE`. Scales are ranked by the standard
            deviation of the ln of the end.
-Lattice    The end at l and l/2, counting precursors of at least four blocks of l for both, so that
-           the least size is the same. It does not depend on l if both agree within 20 %, and if
-           X_c0 has `RESOLVED` blocks or more at the end on the finer lattice.
-Rate       Series of rate and state have a curve of their own: whether a/b = 2/3 and 1/3 agree, by
-           the same criteria, and whether their ends are those of slip weakening.
-Engine     Hybrid, linear geometry, accuracy 1e-3. `checks` compares with full dynamics: it is good
-           enough if counts are the same in all of them.
+Lattice    The ends at l and l/2 are compared for precursors of at least four blocks of l, the same
+           least size for both. The end does not depend on l if both agree within 20 %, and if X_c0
+           has `RESOLVED` blocks or more at the end on the finer lattice.
+Rate       Series of rate and state have a separate curve. The same criteria decide whether
+           a/b = 2/3 and 1/3 agree, and whether their ends are those of slip weakening.
+Engine     Hybrid, linear geometry, accuracy 1e-3. `checks` compares with full dynamics. The engine
+           is good enough if counts are the same in all checks.
 
-Since the rule was fixed: six seeds were planned, three and `FEW` were made; exponential weakening
-with l = 2.5 mm, rate and state with 4 mm/s and one check were left out, all for their time; `half`
-in `precursors_found` was added when counts were known.
+Deviations from the rule: three and `FEW` seeds were made instead of six. Exponential weakening with
+l = 2.5 mm, rate and state with 4 mm/s and one check were left out for their time. `half` in
+`precursors_found` was added when counts were known.
 
 Source: K. Uenishi and J. R. Rice, J. Geophys. Res. 108, 2042 (2003); A. M. Rubin and J.-P. Ampuero,
 J. Geophys. Res. 110, B11312 (2005).
@@ -74,27 +76,28 @@ from pyfric.values import write
 __all__ = ["FAST", "SEEDS", "SERIES", "Series", "checks", "nucleation_length", "scene_at", "study"]
 
 FAST = 10e-3
-"""Slip rate of events by rate, m/s: 13 times the driver, a hundredth of ruptures."""
+"""Slip rate of events by rate, m/s: 13 times the driver's speed, a hundredth of that of
+ruptures."""
 WIDTH = 0.03
-"""Standard deviation of mu_s over its mean."""
+"""Standard deviation of mu_s, divided by its mean."""
 RATED_WIDTH = 0.01
-"""That of f*, whose drops are smaller."""
+"""Standard deviation of f*, divided by its mean; drops of f* are smaller."""
 CORRELATION = 20e-3
-"""Correlation length of both, m."""
+"""Correlation length of mu_s and f*, m."""
 SEEDS, FEW = size(3, 2), 2
-"""Of each point, and of points of series that take long or are no test of L_c."""
+"""Seeds of each point, and of points of series that take long or do not test L_c."""
 AT = size((0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.6), (0.05, 0.6))
-"""L_c/L of slip weakening; in the base series d_c = 0.8 to 25 um."""
+"""Values of L_c/L for slip weakening; in the base series d_c = 0.8 to 25 um."""
 AT_RATED = size((0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.6), (0.6,))
-"""L_c/L of rate and state."""
+"""Values of L_c/L for rate and state."""
 NEAR = size((0.1, 0.15, 0.2, 0.25, 0.3), (0.05,))
-"""L_c/L on lattices of half the spacing."""
+"""Values of L_c/L on lattices of half the spacing."""
 V = 0.7875e-3
 """Speed of the driver in the Fig. 1 scene, m/s."""
 PUSHED = size(1.6e-3, 0.4e-3)
-"""Way of the driver at which runs end at the latest, m."""
+"""Longest way of the driver in a run, m."""
 BASE = size({"l": 5e-3}, {"l": 5e-3, "L": 0.03, "H": 0.01, "F_N": 750.0})
-"""Changes of all series."""
+"""Changes of the scene in all series."""
 HOW = {
     "fidelity": "hybrid",
     "geometry": "linear",
@@ -106,16 +109,16 @@ HOW = {
 }
 """Options of all runs."""
 TEXT = {"lengths": str, "lengths_by_rate": str}
-"""Columns of rows that are text, lengths over L apart by blanks."""
+"""Columns that are text: lengths in units of L, separated by blanks."""
 SAMPLES = 2000
-"""Points of the curve in a run."""
+"""Number of points of the curve in a run."""
 UENISHI_RICE, RUBIN_AMPUERO, SMALL_RATIO = 2 * 0.579, 1.3774, 0.378
 
 
 class Series(NamedTuple):
-    """A series of runs: what it changes, L_c/L at which it is run, and its largest number of seeds.
+    """A series of runs: its changes, its values of L_c/L, and its largest number of seeds.
 
-    Series that take long, or are no test of L_c, have fewer seeds.
+    Series that take long, or do not test L_c, have fewer seeds.
     """
 
     changes: Mapping[str, Any] = {}
@@ -150,7 +153,7 @@ SERIES = {
 """Series by name."""
 SERIES = size(SERIES, {name: SERIES[name] for name in ("base", "l = 2.5 mm", "rate and state")})
 CHECKED = size((("base", 0.05), ("base", 0.2), ("h = 20 mm", 0.2)), ())
-"""Series and L_c/L at which the first seed is run by full dynamics, too."""
+"""Series and L_c/L at which the first seed also runs by full dynamics."""
 
 
 # --- lengths -------------------------------------------------------------------------------------
@@ -198,7 +201,7 @@ def sweep_of(series: Series, share: float, seeds: Sequence[int]) -> Sweep:
 
 
 def counted(record: Record) -> dict[str, Any]:
-    """Return what is counted in a run: precursors by contact and by rate, and their lengths."""
+    """Return the counts of a run: precursors by contact and by rate, and their lengths."""
     row: dict[str, Any] = {"status": record.status.partition(" (")[0]}
     for by, found in {"": record.with_events(), "_by_rate": record}.items():
         run = Outline.of_record(found)
@@ -214,7 +217,7 @@ def counted(record: Record) -> dict[str, Any]:
 
 
 def about(name: str, share: float) -> dict[str, Any]:
-    """Return what a point is: series, scales (m), and blocks in X_c0 at p = F_N/N_x."""
+    """Return the description of a point: series, scales (m), and blocks in X_c0 at p = F_N/N_x."""
     scene = scene_at(SERIES[name], share)
     law, slider = scene.interface.law, scene.slider
     rated = law.kind == "rate_and_state"
@@ -233,14 +236,13 @@ def study(
     seeds: int = SEEDS,
     say: Callable[[str], None] = lambda _: None,
 ) -> pd.DataFrame:
-    """Return one row for each run: what `about` and `counted` say, seed, processor time (s).
+    """Return one row for each run: columns of `about` and `counted`, seed, processor time (s).
 
     Args:
-        runs: folder in which rows are kept; it is made if missing. Rows that are there are not made
-            again.
+        runs: folder in which rows are kept; it is made if missing. Rows in it are not made again.
         names: series.
         seeds: number of seeds of each point, at most that of the series.
-        say: told what is run next.
+        say: called with the name of the next run.
     """
     runs.mkdir(parents=True, exist_ok=True)
     tables = []
@@ -261,7 +263,7 @@ def _file(runs: Path, name: str, share: float) -> Path:
 def _kept(
     path: Path, name: str, share: float, seeds: int, say: Callable[[str], None]
 ) -> pd.DataFrame:
-    """Return the runs of a point, from a file or made."""
+    """Return the runs of a point; those in its file are not made again."""
     rows = pd.read_csv(path, dtype=TEXT).to_dict("records") if path.is_file() else []
     missing = sorted(set(range(seeds)) - {row["seed"] for row in rows})
     if missing:
@@ -286,7 +288,7 @@ def checks(runs: Path, say: Callable[[str], None] = lambda _: None) -> pd.DataFr
 
     Args:
         runs: folder in which rows are kept.
-        say: told what is run next.
+        say: called with the name of the next run.
     """
     runs.mkdir(parents=True, exist_ok=True)
     tables = []

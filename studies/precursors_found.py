@@ -1,4 +1,4 @@
-"""What the study of `precursors` comes to: the functions of its rule, its table and its figure."""
+"""Results of the study `precursors`: the functions of its rule, its table and its figure."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ __all__ = [
 ENOUGH = 0.9
 """Least share of the variance that counts as a collapse."""
 DRAWS = size(1000, 20)
-"""Draws of series, and of seeds."""
+"""Numbers of draws of series, and of seeds."""
 CHANCE = 0.95
 ONE = 1.5
-"""Largest over smallest end that still counts as one value."""
+"""Ratio of the largest to the smallest end below which all ends are one value."""
 RESOLVED = 6
 """Fewest blocks in the zone, as in `pyfric.record.zones`."""
 SAME = 0.2
-"""Relative difference of ends on two lattices that counts as none."""
+"""Relative difference up to which ends on two lattices agree."""
 SCALES: dict[str, Callable[[pd.DataFrame], pd.Series]] = {
     "L_c/L": lambda of: of["L_c"] / of["L"],
     "L_c/H": lambda of: of["L_c"] / of["H"],
@@ -54,16 +54,16 @@ WEAKENING = tuple(name for name in SCALES if name != "L_b/L")
 RATED = ("L_c/L", "L_c/H", "L_b/L", "d_c", "L_c/h", "L_c/l")
 """Scales of both kinds of laws. L is the same in all series of rate and state."""
 LARGEST = 5e-3
-"""Larger spacing of the lattices that are compared, m."""
+"""Larger spacing of the two compared lattices, m."""
 
 
 # --- points --------------------------------------------------------------------------------------
 
 
 def points(runs: pd.DataFrame, column: str = "n") -> pd.DataFrame:
-    """Return one row for each series and L_c/L: what it is, and a number of its runs.
+    """Return one row for each series and L_c/L: its description, and a number of its runs.
 
-    Columns added: runs; mean and error, of the number over seeds; y = ln(1 + mean), and its error.
+    Columns added: runs; mean and error of the number over seeds; y = ln(1 + mean), and its error.
     """
     same = ["series", "share", "law", "d_c", "L_c", "L_energy", "L", "H", "l", "h", "zone"]
     groups = runs.groupby(same, sort=False)[column]
@@ -75,7 +75,7 @@ def points(runs: pd.DataFrame, column: str = "n") -> pd.DataFrame:
 
 
 def _curve(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the places and values of the best curve that never rises."""
+    """Return the points of the least-squares curve that never rises."""
     at, where, count = np.unique(x, return_inverse=True, return_counts=True)
     mean = np.bincount(where, y) / count
     return at, isotonic_regression(mean, weights=count, increasing=False).x
@@ -86,7 +86,7 @@ def share(x: np.ndarray, y: np.ndarray, series: np.ndarray) -> float:
 
     Args:
         x: values of a scale, > 0, shape (n,).
-        y: what is to collapse, shape (n,).
+        y: values to collapse, shape (n,).
         series: name of the series of each point, shape (n,).
     """
     x, left = np.log(x), np.empty(len(y))
@@ -102,7 +102,7 @@ def collapse(
     """Return the share of each scale, its 95 % interval, and how often it exceeds that of L_c/L.
 
     Args:
-        table: that of `points`.
+        table: the table of `points`.
         scales: names in `SCALES`, of which the first is compared with the others.
         draws: draws of series with replacement. Copies of a series are left out together.
     """
@@ -138,13 +138,13 @@ def verdict(found: pd.DataFrame, nulls: Sequence[str] = NULLS) -> str:
 
 
 def end(shares: np.ndarray, counts: np.ndarray) -> float:
-    """Return where mean counts fall below 1/2 for good, on a line in ln of the share.
+    """Return L_c/L where mean counts fall below 1/2 for good, interpolated in ln(L_c/L).
 
-    0 if they are below everywhere, inf if the last one is not.
+    The result is 0 if all counts are below 1/2, and inf if the last count is not.
 
     Args:
         shares: L_c/L, rising, shape (n,).
-        counts: mean counts there, shape (n,).
+        counts: mean counts at these L_c/L, shape (n,).
     """
     above = np.flatnonzero(counts >= 0.5)
     if not above.size:
@@ -156,9 +156,9 @@ def end(shares: np.ndarray, counts: np.ndarray) -> float:
 
 
 def half(shares: np.ndarray, counts: np.ndarray) -> float:
-    """Return where mean counts first fall below half of the first one; see `end`.
+    """Return L_c/L where mean counts first fall below half of the first count; see `end`.
 
-    It is no part of the rule, and was added when counts were known.
+    This value is outside the rule, and was added when counts were known.
     """
     below = np.flatnonzero(counts < counts[0] / 2)
     stop = below[0] + 1 if below.size else len(counts)
@@ -171,10 +171,10 @@ def ends(
     draws: int = DRAWS,
     end: Callable[[np.ndarray, np.ndarray], float] = end,
 ) -> pd.DataFrame:
-    """Return the end of precursors in each series, L_c/L, with draws of seeds at each point.
+    """Return L_c/L at the end of precursors in each series, with draws of seeds at each point.
 
-    Columns: series; end; low, high: 16 and 84 %; zone, blocks in X_c0 there (L_b for rate and
-    state).
+    Columns: series; end; low, high: 16 and 84 %; zone, blocks in X_c0 at the end (in L_b for rate
+    and state).
     """
     rows = []
     for name, part in runs.groupby("series", sort=False):
@@ -192,9 +192,9 @@ def ends(
 
 
 def spread_of_ends(found: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
-    """Return for each scale the std of the ln of ends, and largest over smallest.
+    """Return for each scale the std of ln of ends, and the ratio of the largest to the smallest.
 
-    Series without an end in their range are left out; how many remain is the column series.
+    Series without an end in their range are left out; the column series has the number that remain.
     """
     about = runs.drop_duplicates("series").set_index("series")
     known = found[np.isfinite(found["end"]) & (found["end"] > 0)].set_index("series")
@@ -217,12 +217,12 @@ def spread_of_ends(found: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def measured(runs: pd.DataFrame) -> pd.DataFrame:
-    """Return runs with what follows from lengths: first and longest precursor over L, and large.
+    """Return runs with columns from lengths: first and longest precursor, in L, and large.
 
-    large is the number of precursors that reach as far as four blocks of `LARGEST`.
+    large is the number of precursors at least as long as four blocks of `LARGEST`.
     """
     lengths = [np.array(str(text).split(), float) for text in runs["lengths"].fillna("")]
-    reached = (runs["L"] + runs["l"]) * (1 + 1e-3)  # lengths have four digits
+    reached = (runs["L"] + runs["l"]) * (1 + 1e-3)  # lengths are stored with four digits
     large = [(one * far >= 4 * LARGEST).sum() for one, far in zip(lengths, reached, strict=True)]
     first = [one[0] if one.size else np.nan for one in lengths]
     return runs.assign(
@@ -234,8 +234,8 @@ def tables(runs: pd.DataFrame, checks: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Return the tables of the study by name.
 
     Args:
-        runs: that of `precursors.study`.
-        checks: that of `precursors.checks`.
+        runs: the table of `precursors.study`.
+        checks: the table of `precursors.checks`.
     """
     runs = measured(runs)
     found = points(runs)
@@ -264,7 +264,7 @@ def tables(runs: pd.DataFrame, checks: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 
 def _laws(runs: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """Return the runs with slip weakening, and with rate and state, where there are series."""
+    """Return the runs with slip weakening, and those with rate and state, if any."""
     rated = runs["law"] == "rate_and_state"
     both = {"slip weakening": runs[~rated], "rate and state": runs[rated]}
     return {law: part for law, part in both.items() if part["series"].nunique() > 1}
@@ -282,7 +282,7 @@ def compared(runs: pd.DataFrame, checks: pd.DataFrame) -> pd.DataFrame:
 
 
 def report(found: dict[str, pd.DataFrame]) -> str:
-    """Return the verdict, the ends and what was compared."""
+    """Return the verdict, the ends and the checks as text."""
     lines = []
     for (law, by), part in found["collapse"].groupby(["law", "by"], sort=False):
         nulls = [name for name in NULLS if name in set(part["scale"])]
@@ -379,4 +379,4 @@ LOOKS: tuple[dict[str, Any], ...] = tuple(
         ("s", ":", "#D55E00"),
     )
 )
-"""Of series, in their order."""
+"""Colours of series, in their order."""

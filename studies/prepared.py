@@ -1,11 +1,11 @@
 """Fast, slow and arrested fronts on prepared interfaces of junctions, in two dimensions.
 
-A slab of the preset `slow`, 30 mm high, whose interface is the same everywhere: p = F_N/N_x, and a
-shear tau_0 with stretches of junctions about their mean, spread evenly by `width` u_s to both
-sides. The first blocks are pushed beyond mu_s p for ever, which starts a front. What becomes of it:
+A slab of the preset `slow`, 30 mm high, has a uniform interface: p = F_N/N_x, a shear tau_0, and
+stretches of junctions spread evenly about their mean by `width` u_s to both sides. A constant push
+beyond mu_s p on the first blocks starts a front. Its kinds are:
 
 arrested         it does not pass all blocks within `T_END`
-arrested, slow   the same, and a stretch of it was slow
+arrested, slow   it does not pass all blocks within `T_END`, and a stretch of it is slow
 fast             it passes all blocks, and no stretch is slow
 slow             it passes all blocks, and a stretch is slow
 
@@ -43,22 +43,22 @@ __all__ = ["CHECKS", "checks", "diagram", "figure", "job", "kind", "slowest"]
 TAU = size(tuple(np.round(np.arange(0.1, 0.1701, 0.005), 3)), (0.1, 0.17))
 """tau_0/p."""
 WIDTH = size(tuple(np.round(np.arange(0.0, 0.501, 0.1), 3)), (0.0, 0.2))
-"""Half width of stretches over u_s."""
+"""Half width of the distribution of stretches, in units of u_s."""
 T_END = size(60e-3, 2e-3)
-"""End of runs that do not pass all blocks before, s: 30 mean times t_R."""
+"""Longest time in which a front must pass all blocks, s: 30 mean times t_R."""
 SAMPLE = 1e-4
 """Time between points of the curve, s."""
 CHECKS = {"as in the map": {}, "half the step": {"share": 0.5}, "seed 1": {"seed": 1}}
-"""Runs of the map made in another way."""
+"""Runs of the map that are repeated with other settings."""
 
 
 def job(tau: float, width: float, share: float = 1.0, seed: int = 0) -> Job:
-    """Return the run at tau_0/p and a half width of stretches over u_s.
+    """Return the run at tau_0/p and a half width of stretches, in units of u_s.
 
     Args:
-        tau, width: these two.
-        share: step over that of the map.
-        seed: of the junctions' times.
+        tau, width: tau_0/p, and the half width.
+        share: step, in units of the map's step.
+        seed: seed of the junctions' times.
     """
     law = dataclasses.replace(preset("slow").interface.law, stretch=float(width), seed=seed)
     scene = prepared(tau, law)
@@ -79,7 +79,7 @@ def _front(record: Record) -> tuple[np.ndarray, tuple[int, int] | None]:
 
 
 def kind(record: Record) -> str:
-    """Return what became of the front."""
+    """Return the kind of the front."""
     t, stretch = _front(record)
     if np.isfinite(t).all():
         return "fast" if stretch is None else "slow"
@@ -87,7 +87,7 @@ def kind(record: Record) -> str:
 
 
 def slowest(record: Record) -> float:
-    """Return the speed of the slow stretch over c_S, NaN where there is none."""
+    """Return the speed of the slow stretch in units of c_S, or NaN without a slow stretch."""
     t, stretch = _front(record)
     if stretch is None:
         return np.nan
@@ -108,7 +108,7 @@ def diagram(folder: Path) -> PhaseDiagram:
 
 
 def checks(folder: Path, widths: tuple[float, ...] = size((0.2, 0.4), WIDTH)) -> pd.DataFrame:
-    """Return kinds and speeds of slow stretches along the map, made in other ways."""
+    """Return kinds and speeds of slow stretches along the map, for runs with other settings."""
     rows = []
     for name, how in CHECKS.items():
         axes = {"x": ("tau", TAU), "y": ("width", widths), "cache": folder}
@@ -121,7 +121,7 @@ def checks(folder: Path, widths: tuple[float, ...] = size((0.2, 0.4), WIDTH)) ->
 
 
 def figure(found: PhaseDiagram, others: pd.DataFrame) -> DataFigure:
-    """Draw the map: how far fronts get as colours, what becomes of them as symbols."""
+    """Draw the map: lengths of fronts as colours, kinds as symbols."""
     fig = figures.phase_map(found, "kind")
     (axes, *_) = fig.axes
     for symbols in axes.lines:

@@ -1,8 +1,9 @@
-"""Accuracy and cost in one panel: the Fig. 1 scene, each method beside the paper's.
+"""Accuracy and cost of each method in one panel, compared with the paper's, for the Fig. 1 scene.
 
-Across: how many times less processor time than the paper's method takes. Upward: the largest error
-of start and arrest forces of main events, over F_N. Points and errors are those of
-`studies/accuracy.py`; LAMMPS is timed on the bonds alone of the steps of velocity Verlet.
+The horizontal axis is the ratio of the processor time of the paper's method to that of a method.
+The vertical axis is the largest error of start and arrest forces of main events, over F_N. Points
+and errors are those of `studies/accuracy.py`. LAMMPS is timed on the bond forces of the steps of
+velocity Verlet.
 """
 
 from __future__ import annotations
@@ -30,15 +31,15 @@ PAPER_DT = 0.2e-6
 PAPER = "RK4, switching at step ends\n(the paper's method)"
 HYBRID = "hybrid engine"
 VERLET = "velocity Verlet, step ends"
-"""The steps that LAMMPS is timed on; not drawn."""
+"""The steps on which LAMMPS is timed; not drawn."""
 WANT = "precursors"
 NEAR = 0.5
-"""Ratio of errors whose points have one label, in decades."""
+"""Largest ratio of errors whose points share a label, in decades."""
 RED, BLUE, GREY = "#C00000", "#0072B2", "0.35"
 
 
 def methods() -> dict[str, chart.Method]:
-    """Return the methods that are compared, by the name in the picture."""
+    """Return the compared methods, by their names in the picture."""
     scene = preset("fig1")
     limit, _ = stability_limit(scene)
     own = ("located", step_size(scene) / limit, default_stepper(scene))
@@ -54,7 +55,7 @@ def methods() -> dict[str, chart.Method]:
 
 
 def points(*, progress: bool = False) -> pd.DataFrame:
-    """Measure the points: columns of `chart.chart`, with ``name``, and ``cheaper``, a ratio."""
+    """Measure the points: columns of `accuracy.chart`, ``name``, and the ratio ``cheaper``."""
 
     def say(text: str) -> None:
         if progress:

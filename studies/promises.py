@@ -1,7 +1,7 @@
-"""What records say in scenes where a promise is hard to keep, beside what is true.
+"""Statements of records beside true values, in scenes where a tolerance is hard to keep.
 
-Each case returns rows: quantity, what the record or the plan says, and the value found by other
-means. Real errors are those of `plans.trial`, beside full dynamics with steps of a tenth of the
+Each case returns rows: quantity, value in the record or the plan, and the value found by other
+means. True errors are those of `plans.trial`, against full dynamics with steps of a tenth of the
 stability limit.
 """
 
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 __all__ = ["CASES", "table"]
 
 SLABS = size(12, 1)
-"""Slabs whose fronts go on to the end."""
+"""Slabs whose fronts run to the end."""
 
 
 def _slabs() -> list[tuple[str, Any, Any]]:
-    """Prescribed interfaces have no force, and events that go on have no arrest."""
+    """Prescribed interfaces have no driver's force, and unfinished events have no arrest."""
     rows: list[dict[str, Any]] = []
     n = 0
     while len(rows) < SLABS:
@@ -51,7 +51,7 @@ def _slabs() -> list[tuple[str, Any, Any]]:
 
 
 def _light_load() -> list[tuple[str, Any, Any]]:
-    """Small strains, in which linear geometry still takes much of a tolerance of 0.01."""
+    """Small strains, at which linear geometry still has an error near a tolerance of 0.01."""
     small, t_end = size(({}, 0.09), ({"l": 5e-3, "V": 8e-3}, 0.0045))
     row = plans.trial(preset("fig1", F_N=350.0, **small), t_end, "precursors", 0.01)
     return [
@@ -69,18 +69,18 @@ def _paid(scene: Any, t_end: float, tolerance: float) -> list[tuple[str, Any, An
 
 
 def _free_slider() -> list[tuple[str, Any, Any]]:
-    """Many events, and a trailing edge that lifts."""
+    """Many events, and a trailing edge that lifts off."""
     return _paid(preset("setup2+"), size(0.5, 0.02), 0.05)
 
 
 def _uneven_chain() -> list[tuple[str, Any, Any]]:
-    """About 150 events, a few of which no step determines."""
+    """About 150 events, a few of which change with any step."""
     p = 60 * np.random.default_rng(43).uniform(0.5, 1.5, 43)
     return _paid(chain(p=p.tolist(), L=42 * 2.5e-3, k_top=1e6), size(1.0, 0.04), 0.02)
 
 
 def _rod() -> list[tuple[str, Any, Any]]:
-    """Finite geometry on a stiff foundation, where jumps leave most."""
+    """Finite geometry on a stiff foundation, where jumps have the largest errors."""
     fixed = {"L": 10 * 2.5e-3, "H": 7 * 2.5e-3, "h": 2.5e-3, "F_N": 660.0}
     k, t_end = setup1(**fixed).slider.k, size(0.3, 0.01)
     scene = setup1(**fixed, K=0.041 * k, k_f=19 * k)
@@ -103,7 +103,7 @@ def _benchmark() -> list[tuple[str, Any, Any]]:
 
 
 def _viscosity() -> list[tuple[str, Any, Any]]:
-    """TPV3 on 100 m with the viscosity of `slab`, and with the paper's."""
+    """TPV3 with l = 100 m, with the viscosity of `slab` and with the paper's."""
     lattice = {"p": [100.0] * 30, "tau": [69.0] * 30, "L": 29.0, "H": 9.0, "l": 1.0}
     plain = slab(**lattice)
     of = plain.eta / math.sqrt(plain.slider.k * plain.m)
@@ -140,11 +140,11 @@ CASES: dict[str, tuple[str, Callable[[], list[tuple[str, Any, Any]]]]] = {
     "viscosity": ("TPV3 on 100 m", _viscosity),
     "no-plan": ("12 x 5 blocks, fidelity = 'hybrid'", _no_plan),
 }
-"""Name of a case -> what it is, and the function that measures it."""
+"""Name of a case -> its description, and the function that measures it."""
 
 
 def table(names: Iterable[str] = CASES) -> pd.DataFrame:
-    """Return the rows of cases; columns: case, scene, quantity, said and found."""
+    """Return the rows of cases; columns: case, scene, quantity, said (by the record) and found."""
     rows = [
         {"case": name, "scene": CASES[name][0], "quantity": quantity, **_short(said, found)}
         for name in names

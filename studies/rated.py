@@ -1,9 +1,9 @@
 """Do precursors lengthen with rate-and-state friction as with Amontons-Coulomb friction?
 
-The slider of the preset `rate_and_state`, pushed from the side up to its first event of the whole
-interface, for three decades of the driver's speed, with the slip law, and on a lattice of half the
-spacing. The first run is also made with half the step and a hundredth of the accuracy, and its
-first two precursors by full dynamics.
+The slider of the preset `rate_and_state` is pushed from the side up to its first event of the whole
+interface. Runs cover three decades of the driver's speed, the slip law, and a lattice of half the
+spacing. The first run is repeated with half the step and a hundredth of the accuracy. Its first two
+precursors are repeated by full dynamics.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
 V, PUSHED = 0.4e-3, size(0.92e-3, 0.4e-3)
-"""Speed of the driver (m/s), and how far it goes (m)."""
+"""Speed and way of the driver (m/s, m)."""
 CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "V = 0.4 mm/s": ({}, {}),
     "half the step, accuracy 1e-6": ({}, {"dt": 0.3e-6, "accuracy": 1e-6}),
@@ -33,9 +33,9 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 CASES = size(CASES, {"V = 4 mm/s": ({"V": 10 * V, "l": 5e-3}, {"accuracy": 1e-3})})
 """Name of a case -> changes of the preset, and options."""
 OPTIONS = {"fidelity": "hybrid", "geometry": "linear", "accuracy": 1e-4, "progress": False}
-"""Of all runs that do not say others."""
+"""Default options of runs."""
 SHORT = {"full dynamics": 0.48e-3}
-"""Cases that end earlier: how far the driver goes, m."""
+"""Cases that end earlier, and the way of the driver, m."""
 SHOWN = ("V = 0.4 mm/s", "V = 4 mm/s", "V = 0.04 mm/s", "slip law", "l = 1.25 mm")
 COLUMNS = {"t_start": "t_s", "L_p_over_L": "L_p_over_L", "n_blocks": "n_blocks"}
 
@@ -80,7 +80,7 @@ def report(frame: pd.DataFrame) -> str:
 
 
 def draw(frame: pd.DataFrame) -> DataFigure:
-    """Draw lengths over force, beside the quasi-static sequence with Amontons-Coulomb friction."""
+    """Draw lengths over force, and those of quasi-static runs with Amontons-Coulomb friction."""
     figure = DataFigure(figsize=(6.4, 4.4))
     axes = figure.add_subplot()
     known = pyfric.simulate("fig1", 0.9, fidelity="quasistatic", progress=False)

@@ -1,11 +1,11 @@
-"""Precursors with rate-and-state friction: slip speeds, stress after them, and slow fronts.
+"""Precursors with rate-and-state friction: slip speeds, stress after precursors, and slow fronts.
 
-The runs of `rated` over three decades of the driver's speed and with the slip law, and runs with
-other a/b, D_c and speeds, up to the first event of the whole interface. Of each precursor the table
-has the mean slip speed v of its blocks, their tau/p before and after it, the friction
-f_d = f* + (a - b) ln(v/V*) of steady slip at v, and the median speed of its front. The friction of
-its blocks if they slipped at v with the state theta that they had before it is
-f_s = f_d + b ln(v theta/D_c): the prestress is scaled with both, (tau/p - f_d)/(f_s - f_d).
+The runs are those of `rated` over three decades of the driver's speed and with the slip law, and
+runs with other a/b, D_c and speeds. All runs end at the first event of the whole interface. For
+each precursor the table has the mean slip speed v of its blocks, their tau/p before and after it,
+the friction of steady slip f_d = f* + (a - b) ln(v/V*), and the median speed of its front. The
+friction at v with the state theta before the precursor is f_s = f_d + b ln(v theta/D_c). The scaled
+prestress is (tau/p - f_d)/(f_s - f_d).
 """
 
 from __future__ import annotations
@@ -25,35 +25,35 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 CASES = size(("V = 0.4 mm/s", "V = 4 mm/s", "V = 0.04 mm/s", "slip law"), ("V = 4 mm/s",))
-"""Those of `rated`."""
+"""Cases of `rated`."""
 RATIOS, LENGTHS, FASTER = size(
     ((1 / 3, 1 / 2, 2 / 3, 4 / 5), (2e-7, 4e-7, 8e-7), (0.1, 1.0, 10.0)),
     ((1 / 2, 4 / 5), (8e-7, 16e-7), (20.0,)),
 )
-"""a/b, D_c (m), and V over that of the preset, of the other runs; b is that of the preset."""
+"""a/b, D_c (m), and V (in units of the preset's) of the other runs; b is that of the preset."""
 PUSHED = size(0.7e-3, 0.2e-3)
-"""How far the driver goes in the other runs, m."""
+"""Way of the driver in the other runs, m."""
 CHECK = size({"half the step": {"dt": 0.3e-6}, "accuracy 1e-5": {"accuracy": 1e-5}}, {})
-"""Options with which the first case is made again."""
+"""Options with which the first case is repeated."""
 BEFORE = 2e-5
-"""How long before an event the state of blocks is taken, s: a hundredth of a pause."""
+"""Time before an event at which the state of blocks is taken, s: a hundredth of a pause."""
 
 
 def precursors(record: pyfric.Record) -> pd.Index:
-    """Return the events at the trailing edge that are looked at."""
+    """Return the events at the trailing edge that the study measures."""
     events = record.events
     return events.index[events["is_precursor"] & events["is_main"] & events["finished"]]
 
 
 def fronts(record: pyfric.Record, event: int) -> float:
-    """Return the median speed of the front of an event over that of shear waves; NaN without."""
+    """Return the median front speed of an event in units of the shear-wave speed, or NaN."""
     speeds = pyfric.front_speed(record.rupture_times[record.row(event)], record.scene.slider.l)
     speeds = np.abs(speeds[np.isfinite(speeds)])
     return float(np.median(speeds)) / material_of(record.scene).c_S if len(speeds) else np.nan
 
 
 def mean_ratio(record: pyfric.Record, event: int, when: str) -> float:
-    """Return tau/p of the blocks of an event, their mean, "before" or "after" it."""
+    """Return the mean tau/p of the blocks of an event, "before" or "after" it."""
     at = record.row(event)
     inside = record.region[at].astype(bool)
     tau, p = (record.arrays[f"{name}_{when}"][at][inside] for name in ("tau", "p"))
@@ -63,7 +63,7 @@ def mean_ratio(record: pyfric.Record, event: int, when: str) -> float:
 def ruptures(record: pyfric.Record, options: dict[str, Any]) -> pd.DataFrame:
     """Return one row for each precursor at the trailing edge.
 
-    The states before them are those of the same run, made again with stops.
+    The states before precursors are those of the same run, repeated with stops.
     """
     scene, events, rows, stopped = record.scene, record.events, [], None
     law = scene.interface.law
@@ -118,7 +118,7 @@ def count(record: pyfric.Record) -> int:
 
 
 def middle(record: pyfric.Record) -> float:
-    """Return the median of the front speeds of precursors, over that of shear waves."""
+    """Return the median front speed of precursors, in units of the shear-wave speed."""
     speeds = [fronts(record, event) for event in precursors(record)]
     return float(np.nanmedian(speeds)) if np.isfinite(speeds).any() else np.nan
 
@@ -134,12 +134,12 @@ def regime(record: pyfric.Record) -> str:
 
 
 def first(record: pyfric.Record) -> float:
-    """Return the force at the first event over F_N."""
+    """Return the force at the first event, in units of F_N."""
     return float(record.events["F_T_start"].min()) / record.scene.F_N
 
 
 def blocks(record: pyfric.Record) -> float:
-    """Return the number of blocks in the length over which friction weakens."""
+    """Return the number of blocks in L_b."""
     scene = record.scene
     return scene.law.blocks_in_L_b(scene.F_N / scene.N_x, scene.slider.k)
 
@@ -199,7 +199,7 @@ def report(frame: pd.DataFrame) -> str:
 
 
 def draw(frame: pd.DataFrame, found: pd.DataFrame, known: pd.DataFrame) -> DataFigure:
-    """Draw tau/p after precursors, fronts over tau/p and over scaled prestress, and regimes.
+    """Draw tau/p after precursors, front speeds over tau/p and scaled prestress, and regimes.
 
     Args:
         frame, found, known: tables of `study`, `regimes` and `coulomb`.
@@ -238,7 +238,7 @@ def draw(frame: pd.DataFrame, found: pd.DataFrame, known: pd.DataFrame) -> DataF
 
 
 def _draw_regimes(axes: Any, found: pd.DataFrame) -> None:
-    """Draw a symbol for each run, with those of other speeds of the driver beside it."""
+    """Draw a symbol for each run; runs at other speeds of the driver stand beside each other."""
     looks = {
         "none": ("x", "0.6"),
         "too short for a speed": (".", "0.6"),

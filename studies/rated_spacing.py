@@ -1,10 +1,10 @@
 """Does the spacing matter, with 3 to 12 blocks in L_b?
 
 A block of 15 L_b by 6 L_b slides steadily at 1 nm/s, and its load grows. In its middle, over one
-L_b, theta is 0.9 of that elsewhere. Slip without inertia accelerates there until a block reaches
-0.1 m/s. The table has the time until then, over D_c/V, the slip of the middle over D_c, and the
-width over which speeds are above half the largest one. On finer lattices l is smaller, and p of a
-block with it; L_b, D_c and the stresses are the same.
+L_b, theta is 0.9 of that elsewhere. Slip without inertia accelerates in the middle until a block
+reaches 0.1 m/s. The table has the time of this acceleration in units of D_c/V, the slip of the
+middle in units of D_c, and the width in which speeds are above half the largest speed. On finer
+lattices l and p of a block are smaller; L_b, D_c and the stresses are the same.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 BLOCKS, RATIOS = size(((1, 3, 6, 12), (0.35, 0.5, 0.7)), ((1, 2), (0.5,)))
-"""Blocks in L_b, and a/b."""
+"""Numbers of blocks in L_b, and values of a/b."""
 L_B, B, P, K = 12e-3, 0.015, 2.5, 13.5e6
-"""L_b (m), b, p of a block over l/mm (N), and k (N/m)."""
+"""L_b (m), b, p of a block for each mm of l (N), and k (N/m)."""
 V, LOADING, FASTEST = 1e-9, 1e-3, 0.1
 """Speed at first (m/s), growth of tau/p (1/s), and speed at the end (m/s)."""
 ACCURACY = 1e-7
-"""Error of a step over displacements and ln theta."""
+"""Error of a step, relative in displacements and absolute in ln theta."""
 
 
 def case(blocks: int, ratio: float) -> tuple[float, ...]:
-    """Return time over D_c/V, slip of the middle over D_c, and width over L_b, on a lattice."""
+    """Return time in D_c/V, slip of the middle in D_c, and width in L_b, on a lattice."""
     l, a = L_B / blocks, ratio * B
     p = P * l * 1e3
     D_c = blocks * 3 * B * p / (4 * K)
@@ -48,7 +48,7 @@ def case(blocks: int, ratio: float) -> tuple[float, ...]:
     known = StaticSolver(scene, "linear")
     elastic, *_ = Linearised(known, ~known.loaded.open).by_u
     x, none = np.arange(columns) * l, np.zeros(columns)
-    shares = np.clip((L_B / 2 - np.abs(x - x[-1] / 2)) / l + 0.5, 0.0, 1.0)  # of blocks in the part
+    shares = np.clip((L_B / 2 - np.abs(x - x[-1] / 2)) / l + 0.5, 0.0, 1.0)  # in the middle part
     start = np.log(D_c / V) + np.log(0.9) * shares
     load = p * (law.f_star + (a - B) * np.log(V / law.V_star))
     limits = {"end": 1e4, "dt": 1e-9, "relative": ACCURACY, "u": ACCURACY * D_c}

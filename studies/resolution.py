@@ -1,11 +1,11 @@
-"""Resolution study: what converges as the lattice constant l falls, and what does not.
+"""Resolution study: which results converge as the lattice constant l falls?
 
-Amontons-Coulomb friction has no length scale. The slider of the Fig. 1 scene is refined twice: with
-eta = sqrt(0.1 k m) at every l, as in the paper, so that waves are damped over a fixed number of
-blocks; and with eta fixed in N s/m, which is a fixed bulk viscosity, damping over a fixed length.
-In a square lattice under plane stress k does not depend on l, and block mass and load fall with l.
+Amontons-Coulomb friction has no length scale. The slider of the Fig. 1 scene is refined in two
+ways. With eta = sqrt(0.1 k m) at every l, as in the paper, waves are damped over a fixed number of
+blocks. With eta fixed in N s/m, a fixed bulk viscosity, waves are damped over a fixed length. In a
+square lattice under plane stress k does not depend on l, and block mass and load fall with l.
 
-The hybrid engine with located switching follows each scene; the prediction curve of mu_s = mu_k
+The hybrid engine with located switching runs each scene; the prediction curve of mu_s = mu_k
 needs no dynamics.
 """
 
@@ -48,7 +48,7 @@ TRAVEL = 0.02
 def scene(l: float, viscosity: str) -> Scene:
     """Return the Fig. 1 scene with lattice constant l (m).
 
-    viscosity is "eta = sqrt(0.1 k m)" or "eta fixed", at its value for l = 2.5 mm.
+    viscosity is "eta = sqrt(0.1 k m)", or "eta fixed" with the value for l = 2.5 mm.
     """
     eta = preset("fig1").eta if viscosity == VISCOSITIES[1] else None
     return preset("fig1", l=l, eta=eta)
@@ -123,11 +123,11 @@ def _events(record: Record) -> pd.DataFrame:
 
 
 def summary(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
-    """Return what each lattice constant gives, one row per quantity and viscosity.
+    """Return results for each lattice constant, one row per quantity and viscosity.
 
-    Columns: quantity, viscosity ("" where it plays no part), one column per l, order: the
-    exponent p in |value - value at half the l| ~ l^p from the three finest, NaN where the
-    differences do not fall; change: relative change between the two finest.
+    Columns: quantity; viscosity ("" where it plays no part); one column per l; order, the exponent
+    p in |value - value at half the l| ~ l^p from the three finest, NaN where the differences do
+    not fall; change, the relative change between the two finest.
     """
     spacings = sorted(tables["prediction"]["l"].unique(), reverse=True)
     rows = []

@@ -1,38 +1,41 @@
 """Fig. 4(b) with a resolved cohesive zone: does the prestress set the speed of fronts?
 
-The same events, like for like: the last `LAST` precursors of runs 1 to 4 (l = 1.25 mm, d_c = 1 um),
-each with three values of d_c, and with the paper's viscosity and little of it. With d_c > 0 stable
-slip goes on for tens of milliseconds before a front runs, while the driver loads on. So each front
-starts from the state in which all blocks hold the slip of just before the event, with the driver
-where it is when the front begins in the run (`finer.held`). The static tractions of this state are
-the prestress. Then a crack is released at once: blocks 1 to a, with all of their slip of weakening
-behind them. What is the same for all variants of an event: tractions, a, time, geometry.
+The events are the last `LAST` precursors of runs 1 to 4 (l = 1.25 mm, d_c = 1 um). Each event is
+run with three values of d_c, and with the paper's viscosity and little viscosity. With d_c > 0
+stable slip lasts for tens of milliseconds before a front runs, and loading continues. So each front
+starts from the slip just before the event, with the driver at its position when the front begins in
+the run (`finer.held`). The static tractions of this state are the prestress. Then a fully weakened
+crack over blocks 1 to a is released at once. Tractions, a, time and geometry are the same for all
+variants of an event.
 
-The rule, fixed before the runs, when no share was known (pilot runs of the last precursor of run 1
-chose d_c, l and the time of runs):
+This rule was fixed before the runs, when no share was known. Pilot runs of the last precursor of
+run 1 chose d_c, l and the time of runs.
 
 Crack      a is `BEGIN` times the shortest length at which the energy release of static states
-           exceeds the fracture energy at the largest d_c, on three blocks (of 1.25 mm) in turn.
-Lattice    l = `SPACING` d_c/um (twice that in run 4, whose zone is twice as long), some eleven
+           exceeds the fracture energy at the largest d_c on three successive blocks (of 1.25 mm).
+Lattice    l = `SPACING` d_c/um (twice that in run 4, whose zone is twice as long), about eleven
            blocks in X_c0 at p = F_N/N_x.
-End        The transit of a shear wave along the slider, after the release.
-Places     Every 1.25 mm, v_c = 2.5 mm over the time between 1.25 mm before and behind, where times
-           of passage increase over this stretch.
-Cut ends   A place counts if it is X_c0 (at p = F_N/N_x) or more from the end of the crack that is
-           released and from the last block of the front, the first one that is not passed.
-Zone       Blocks between the tip, when it passes a place, and the nearest one behind that has
+End        A run ends one transit of a shear wave along the slider after the release.
+Places     Places are 1.25 mm apart. v_c is 2.5 mm over the time between passages 1.25 mm before and
+           behind a place. v_c is defined where times of passage increase over this stretch.
+Cut ends   A place counts if it is X_c0 (at p = F_N/N_x) or more from the end of the released crack
+           and from the first block that the front does not pass.
+Zone       Blocks between the tip, when it passes a place, and the nearest block behind it that has
            slipped by d_c. A variant is resolved if half of its places or more have `RESOLVED`
            blocks or more in the zone.
-Shares     Those of claim 13 (`pyfric.paper.claims.shares`): of the variance of ln v_c, with a
-           bootstrap over events and data that know the position along the front alone. Once for
-           all places of a variant, and once for those that all variants of an event have.
-Verdict    On places of its own a resolved variant with little viscosity keeps the collapse if the
-           lower end of the share of the prestress exceeds 0.5 and the upper end of position alone.
-           It loses it if the upper end of its share is below 0.5, or its value is below the upper
-           end of position alone. Otherwise the data do not tell. The paper's collapse survives if
-           all three keep it and does not survive if all three lose it.
+Shares     Shares of the variance of ln v_c as in claim 13 (`pyfric.paper.claims.shares`), with a
+           bootstrap over events, and shares in synthetic speeds that depend on the position along
+           the front alone. Both are computed for all places of a variant, and for the places that
+           all variants of an event have.
+Verdict    The verdict is on resolved variants with little viscosity, on all of their places. A
+           variant keeps the collapse if the lower end of the share of the prestress exceeds 0.5 and
+           the upper end for synthetic speeds. It loses the collapse if the upper end of its share
+           is below 0.5, or its value is below the upper end for synthetic speeds. Otherwise the
+           data do not tell. The paper's collapse survives if all three variants keep it, and does
+           not survive if all three lose it.
 
-Beside it: what the energy release over the fracture energy explains, G/Gamma, of static states.
+The study also gives the share that G/Gamma explains, the ratio of energy release in static states
+to fracture energy.
 
 Source: PRL 107, 074301 (2011), Fig. 4; L. B. Freund, Dynamic Fracture Mechanics (1990).
 """
@@ -69,9 +72,9 @@ __all__ = ["D_C", "VISCOSITIES", "Event", "checks", "front", "study"]
 L = size(1.25e-3, 5e-3)
 """Lattice constant of the runs that give the tractions, and distance between places, m."""
 OF_RUNS = 1e-6
-"""Their slip of weakening, m."""
+"""Slip of weakening of these runs, m."""
 LAST = size(2, 1)
-"""Precursors of each run, the last ones."""
+"""Number of the last precursors of each run."""
 D_C = size((4e-6, 3e-6, 2e-6), (1e-6,))
 """Slip of weakening, m."""
 SPACING = size(
@@ -83,30 +86,30 @@ VISCOSITIES: dict[str, dict[str, Any]] = {
     "0.001 k m, along bonds": {"damping": 1e-3, "dashpots": "along"},
     "the paper's": {},
 }
-"""eta^2 and what dashpots resist -> fields of the slider."""
+"""eta^2 and kind of dashpots -> fields of the slider."""
 BEGIN = 1.05
-"""Crack that is released, over the critical one."""
+"""Length of the released crack, in units of the critical length."""
 TRANSITS = 1.0
-"""Time of a run, over L/c_S."""
+"""Time of a run, in units of L/c_S."""
 SAMPLE = 5e-7
-"""Time between points at which slip is known, s."""
+"""Time between stored points of slip, s."""
 CHECKED = "run1"
-"""Run whose last precursor is made in other ways, too."""
+"""Run whose last precursor is repeated with other settings."""
 
 
 # --- one front -----------------------------------------------------------------------------------
 
 
 class Event:
-    """A precursor of a run: when its front begins, and what its static states are.
+    """A precursor of a run: the time at which its front begins, and its static states.
 
     Args:
-        run: on the coarse lattice.
+        run: the run on the coarse lattice.
         name: its preset.
-        event: its number there.
+        event: number of the precursor in this run.
 
     Attributes:
-        t: when the front begins, s.
+        t: time at which the front begins, s.
         G: energy release, as in `analysis.energy_release`.
     """
 
@@ -122,7 +125,7 @@ class Event:
         return preset(self.name, l=l, d_c=d_c, **VISCOSITIES[viscosity])
 
     def held(self, scene: Scene) -> Callable[[float], Equilibrium]:
-        """Return states of rest of a scene (`finer.held`), which only l changes."""
+        """Return states of rest of a scene (`finer.held`), which depend on l alone."""
         if self._held[0] != scene.slider.l:
             self._held = scene.slider.l, held(self.run, self.event, scene)
         return self._held[1]
@@ -149,19 +152,19 @@ def front(
     """Return a front of an event, on places along the interface.
 
     Args:
-        event: which one.
+        event: the precursor.
         d_c: slip of weakening, m.
         viscosity: one of `VISCOSITIES`.
         l: lattice constant, m; None means that of the rule.
-        share: step over the usual one.
+        share: step, in units of the usual step.
         geometry: "linear" or "finite".
-        begin: crack that is released, over the critical one.
+        begin: length of the released crack, in units of the critical length.
 
     Returns:
-        One row for each place that is passed. Columns: x (m) from the trailing edge; t (s), since
-        the release; v_c (m/s), NaN where times do not increase; scaled, the prestress; zone,
-        measured blocks; X_c0_over_l; release, G/Gamma; inside, whether the rule keeps it; over
-        c_R and c_L: v_R, v_L; reached (m), the length; seconds of the run.
+        One row for each place that the front passes. Columns: x (m) from the trailing edge; t (s)
+        since the release; v_c (m/s), NaN where times do not increase; scaled, the scaled prestress;
+        zone, measured blocks; X_c0_over_l; release, G/Gamma; inside, whether the place counts; v_R
+        and v_L, v_c over c_R and c_L; reached (m), the length of the front; seconds of the run.
     """
     scene, t = event.scene(d_c, viscosity, l), event.t
     l, at = scene.slider.l, event.held(scene)
@@ -201,7 +204,7 @@ def _at_rest(scene: Scene) -> float:
 
 
 def _places(passed: np.ndarray, reached: int, l: float) -> pd.DataFrame:
-    """Return times of passage and speeds on places `L` apart, as far as the front came."""
+    """Return times of passage and speeds on places `L` apart, up to the end of the front."""
     own = np.arange(len(passed)) * l
     x = np.arange(int(own[reached - 1] / L + 1e-9) + 1) * L
     t = np.interp(x, own[:reached], passed[:reached])
@@ -215,7 +218,7 @@ def _places(passed: np.ndarray, reached: int, l: float) -> pd.DataFrame:
 
 
 def _zones(record: Record, first: int, reached: int, d_c: float) -> np.ndarray:
-    """Return the blocks in the zone when the tip is at each block, NaN where it was not."""
+    """Return the blocks in the zone when the tip is at each block, NaN beyond the front."""
     times = record.curve["t"].to_numpy()
     slip = record.scene.d * (record.motion["u_x"] - record.motion["u_x"][0])
     full = np.full(record.scene.N_x, np.inf)
@@ -245,8 +248,8 @@ def study(
 
     Args:
         runs: folder in which runs and fronts are kept; it is made if missing.
-        names: which of the runs 1 to 4.
-        say: called with what is done next.
+        names: some of the runs 1 to 4.
+        say: called with the name of the next run.
     """
     return pd.concat(_fronts(runs, names, say), ignore_index=True)
 
@@ -273,7 +276,7 @@ def _path(runs: Path, name: str) -> Path:
 
 
 def kept_table(path: Path, make: Callable[[], pd.DataFrame]) -> pd.DataFrame:
-    """Return a table, to six digits, from a file or made."""
+    """Return a table to six digits, from its file if that exists."""
     if not path.is_file():
         write(path, make().to_csv(index=False).encode())
     return pd.read_csv(path).map(lambda one: float(f"{one:.6g}") if isinstance(one, float) else one)
@@ -281,17 +284,17 @@ def kept_table(path: Path, make: Callable[[], pd.DataFrame]) -> pd.DataFrame:
 
 @at_once()
 def checks(runs: Path, say: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
-    """Return what the speeds of one front hang on, with little viscosity and the largest d_c.
+    """Return how speeds of one front depend on settings, with little viscosity and the largest d_c.
 
     Args:
-        runs: folder of `study`, which made its runs before.
-        say: called with what is done next.
+        runs: folder of `study` with its runs.
+        say: called with the name of the next run.
 
     Returns:
-        One row for each change: case; points, places that both fronts keep; median and rms of the
-        change of ln v_c; median_change, with its sign; reached, the change of the length over L.
-        In the last row the front of the run on the coarse lattice, which began by itself, is
-        compared with one that is released on the same lattice.
+        One row for each change: case; points, places that count in both fronts; median and rms of
+        the change of ln v_c; median_change, with its sign; reached, the change of the length over
+        L. The last row compares the spontaneous front on the coarse lattice with a front that is
+        released on the same lattice.
     """
     name, L_x = CHECKED, preset(CHECKED).slider.L
     run = kept(_path(runs, name), preset(name, l=L, d_c=OF_RUNS), COLLAPSE[name])
@@ -313,7 +316,7 @@ def checks(runs: Path, say: Callable[[str], None] = lambda _: None) -> pd.DataFr
     say("a front that is released, and one that began by itself")
     released = front(event, OF_RUNS, "the paper's", l=L)
     passed = run.rupture_times[run.row(event.event)] - event.t
-    begun = np.where(np.isnan(passed), 0.0, passed)  # stable slip came before
+    begun = np.where(np.isnan(passed), 0.0, passed)  # after stable slip
     reached = int(np.flatnonzero(np.isfinite(passed))[-1]) + 1
     natural = _places(begun, reached, L).assign(reached=reached * L)
     rows.append(_change("began by itself", natural, released, L_x))
@@ -321,7 +324,7 @@ def checks(runs: Path, say: Callable[[str], None] = lambda _: None) -> pd.DataFr
 
 
 def _change(case: str, table: pd.DataFrame, other: pd.DataFrame, L_x: float) -> dict[str, Any]:
-    """Return how the speeds of a front differ from those of another one."""
+    """Return how the speeds of a front differ from those of another front."""
     kept_there = other[other["inside"] & other["v_c"].notna()]
     both = kept_there.assign(key=(kept_there["x"] / L).round()).merge(
         table.assign(key=(table["x"] / L).round()), on="key", suffixes=("", "_new")

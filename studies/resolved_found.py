@@ -1,4 +1,4 @@
-"""What the study `resolved` comes to: its numbers, its verdict and its figure."""
+"""Results of the study `resolved`: its numbers, its verdict and its figure."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 __all__ = ["figure", "report", "summary", "verdict"]
 
 SHARE = 0.5
-"""Least share of resolved places, and of variance that a collapse explains."""
+"""Least share of resolved places, and least share of the variance that a collapse explains."""
 COLOURS = ("#0072B2", "#D55E00", "#009E73")
 MARKERS = {"run1": "o", "run2": "s", "run3": "^", "run4": "x"}
 
 
 def _points(fronts: pd.DataFrame) -> pd.DataFrame:
-    """Return the places that count: front, its number; place, 0 to 1; every, kept in all."""
+    """Return the places that count: front, its number; place, 0 to 1; every, if in all variants."""
     points = fronts[fronts["inside"] & fronts["v_c"].notna()].copy()
     points["front"] = points.groupby(["scene", "event"], sort=False).ngroup()
     variants = fronts[["d_c", "viscosity"]].drop_duplicates()
@@ -45,14 +45,14 @@ def _placed(points: pd.DataFrame) -> pd.DataFrame:
 
 
 def summary(fronts: pd.DataFrame) -> pd.DataFrame:
-    """Return what prestress, position and G/Gamma explain, for each variant.
+    """Return the shares that prestress, position and G/Gamma explain, for each variant.
 
     Returns:
-        Columns: places, "own" or "every"; d_c; viscosity; fronts and points, how many; zone, the
-        share of places with `RESOLVED` blocks or more, and zone_median; above_R and above_L, shares
-        of v_c above c_R and c_L; then value, low, high and null of prestress, of position, of
-        G/Gamma ("release"), of the prestress beyond the position, and of the prestress where ranks
-        of v_c take the place of ln v_c, so that single slow places do not count more ("ranks").
+        Columns: places, "own" or "every"; d_c; viscosity; fronts and points, their numbers; zone,
+        the share of places with `RESOLVED` blocks or more, and zone_median; above_R and above_L,
+        shares of v_c above c_R and c_L; then value, low, high and null of prestress, of position,
+        of G/Gamma ("release"), of the prestress beyond the position, and of the prestress with
+        ranks of v_c in place of ln v_c ("ranks"), which give single slow places no extra weight.
     """
     points, rows = _points(fronts), []
     for which, some in (("own", points), ("every", points[points["every"]])):
@@ -71,7 +71,7 @@ def summary(fronts: pd.DataFrame) -> pd.DataFrame:
 
 
 def _asked(part: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame, str, str]]:
-    """Yield what is asked of places: a name, the places, and column and share of `shares`."""
+    """Yield the quantities of a row: a name, the places, and column and share of `shares`."""
     for share in ("prestress", "position", "beyond"):
         yield share, part, "scaled", share
     yield "release", part, "release", "prestress"
@@ -80,7 +80,7 @@ def _asked(part: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame, str, str]]:
 
 
 def verdict(row: pd.Series) -> str:
-    """Return what the rule says of a row of `summary`: keeps, loses, untold, or unresolved."""
+    """Return the verdict on a row of `summary`: keeps, loses, untold, or unresolved."""
     if row["zone"] < SHARE:
         return "unresolved"
     if row["prestress_low"] > max(SHARE, row["prestress_null"]):
@@ -109,7 +109,7 @@ def report(table: pd.DataFrame) -> str:
 
 
 def figure(fronts: pd.DataFrame, checks: pd.DataFrame) -> DataFigure:
-    """Draw the fronts of `resolved.study`; numbers and `resolved.checks` go along as tables."""
+    """Draw the fronts of `resolved.study`, with numbers and `resolved.checks` as tables."""
     points = _points(fronts)
     fig = DataFigure(figsize=(7.0, 5.4), layout="constrained")
     (by_stress, by_stress_2), (by_G, zones) = fig.subplots(2, 2)

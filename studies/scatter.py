@@ -1,20 +1,21 @@
 """Scatter of strength and first precursor with disorder of mu_s: 10 000 quasi-static sequences.
 
-mu_s of the blocks in the Fig. 1 scene is normal about 0.7 (`Spread`). In one half of the sets
-blocks are independent, and the width changes: the standard deviation over the mean. In the other
-half the width is 5 %, and the correlation length changes. Each set has 1000 seeds.
+mu_s of the blocks in the Fig. 1 scene has a normal distribution about 0.7 (`Spread`). The width is
+its standard deviation, divided by its mean. In one half of the sets blocks are independent, and the
+width changes. In the other half the width is 5 %, and the correlation length changes. Each set has
+1000 seeds.
 
 strength
     Static F_T/F_N at which the first system-size event starts.
 first precursor
-    Static F_T/F_N at which it starts, and its length over L.
+    Static F_T/F_N at which the first precursor starts, and its length over L.
 sizes
     Potencies of all finished events before the first system-size event of their run. b is the
-    exponent of the number of events of at least this potency, from `COMPLETE` of the largest one of
-    all sets on, so that all sets are compared over the same range.
+    exponent with which the number of events above a potency falls. Potencies count from `COMPLETE`
+    of the largest of all sets on, so all sets are compared over the same range.
 
-Errors are standard errors. Those of means, of standard deviations and of b are from `GROUPS` groups
-of seeds, which are independent (a jackknife): only an ensemble has them.
+Errors are standard errors. Errors of means, of standard deviations and of b are from a jackknife
+over `GROUPS` independent groups of seeds.
 
 Source: PRL 107, 074301 (2011), for the model; B. Efron, The Jackknife, the Bootstrap and Other
 Resampling Plans (1982), for errors.
@@ -38,21 +39,21 @@ from pyfric.sweeps import Ensemble, ensemble
 __all__ = ["LENGTHS", "SEEDS", "WIDTHS", "errors", "field", "figure", "sets", "study", "table"]
 
 WIDTHS = size((1e-4, 1e-3, 0.01, 0.03, 0.05), (0.05,))
-"""Standard deviations of mu_s over its mean, of independent blocks."""
+"""Widths of mu_s of independent blocks."""
 LENGTHS = size((5e-3, 10e-3, 20e-3, 40e-3, 80e-3), (5e-3, 10e-3, 20e-3))
 """Correlation lengths at the width `WIDTH`, in m; L is 140 mm."""
 WIDTH = 0.05
 SEEDS = size(1000, 40)
-"""Of each set."""
+"""Seeds of each set."""
 T_END = 1.3
-"""By then the slider has slid as a whole, s."""
+"""End of runs, s, after the slider has slid as a whole."""
 GROUPS = 20
-"""Groups of seeds, one of which is left out in turn."""
+"""Number of groups of seeds; each group is left out in turn."""
 COMPLETE = 0.01
-"""Potency from which sizes are compared, over the largest one of all sets: smaller events are slips
-of single blocks at the trailing edge, and few. A policy."""
+"""Least potency of compared events, as a share of the largest of all sets. Smaller events are few,
+and slips of single blocks at the trailing edge. A policy."""
 LEAST = 1e-5
-"""Smallest potency that is drawn, over the largest one."""
+"""Smallest potency in the figure, as a share of the largest of all sets."""
 COLUMNS = ("F_slide", "F_precursor", "L_p_first", "n_precursors", "t_slide")
 EVENTS = ("t_start", "finished", "potency")
 QUANTITIES = {
@@ -65,7 +66,7 @@ QUANTITIES = {
 
 
 def field(width: float, length: float) -> Spread:
-    """Return mu_s of a set: width is std over mean, length the correlation length (m)."""
+    """Return mu_s of a set with a width and a correlation length (m)."""
     mean = preset("fig1").interface.mu_s
     return Spread(mean=mean, std=width * mean, correlation_length=length)
 
@@ -90,7 +91,7 @@ def study(
         seeds: number of seeds of each set. Each set has seeds of its own.
         t_end: end of the runs, in s.
         cache: as in `ensemble`.
-        say: told what is being run.
+        say: called with the name of each run.
     """
     scene, found = scene or preset("fig1"), {}
     for n, (width, length) in enumerate(sets()):
@@ -110,7 +111,7 @@ def study(
 
 
 def errors(values: np.ndarray, groups: np.ndarray, of: Callable[[np.ndarray], float]) -> float:
-    """Return the standard error of a statistic, by leaving out one group of values after another.
+    """Return the standard error of a statistic, by leaving out each group of values in turn.
 
     Args:
         values: shape (n,).
@@ -125,8 +126,8 @@ def errors(values: np.ndarray, groups: np.ndarray, of: Callable[[np.ndarray], fl
 def table(found: dict[tuple[float, float], Ensemble]) -> pd.DataFrame:
     """Return one row for each set.
 
-    Columns: width; correlation_length (m); runs; of each of `QUANTITIES` its mean and std with
-    their errors, and n, the runs that have it; events, those of which sizes are compared; b and its
+    Columns: width; correlation_length (m); runs; for each of `QUANTITIES` mean and std with their
+    errors, and n, the number of runs that have it; events, the number of compared sizes; b and its
     error.
     """
     sizes = {key: _sizes(one) for key, one in found.items()}
@@ -165,7 +166,7 @@ def _sizes(found: Ensemble) -> tuple[np.ndarray, np.ndarray]:
 
 
 def counts(found: dict[tuple[float, float], Ensemble]) -> pd.DataFrame:
-    """Return how many events of each set have at least a size, for each run.
+    """Return the number of events per run with at least a given potency, for each set.
 
     Columns: width; correlation_length (m); potency (m^2); number for each run; error of it.
     """

@@ -1,7 +1,7 @@
-"""Sizes of studies: those that are measured, or tiny ones, with which each command ends in seconds.
+"""Sizes of studies: full sizes, or tiny ones, with which each command ends in seconds.
 
-With --tiny, or `PYFRIC_TINY` set to 1, every study takes its second sizes. Its numbers mean nothing
-then: it is to be seen that its commands work.
+With --tiny, or `PYFRIC_TINY` set to 1, every study takes its tiny sizes. Its numbers then mean
+nothing; the run only shows that the command works.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ T = TypeVar("T")
 __all__ = ["TINY", "size", "tiny"]
 
 TINY = "PYFRIC_TINY"
-"""Environment variable that processes which a study starts know, too."""
+"""Environment variable, which child processes of a study inherit."""
 
 
 def tiny() -> bool:
-    """Whether sizes are tiny; to be set before a study is imported."""
+    """Whether sizes are tiny; set before a study is imported."""
     return os.environ.get(TINY) == "1"
 
 
 def size(full: T, small: T) -> T:
-    """Return one of two sizes of a study."""
+    """Return the full or the tiny size of a study."""
     return small if tiny() else full

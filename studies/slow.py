@@ -1,21 +1,22 @@
-"""Slow fronts on an interface of junctions: where, how slow, how long, and what ends them.
+"""Slow fronts on an interface of junctions: where they are, their speed and length, and their end.
 
-The preset `slow` to 1.6 s in linear geometry: three seeds; beside the first one half the step,
-times t_R without spread, 25 and 400 junctions a block at the same u_s, and t_R of 0.5 and 8 ms.
+The runs are those of the preset `slow` to 1.6 s in linear geometry, with three seeds. Runs with the
+first seed are repeated with half the step, with times t_R without spread, with 25 and 400 junctions
+a block at the same u_s, and with t_R of 0.5 and 8 ms.
 
-passage     of a front over block i from the trailing edge: when all blocks up to i have ruptured,
-            the largest of their first rupture times in the event. A block that ruptures ahead of
-            the front does not count before the front has come.
+passage     time at which a front passes block i from the trailing edge: the largest of the first
+            rupture times of blocks 1 to i in the event. A block that ruptures ahead of the front
+            counts when the front has come
 speed       over five blocks: 4 l over the time between the passages two blocks before and after
-slow        3 % of c_S or less
-stretch     the longest run of at least five such blocks one after another, in an event that
-            ruptures all blocks; its speed is that over all of its blocks
-between     its neighbours are faster: the medians of speeds before and after it, of at least two
-            blocks each, are both at least 20 times its speed
-accepted    a stretch between fast ones whose own speed is 1 to 3 % of c_S
-slip speed  of a block: its displacement in the 0.2 ms from its first rupture on, over that time
-arrest      the farthest block of the ruptures from the trailing edge since the last one of all
-            blocks, which all stopped on the way
+slow        a block at which the speed is 3 % of c_S or less
+stretch     the longest sequence of at least five slow blocks, in an event that ruptures all blocks;
+            its speed is that over all of its blocks
+between     whether the front is fast before and after a stretch: both medians of speeds, over at
+            least two blocks each, are at least 20 times the speed of the stretch
+accepted    a stretch between fast parts whose speed is 1 to 3 % of c_S
+slip speed  displacement of a block in the 0.2 ms from its first rupture on, over that time
+arrest      the farthest block of ruptures from the trailing edge that stopped on the way, since the
+            last rupture of all blocks
 
 Source: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014); PRE 92, 012408 (2015).
 """
@@ -47,17 +48,17 @@ __all__ = ["CASES", "amontons_coulomb", "figure", "jobs", "longest_stretch",
            "report", "ruptures", "slip_speeds", "speed_figure", "study", "tables"]  # fmt: skip
 
 STORED = Path(__file__).parents[1] / "reference_data"
-"""Stored runs of the paper."""
+"""Stored runs with the paper's friction."""
 T_END, FASTER = size((1.6, 1), (0.012, 50))
-"""Time of the end of each run, s, and the driver's speed over that of the preset."""
+"""End of each run, s, and the driver's speed, in units of that of the preset."""
 SAMPLE = 5e-5
 """Time between points of the motion, s."""
 BAND, RATIO, LEAST = (0.01, 0.03), 20.0, 5
-"""Speeds of slow fronts over c_S; how many times faster what is beside; fewest blocks."""
+"""Stretches: range of speeds, in c_S; least ratio of speeds beside them; fewest blocks."""
 SLOW = BAND[1]
-"""Speed over c_S up to which a block counts as slow."""
+"""Speed, in units of c_S, up to which a block counts as slow."""
 BESIDE = 2
-"""Fewest blocks with a speed before and after a stretch that is between fast ones."""
+"""Fewest blocks with a speed before and after a stretch between fast parts."""
 SLIPS = 0.2e-3
 """Time over which slip speeds are taken, s."""
 
@@ -74,8 +75,8 @@ CASES: Mapping[str, Mapping[str, Any]] = {
     "t_R = 8 ms": {"t_R": 8e-3, "t_R_std": 2.4e-3},
 }
 CASES = size(CASES, {"seed 0": {}})
-"""Names of runs to changes of the law; dt is a share of the automatic step, and switching an
-option."""
+"""Names of runs -> changes of the law; dt (a share of the automatic step) and switching are
+options."""
 
 
 def jobs(cases: Sequence[str], t_end: float = T_END) -> list[Job]:
@@ -99,7 +100,7 @@ def study(
     say: Callable[[str], None] = lambda _: None,
     t_end: float = T_END,
 ) -> dict[str, Record]:
-    """Make the runs that the folder does not hold yet; return all by name."""
+    """Make the runs that are missing in the folder; return all runs by name."""
     records = {}
     for name, job in zip(cases, jobs(cases, t_end), strict=True):
         say(name)
@@ -121,9 +122,9 @@ def ruptures(record: Record) -> pd.DataFrame:
     """Return one row for each event that ruptures all blocks.
 
     Columns: event; t_start (s); F_T_start and F_T_arrest over F_N; arrest, from 1; first and last
-    block of its slow stretch, from 1, and its speed over c_S; how many times faster the front is
-    before and after it; between: whether both are at least 20; accepted: whether also the speed is
-    in the band; NaN and False where there is none.
+    block of its slow stretch, from 1, and the speed of the stretch in c_S; ratios of speeds before
+    and after it to its speed; between; accepted. Without a slow stretch these columns are NaN and
+    False.
     """
     scene, rows, since = record.scene, [], 0
     whole = record.events[(record.events["n_blocks"] == scene.N_x) & record.events["is_main"]]
@@ -153,7 +154,7 @@ def ruptures(record: Record) -> pd.DataFrame:
 
 
 def slip_speeds(record: Record) -> pd.DataFrame:
-    """Return front speed, slip speed (m/s) and prestress of blocks in events that rupture all.
+    """Return front speed, slip speed (m/s) and prestress of blocks in ruptures of all blocks.
 
     Columns: event, n, front, slip, and tau_over_p in the static state before the event.
     """
@@ -182,7 +183,7 @@ def power_law(table: pd.DataFrame) -> tuple[float, float]:
 
 
 def summary(record: Record) -> dict[str, float]:
-    """Return a row of the table of acceptance; medians over events."""
+    """Return a row of the table of accepted stretches, with medians over events."""
     found, main = ruptures(record), record.events[record.events["is_main"]]
     slow = found[found["speed"].notna()]
     exponent, r2 = power_law(slip_speeds(record))
@@ -209,14 +210,14 @@ def summary(record: Record) -> dict[str, float]:
 
 
 def tables(records: Mapping[str, Record]) -> dict[str, pd.DataFrame]:
-    """Return the table of acceptance, and the ruptures of all runs."""
+    """Return the table of accepted stretches, and the ruptures of all runs."""
     rows = [{"case": name} | summary(record) for name, record in records.items()]
     each = [ruptures(record).assign(case=name) for name, record in records.items()]
     return {"acceptance": pd.DataFrame(rows), "ruptures": pd.concat(each, ignore_index=True)}
 
 
 def same_events(one: Record, other: Record) -> int:
-    """Return how many first main events agree: blocks within 1, forces within 1e-3 F_N."""
+    """Return the number of first main events that agree within 1 block and 1e-3 F_N."""
     limit, same = 1e-3 * one.scene.F_N, 0
     ours, theirs = (run.events[run.events["is_main"]].itertuples() for run in (one, other))
     for a, b in zip(ours, theirs, strict=False):
@@ -227,7 +228,7 @@ def same_events(one: Record, other: Record) -> int:
 
 
 def figure(records: Mapping[str, Record]) -> DataFigure:
-    """Return the first rupture of the first run with a slow stretch between fast ones, as x-t."""
+    """Return the first rupture of the first run with a stretch between fast parts, as x-t."""
     record = next(iter(records.values()))
     found = ruptures(record)
     best = found[found["between"]] if found["between"].any() else found
@@ -249,12 +250,12 @@ def amontons_coulomb() -> pd.DataFrame:
 
 
 def speed_figure(scene: Scene, found: pd.DataFrame, name: str) -> DataFigure:
-    """Return front speeds over prestress, beside the paper's friction, and slip over front speeds.
+    """Return front speeds over prestress for both kinds of friction, and slip over front speeds.
 
     Args:
         scene: interface of junctions.
         found: table of `slip_speeds`.
-        name: of the run.
+        name: name of the run.
     """
     exponent, r2 = power_law(found)
     wave, before = material_of(scene).c_S, amontons_coulomb()
@@ -286,7 +287,7 @@ def speed_figure(scene: Scene, found: pd.DataFrame, name: str) -> DataFigure:
 
 
 def report(records: Mapping[str, Record]) -> str:
-    """Return the table of acceptance in lines."""
+    """Return the table of accepted stretches in lines."""
     rows = tables(records)["acceptance"]
     lines = [rows.to_string(index=False, float_format=lambda x: f"{x:.3g}")]
     if {"seed 0", "half the step"} <= set(records):

@@ -1,17 +1,17 @@
 """One block on a spring that is held or pulled, in pyfric and in other programs.
 
-A block of mass m under the weight p lies on a plane; the end of its spring K is held at a share of
-the threshold mu_s p, or pulled at V. In closed form, with w = sqrt(K/m):
+A block of mass m and weight p lies on a plane. The end of its spring K is held at a share of the
+threshold mu_s p, or pulled at V. In closed form, with w = sqrt(K/m):
 
 held      the block does not move
-pulled    it slips from mu_s p on; the force is mu_k p + (mu_s - mu_k) p cos wt + (K V/w) sin wt,
-          between mu_k p + r and mu_k p - r with r^2 = ((mu_s - mu_k) p)^2 + (K V/w)^2. For slow
-          pulling these are mu_s p and (2 mu_k - mu_s) p, where the block stops
+pulled    the block slips from mu_s p on; the force is mu_k p + (mu_s - mu_k) p cos wt + (K V/w) sin
+          wt, between mu_k p + r and mu_k p - r with r^2 = ((mu_s - mu_k) p)^2 + (K V/w)^2. For slow
+          pulling these limits are mu_s p and (2 mu_k - mu_s) p, where the block stops
 
-A chain of ten such blocks is pulled at its first one until all slide; there, the loop around
-`solve_ivp` with its finest tolerance stands for a closed form.
+A chain of ten such blocks is pulled at its first block until all slide. The reference for the chain
+is the loop around `solve_ivp` with its finest tolerance.
 
-The other programs run in an environment of their own (`sticks_peers.py`), two of them in Node.js
+The other programs run in a separate environment (`sticks_peers.py`), two of them in Node.js
 (`sticks_peers.cjs`).
 """
 
@@ -70,7 +70,7 @@ MODULES = ENVIRONMENT / "node"
 WANTED = Path(__file__).with_name("sticks_requirements.txt")
 SCENE = {"M": M, "P": P, "K": K, "V": V, "MU_S": MU_S}
 SCENE |= {"START": START, "RAMP": RAMP, "SAMPLE": SAMPLE, "SETTLED": SETTLED}
-"""What programs in Node.js need to know, SI."""
+"""Parameters for programs in Node.js, in SI."""
 HELD = (0.5, 0.999)
 """Shares of the threshold at which the spring is held."""
 HOLD, PULL = size((10.0, 4.0), (0.1, 3.5))
@@ -87,18 +87,18 @@ COLUMNS = [
 
 IN_CHAIN = ["program", "version", "settings", "coefficients", "step", "error", "seconds"]
 FINEST = size(1e-12, 1e-6)
-"""Tolerance of what chains are compared with."""
+"""Tolerance of the reference of chains."""
 
 
 class Peer(NamedTuple):
     """One program with its settings.
 
     Attributes:
-        name, settings: for readers.
+        name, settings: texts in the tables.
         run: takes step (s), t_end (s) and share (None: pulled); returns times, displacements,
             processor time and version.
         two: whether it has mu_k as well.
-        steps: steps, or what stands for them.
+        steps: steps, or the tolerances that set them.
     """
 
     name: str
@@ -114,7 +114,7 @@ class Peer(NamedTuple):
 def block(share: float | None) -> Any:
     """Return three equal blocks with the mass, weight and springs of one; they move as one.
 
-    The ramp is left out: at its end, which is t = 0 here, they are under its force, at rest.
+    The run starts at the end of the ramp, at t = 0, with the blocks at rest under its force.
     """
     held = (START if share is None else share) * MU_S * P / 3
     ramp = tuple((n, 0.0, 0.0, math.inf, K * V / 3) for n in (1, 2, 3))
@@ -150,7 +150,7 @@ def advanced(scene: Any, step: float, t_end: float) -> tuple[np.ndarray, np.ndar
 
 
 def of_solve_ivp(rtol: float, t_end: float, share: float | None) -> Any:
-    """DOP853 with an event for each switch, which has a direction; atol is far below u in m."""
+    """DOP853 with a directed event for each switch; atol is far below u in m."""
     import scipy
 
     end = end_of_spring(share)
@@ -174,7 +174,7 @@ def of_solve_ivp(rtol: float, t_end: float, share: float | None) -> Any:
             return [y[1], (force(t, y) - MU_K * P) / M if slips else 0.0]
 
         samples = np.arange(math.floor(t / SAMPLE) + 1, round(t_end / SAMPLE) + 1) * SAMPLE
-        # The ramp has a corner: no step goes over it.
+        # No step goes over the corner of the ramp.
         stop = RAMP if t < RAMP else t_end
         how = {"method": "DOP853", "rtol": rtol, "atol": rtol * 1e-3}
         inside = samples[samples < stop - SAMPLE / 2]
@@ -184,7 +184,7 @@ def of_solve_ivp(rtol: float, t_end: float, share: float | None) -> Any:
         us.append(found.y[0] if len(found.t) else np.zeros(0))
         if found.status == 1:
             t, y, slips = found.t_events[0][0], found.y_events[0][0], not slips
-            y = np.array([y[0], 1e-300 if slips else 0.0])  # just past the root
+            y = np.array([y[0], 1e-300 if slips else 0.0])  # start just past the root
         else:
             t, y = stop, found.y[:, -1]
     return (*map(np.concatenate, (ts, us)), time.process_time() - begin, scipy.__version__)
@@ -193,8 +193,8 @@ def of_solve_ivp(rtol: float, t_end: float, share: float | None) -> Any:
 def chain_of_solve_ivp(rtol: float, t_end: float, share: None, mu_k: float = MU_K) -> Any:
     """The same loop for a chain: each block sticks (0) or slips to one side (1 or -1).
 
-    `solve_ivp` looks for signs that change from one end of a step to the other. It does not see a
-    block that stops for a moment within a step, so that coarse tolerances miss some stops.
+    `solve_ivp` looks for signs that change from one end of a step to the other. The loop misses a
+    block that stops for a moment within a step, so coarse tolerances miss some stops.
     """
     import scipy
 
@@ -229,7 +229,7 @@ def chain_of_solve_ivp(rtol: float, t_end: float, share: None, mu_k: float = MU_
         n = next(n for n, one in enumerate(found.t_events) if len(one))
         t, y = found.t_events[n][0], found.y_events[n][0].copy()
         pushed = force(t, y)[n]
-        if slips[n]:  # it stops, and turns round where the force bears that
+        if slips[n]:  # it stops, or turns round if the force exceeds friction
             slips[n] = np.sign(pushed) if abs(pushed) > MU_S * P else 0.0
         else:
             slips[n] = np.sign(pushed)
@@ -250,7 +250,7 @@ def in_node(peer: str, **how: Any) -> Callable[..., Any]:
 
 
 def answered(peer: str, words: list[Any], how: dict[str, Any], **more: Any) -> Callable[..., Any]:
-    """Return a function that asks a command, and returns what a peer returns."""
+    """Return a function that runs a command, and returns the result of a peer."""
 
     def run(step: float, t_end: float, share: float | None) -> Any:
         asked = {"peer": peer, "dt": step, "t_end": t_end, "share": share, "how": how} | more
@@ -311,11 +311,11 @@ CHAINS = (
     ),
 )
 """Programs that pull a chain of ten blocks."""
-PEERS, CHAINS = size((PEERS, CHAINS), (PEERS[:2], CHAINS[:2]))  # those that are at hand
+PEERS, CHAINS = size((PEERS, CHAINS), (PEERS[:2], CHAINS[:2]))  # installed programs
 
 
 def install(say: Callable[[str], None]) -> None:
-    """Make the environment of the other programs, once."""
+    """Make the environment of the other programs, unless it exists."""
     if tiny():
         return
     if not (ENVIRONMENT / "done").exists():
@@ -337,7 +337,7 @@ def install(say: Callable[[str], None]) -> None:
 def exact(t: np.ndarray, two: bool) -> np.ndarray:
     """Return the force of a pulled block at times t (s) in closed form, in N.
 
-    With one coefficient the block swings about mu_s p, by K V/w, and its speed only touches zero.
+    With one coefficient the force swings about mu_s p by K V/w, and the speed touches zero.
     """
     w, mean = math.sqrt(K / M), (MU_K if two else MU_S) * P
     swing, drop = K * V / w, MU_S * P - mean
@@ -356,10 +356,10 @@ def held(peer: Peer, share: float) -> float:
 
 
 def pulled(peer: Peer, step: float) -> dict[str, Any]:
-    """Return version, forces (N), their error over p, and the processor time in s.
+    """Return version, forces (N), their error in units of p, and the processor time in s.
 
-    Forces are the largest one, and the least one after it. The error is the largest difference from
-    the closed form at any sampled time.
+    Forces are the largest force, and the least force after it. The error is the largest difference
+    from the closed form at any sampled time.
     """
     t, u, seconds, known = peer.run(step, RAMP + PULL, None)
     F = K * (np.array([end_of_spring(None)(one) for one in t]) - u)
@@ -370,12 +370,12 @@ def pulled(peer: Peer, step: float) -> dict[str, Any]:
 
 @functools.cache
 def fine(two: bool) -> Any:
-    """Return what chains with two coefficients, or with one, are compared with."""
+    """Return the reference of chains with two coefficients, or with one."""
     return chain_of_solve_ivp(FINEST, T_CHAIN, None, MU_K if two else MU_S)
 
 
 def chained(peer: Peer, step: float) -> dict[str, Any]:
-    """Return version, the largest error of the force over p, and the processor time in s."""
+    """Return version, the largest error of the force in units of p, and the processor time in s."""
     t, u, seconds, known = peer.run(step, T_CHAIN, None)
     t_fine, u_fine, *_ = fine(peer.two)
     error = float(np.abs(np.interp(t, t_fine, u_fine) - u).max()) * K / P
@@ -383,13 +383,13 @@ def chained(peer: Peer, step: float) -> dict[str, Any]:
 
 
 def coefficients(peer: Peer) -> dict[str, str]:
-    """Return the first columns of a row."""
+    """Return the first columns of a row: the program and its settings."""
     about = {"program": peer.name, "settings": peer.settings}
     return about | {"coefficients": "mu_s, mu_k" if peer.two else "one"}
 
 
 def chains(say: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
-    """Return one row for each program that pulls a chain and each step, with `IN_CHAIN`."""
+    """Return one row for each program that pulls a chain and each step, with columns `IN_CHAIN`."""
     install(say)
     rows = []
     for peer in CHAINS:
@@ -400,7 +400,7 @@ def chains(say: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
 
 
 def renewed(table: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
-    """Return a table with new rows for those of the same programs, in the order of `PEERS`."""
+    """Return a table whose rows of some programs are replaced, in the order of `PEERS`."""
     kept = table[~table["program"].isin(rows["program"])]
     place = {peer.name: n for n, peer in enumerate(PEERS)}
     found = pd.concat([kept, rows], ignore_index=True)
@@ -408,7 +408,7 @@ def renewed(table: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def study(say: Callable[[str], None] = lambda _: None, only: tuple[str, ...] = ()) -> pd.DataFrame:
-    """Return one row for each program, or each of some, and each step, with `COLUMNS`."""
+    """Return one row for each program, or for some, and each step, with columns `COLUMNS`."""
     install(say)
     rows = []
     for peer in (peer for peer in PEERS if peer.name in only or not only):
@@ -424,7 +424,7 @@ def study(say: Callable[[str], None] = lambda _: None, only: tuple[str, ...] = (
 # --- picture -------------------------------------------------------------------------------------
 
 LEAST = 1e-12
-"""Creep below which a bar is not drawn longer, m."""
+"""Least creep that is drawn as a bar, m."""
 
 
 def figure(table: pd.DataFrame, chain_table: pd.DataFrame) -> DataFigure:

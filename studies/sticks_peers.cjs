@@ -1,7 +1,7 @@
 // One block on a spring in programs for Node.js: `node sticks_peers.cjs '{"peer": ..., "dt": ...}'`.
 //
 // `studies sticks` runs this as it runs sticks_peers.py, whose constants come with the request (SI).
-// Printed is the same: t (s), u (m), processor time of the steps (s), and the version.
+// It prints the same: t (s), u (m), processor time of the steps (s), and the version.
 
 const asked = JSON.parse(process.argv[2])
 const { dt, t_end, share, of: { M, P, K, V, MU_S, START, RAMP, SAMPLE, SETTLED } } = asked
@@ -13,7 +13,7 @@ function end(t) {
   return level * MU_S * P / K * Math.min(t / RAMP, 1) + v * Math.max(t - RAMP, 0)
 }
 
-// Times, displacements and processor time; `step` goes on under a force (N) and returns x (m).
+// Times, displacements and processor time; `step` makes a step under a force (N) and returns x (m).
 function stepped(step) {
   let x = 0
   for (let n = 0; n < Math.round(SETTLED / dt); n++) x = step(0)

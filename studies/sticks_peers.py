@@ -1,8 +1,8 @@
 """One block on a spring in another program: `python sticks_peers.py '{"peer": ..., "dt": ...}'`.
 
-`studies sticks` runs this with the interpreter that has the program; nothing here needs pyfric. A
-block of mass `M` lies on a plane under its weight `P`. The end of a spring `K` is held, or pulled
-at `V`. Printed is JSON: t (s) and u (m) at most once in `SAMPLE`, processor time of the steps, and
+`studies sticks` runs this with the interpreter of the other program, without pyfric. A block of
+mass `M` lies on a plane under its weight `P`. The end of a spring `K` is held, or pulled at `V`.
+The script prints JSON: t (s) and u (m) at most once in `SAMPLE`, processor time of the steps, and
 the version. Each program has the settings that its documentation recommends for friction.
 """
 
@@ -18,18 +18,18 @@ from typing import Any
 M, P, K, V = 1.0, 10.0, 100.0, 2e-3
 """Mass, kg; weight, N; stiffness, N/m; speed of the spring's end, m/s."""
 MU_S, MU_K = 0.6, 0.4
-"""Where a program has one coefficient, it is MU_S."""
+"""A program with one coefficient takes MU_S."""
 START = 0.9
-"""Force at t = 0 of a pulled block, in what holds it."""
+"""Force on a pulled block at the end of the ramp, as a share of the threshold."""
 RAMP = 1.0
-"""Time in which the spring is stretched to where it is held, or pulled from, s."""
+"""Time of the ramp in which the spring is stretched before it is held or pulled, s."""
 N, K_BOND, ETA, V_CHAIN, T_CHAIN = 10, 1000.0, 2.0, 0.05, 14.0
 """A chain: number of blocks, each as above; stiffness of bonds, N/m, and their viscosity, N s/m;
-speed of the end of the spring at the first block, m/s; time until all have slid, s."""
+speed of the end of the spring at the first block, m/s; time until all blocks have slid, s."""
 SAMPLE = 1e-3
 """Time between two samples, s; a multiple of dt below it."""
 SETTLED = 0.5
-"""Time in which the block settles on its plane before anything pulls, s."""
+"""Time in which the block settles on its plane before the ramp, s."""
 
 End = Callable[[float], float]
 """Position of the spring's end at a time, m."""
@@ -44,7 +44,7 @@ def end_of_spring(share: float | None) -> End:
 def stepped(
     step: Callable[[float], float], dt: float, t_end: float
 ) -> tuple[list[float], list[float], float]:
-    """Return times, displacements and processor time; `step` goes on from t and returns u."""
+    """Return times, displacements and processor time; `step` makes a step from t and returns u."""
     every, ts, us = max(1, round(SAMPLE / dt)), [0.0], [0.0]
     begin = time.process_time()
     for n in range(round(t_end / dt)):
@@ -58,7 +58,7 @@ def stepped(
 def _forced(
     go: Callable[[float], float], dt: float, t_end: float, end: End
 ) -> tuple[list[float], list[float], float]:
-    """Return what `stepped` does where `go` makes a step under a force and returns a position."""
+    """Return the result of `stepped`; `go` makes a step under a force and returns a position."""
     start = u = 0.0
     for _ in range(round(SETTLED / dt)):
         start = go(0.0)
@@ -94,7 +94,7 @@ def mujoco(dt: float, t_end: float, end: End, options: str = "") -> Any:
 
 
 def mujoco_chain(dt: float, t_end: float, _: End, options: str = "") -> Any:
-    """Boxes with a tendon between neighbours."""
+    """Run boxes with a tendon between neighbours."""
     import mujoco
 
     box = """<body pos="{x} 0 .05"><joint name="x{n}" type="slide" axis="1 0 0" {spring}/>

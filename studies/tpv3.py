@@ -1,11 +1,11 @@
 """TPV3 in two dimensions: rupture times on finer and finer lattices, and by spectral elements.
 
-The scene is `pyfric.scene.tpv3`. A block's rupture time is when its slip rate reaches half of
-1 mm/s, because it is one of two bodies that part. Times at the stations, which lie between blocks,
+The scene is `pyfric.scene.tpv3`. The scene has one of the two bodies, so the rupture time of a
+block is when its slip rate reaches half of 1 mm/s. Times at the stations, which lie between blocks,
 are interpolated.
 
-What comes back from the absorbing top and side shifts these times by less than 1 us: a slab of 30 x
-25 km at l = 50 m gives the same ones.
+Reflections from the absorbing top and side shift these times by less than 1 us: a slab of 30 x
+25 km at l = 50 m gives the same times.
 
 Source: R. A. Harris et al., Seismol. Res. Lett. 80, 119 (2009).
 """
@@ -36,28 +36,30 @@ REFERENCE = np.array(
         *(3.0692, 3.4021, 3.7332, 4.0626, 4.3908, 4.7177),
     ]
 )
-"""Rupture times there, s, converged to 1 ms: spectral elements of 125 m with 6 nodes."""
+"""Rupture times at stations, s, within 1 ms: spectral elements of 125 m with 6 nodes."""
 SLIP_RATE = 0.5e-3
 """Slip rate of one body at which the front passes, m/s."""
 LATTICES = size((100.0, 50.0, 25.0), (500.0,))
 """Lattice constants, m."""
 PLACES = {5: (4.93, 5.153), 10: (7.63, 4.1435)}
-"""km: largest slip rate (m/s, within 1 % at 5 km) and slip at 6 s (m) of the reference."""
+"""Distance (km) -> largest slip rate (m/s, within 1 % at 5 km) and slip at 6 s (m) of the
+reference."""
 DASHPOTS = ((0.001, "along"), (0.001, "full"), (0.1, "full"))
-"""eta^2/(k m), and whether dashpots resist rotation: the scene's, the same so, and the paper's."""
+"""eta^2/(k m) and kind of dashpots: the scene's, the same with resisted rotation, and the
+paper's."""
 
 
 def tpv3(*, quick: bool = False, progress: bool = False) -> pd.DataFrame:
     """Run TPV3 on lattices of 100, 50 and 25 m.
 
     Args:
-        quick: without the finest one.
-        progress: say on stderr what is being run.
+        quick: leave out the finest lattice.
+        progress: print on stderr what is being run.
 
     Returns:
-        One row for each run; columns: l (m), eta2 (eta^2/(k m)), dashpots, rms (over the last
-        arrival of the reference), t_2 ... t_14 (s), rate_5, rate_10 (m/s) and slip_5, slip_10 (m)
-        between two bodies, dt, seconds.
+        One row for each run; columns: l (m), eta2 (eta^2/(k m)), dashpots, rms (in units of the
+        last arrival of the reference), t_2 ... t_14 (s), rate_5, rate_10 (m/s) and slip_5, slip_10
+        (m) between two bodies, dt, seconds.
     """
     rows = []
     for eta2, dashpots in DASHPOTS:
@@ -126,8 +128,8 @@ def distance(scene: Scene) -> np.ndarray:
 def ruptured(scene: Scene, dt: float, t_end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return rupture times (s), largest slip rates (m/s) and slip (m) at t_end of each block.
 
-    Rates are looked at after each step. A block that has just been released, at a time that is
-    located, is taken to gain speed evenly until then.
+    Rates are taken after each step. In the step of its release, at a located time, the speed of a
+    block is interpolated linearly.
     """
     model, log = core.model(scene, "linear", 0.0), core.Log(scene.N_x)
     state = loaded_state(scene).state(scene, dt)
@@ -147,5 +149,5 @@ def ruptured(scene: Scene, dt: float, t_end: float) -> tuple[np.ndarray, np.ndar
 
 
 def misfit(arrivals: np.ndarray) -> float:
-    """Return the RMS difference to the reference over the stations, over its last arrival."""
+    """Return the RMS difference to the reference at the stations, in units of its last arrival."""
     return float(np.sqrt(np.mean((arrivals - REFERENCE) ** 2)) / REFERENCE[-1])

@@ -1,7 +1,7 @@
-"""Fits of random truths to velocity steps and a slide-hold-slide of a block on a spring.
+"""Fits of random parameters to velocity steps and a slide-hold-slide of a block on a spring.
 
 A truth is a run with random a, b, D_c, f* and stiffness of the machine, sampled at 50 Hz with noise
-of 5e-4 F_N. Its whole curve is fitted with all five free.
+of 5e-4 F_N. Its whole curve is fitted with all five parameters free.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ RANGES = {
     "f_star": (0.58, 0.62),
     "K": (1.5e8, 2.5e8),
 }
-"""Of truths, drawn evenly."""
+"""Ranges from which parameters of truths are drawn uniformly."""
 BOUNDS = size(
     {
         "a": (0.005, 0.02),
@@ -49,14 +49,14 @@ HOW = {"fidelity": "hybrid", "geometry": "linear", "accuracy": 1e-4, "sample": "
 
 
 def block(**changes: float) -> pyfric.Scene:
-    """Return a block that a plate pushes: all parts move as one."""
+    """Return a block that a plate pulls: all parts move as one."""
     law = pyfric.laws.RateAndState(a=0.01, b=0.015, D_c=1e-5)
     scene = pyfric.chain(L=5e-3, F_N=3500.0, K=2e8, V=SLOW, side="top", protocol=PROTOCOL, law=law)
     return scene.replace(**changes)
 
 
 def study(path: Path, say: Callable[[str], None] = print) -> pd.DataFrame:
-    """Return a row for each fit; those in the file are not made again, and new ones are added."""
+    """Return a row for each fit; fits that are missing in the file are made and added to it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     rows = pd.read_csv(path).to_dict("records") if path.exists() else []
     made = {row["seed"] for row in rows}
@@ -81,7 +81,7 @@ def _row(seed: int) -> dict[str, Any]:
 
 
 def report(table: pd.DataFrame) -> str:
-    """Return how many intervals hold their truth."""
+    """Return the number of intervals that hold the true value."""
     lines = [f"{len(table)} truths"]
     for name in BOUNDS:
         low, high = table[f"{name}_low"].fillna(-np.inf), table[f"{name}_high"].fillna(np.inf)

@@ -1,8 +1,8 @@
-"""The prices of counted operations (`pyfric.engines.cost`), measured again on this machine.
+"""Prices of operations, their times (`pyfric.engines.cost`), measured again on this machine.
 
 Runs of many kinds are timed. Their expected work is linear in the prices, and in the inverse of
-FLOPS. Least squares of the relative errors then give each price beside the stored one. A price that
-hardly contributes to any run stays near the stored one.
+FLOPS. Least squares of the relative errors then give each price, to compare with the stored price.
+A price that hardly contributes to any run stays near the stored price.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ PRICES = (
     *("SLIDE", "RUN", "RATED", "SLOW_STEP", "RELEASE", "STATIC_EVENT", "UNKNOWN", "MODES", "FLOPS"),
 )
 RATE = "FLOPS"
-"""Operations per time; all others are times."""
+"""Price in operations per time; all other prices are times."""
 SMALL = 1e-3
-"""Part of a price by which it is changed, to find what it contributes."""
+"""Relative change of a price that shows its contribution."""
 HELD = 0.05
-"""Weight of a price's relative distance from the stored one, beside relative errors of runs."""
+"""Weight of relative distances from stored prices, against relative errors of runs."""
 REPEATS, SHARE, EVERY = size((3, 1.0, 1), (1, 0.02, 5))
-"""Times a run is made, part of its time that is run, and every which run is made."""
+"""Repeats of a run, part of its time that is run, and interval between the runs that are made."""
 
 
 class Case(NamedTuple):
@@ -68,7 +68,7 @@ def cases() -> list[Case]:
     found = [Case(one, t, "quasistatic", "linear", {}) for one, t in scenes]
     for geometry in ("linear", "finite"):
         found += [Case(one, t, "hybrid", geometry, {}) for one, t in scenes]
-        for one, _ in scenes:  # some 0.2 s each
+        for one, _ in scenes:  # each takes some 0.2 s
             steps = 2e8 / (24 * one.N_x * one.N_z + 5e3)
             found.append(Case(one, steps * step_size(one), "dynamic", geometry, {}))
     heavy, slow, creeping = preset("fig1", F_N=4e4), preset("slow"), small.replace({"d_c": 5e-6})
@@ -123,7 +123,7 @@ def shares(case: Case, record: Record) -> np.ndarray:
 
 
 def measured(*, progress: bool = False) -> pd.DataFrame:
-    """Return each price over the stored one, and its largest share of the time of a run."""
+    """Return the ratio of each price to the stored price, and its largest share of a run's time."""
     rows, taken = [], []
     for case in cases()[::EVERY]:
         seconds = []

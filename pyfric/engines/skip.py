@@ -12,7 +12,7 @@ waits until its attempts take no more than a share of what steps take (`Prices`)
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -36,7 +36,8 @@ class Span:
         n: number of steps.
         F_T: function of times since its beginning (s), at the points of the curve, that returns the
             forces of the driver, in N.
-        motion: function of the same times that yields the motion of the interface.
+        motion: function of the same times that returns the motion of the interface, arrays over
+            times and blocks.
         put: function that sets a state to the end of the span, energies included; None: the end is
             not known well enough, and steps lead to it.
         reach: number of steps up to which `F_T` is asked; None: n.
@@ -46,7 +47,7 @@ class Span:
 
     n: int
     F_T: Callable[[np.ndarray], np.ndarray]
-    motion: Callable[[np.ndarray], Iterable[Mapping[str, np.ndarray]]]
+    motion: Callable[[np.ndarray], Mapping[str, np.ndarray]]
     put: Callable[[State], None] | None
     reach: int | None = None
     done: int = 0

@@ -37,9 +37,21 @@ LARGE = 500.0
 """Argument above which ln(I_0(x)) is taken as x, so that I_0 does not overflow."""
 
 
-def after(part: tuple[np.ndarray, np.ndarray], s: float, moved: np.ndarray) -> np.ndarray:
-    """Return a part of an `Interface` at s (s) after displacements (m)."""
-    return part[0] @ np.array([1.0, s, s * s / 2]) + part[1] @ moved
+def after(
+    part: tuple[np.ndarray, np.ndarray], s: float | np.ndarray, moved: np.ndarray
+) -> np.ndarray:
+    """Return a part of an `Interface` at s (s) after displacements (m), shape (N_x,).
+
+    At n times s the displacements have the shape (n, N_x); the first axis of the result is theirs.
+    """
+    return _over(part, (1.0, s, s * s / 2), moved)
+
+
+def _over(
+    part: tuple[np.ndarray, np.ndarray], powers: tuple[float | np.ndarray, ...], moved: np.ndarray
+) -> np.ndarray:
+    powers = np.stack(np.broadcast_arrays(*powers), axis=-1)
+    return (part[0] @ powers[..., None] + part[1] @ moved[..., None])[..., 0]
 
 
 class Interface(NamedTuple):
@@ -64,11 +76,14 @@ class Interface(NamedTuple):
         load, p, F_T = (after(part, s, moved) for part in self[:3])
         return load, p, float(F_T)
 
-    def moving(self, s: float, moved: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return u_x (m) and v_x (m/s) of all blocks, from those of the blocks in contact."""
-        values, over = self.u
-        u_x = values @ np.array([1.0, s, s * s / 2]) + over @ moved
-        return u_x, values @ np.array([0.0, 1.0, s]) + over @ v
+    def moving(
+        self, s: float | np.ndarray, moved: np.ndarray, v: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return u_x (m) and v_x (m/s) of all blocks, from those of the blocks in contact.
+
+        Shapes are those of `after`.
+        """
+        return after(self.u, s, moved), _over(self.u, (0.0, 1.0, s), v)
 
 
 class Waves(NamedTuple):

@@ -132,13 +132,17 @@ class Recorder:
         self._add_points(state.t, point[:, None])
         if self.moving:
             f = core.evaluate(model, state, state.t).f
-            motion = {"u_x": state.y[0, 0].copy(), "v_x": state.y[0, 2], "f": f}
-            self.add_motion(self.scene.law.in_motion(state.memory) | motion)
+            motion = {"u_x": state.y[0, 0], "v_x": state.y[0, 2], "f": f}
+            motion = self.scene.law.in_motion(state.memory) | motion
+            self.add_motion({name: values[None] for name, values in motion.items()})
 
     def add_motion(self, motion: Mapping[str, np.ndarray]) -> None:
-        """Add the motion of the interface at the last point of the curve, (N_x,) each."""
+        """Add quantities of the interface in motion at the last n points of the curve, (n, N_x)."""
         types = held_in("motion")
-        self.history.motion.append({k: v.astype(types[k].dtype) for k, v in motion.items()})
+        kept = [values.astype(types[name].dtype) for name, values in motion.items()]
+        self.history.motion += [
+            dict(zip(motion, point, strict=True)) for point in zip(*kept, strict=True)
+        ]
 
     def _add_points(self, t: float | np.ndarray, points: np.ndarray) -> None:
         """Add n points of the loading curve of the core, shape (16, n), at times t (s)."""
@@ -167,8 +171,7 @@ class Recorder:
         unknown = np.full((len(t), len(self.history.names) - 2), np.nan)
         self.history.add(np.column_stack([t, F_T, unknown]))
         if self.moving:
-            for motion in span.motion(s[:n]):
-                self.add_motion(motion)
+            self.add_motion(span.motion(s[: len(F_T)]))
 
     # --- the logs --------------------------------------------------------------------------------
 

@@ -23,7 +23,7 @@ from pyfric.engines.works import add_jump
 from pyfric.statics import RememberedStates, check_sticks
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping
 
     from pyfric.core import State
     from pyfric.engines.guarded import GuardedSteps
@@ -191,13 +191,13 @@ class RingDown:
             moved = whole.jump.u_h(s) - np.mean(state.u_drv0)
             return self.scene.driver.K * (outside.drive_at(s) - self.scene.d * moved)
 
-        def motion(s: np.ndarray) -> Iterator[dict[str, np.ndarray]]:
-            """Yield a motion that is linear between the ends, with NaN as f."""
-            begin, lasts = state.y[0, 0].copy(), whole.n * state.dt
+        def motion(s: np.ndarray) -> dict[str, np.ndarray]:
+            """Return a motion that is linear between the ends; f is not known."""
+            begin, lasts = state.y[0, 0], whole.n * state.dt
             moves, end_x = state.mode != STUCK, self.known.displacements(whole.q)[0][0, 0]
             v = np.where(moves, end_x - begin, 0.0) / lasts
-            for after in s:
-                yield {"u_x": begin + v * after, "v_x": v, "f": np.full(len(begin), np.nan)}
+            u_x = begin + v * s[:, None]
+            return {"u_x": u_x, "v_x": np.tile(v, (len(s), 1)), "f": np.full(u_x.shape, np.nan)}
 
         def put(state: State) -> None:
             self._land(state, landing, modes.space)

@@ -12,7 +12,7 @@ its attempts take no more than a set share of the work of steps (`Prices`).
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -34,18 +34,20 @@ class Span:
 
     Args:
         n: number of steps.
-        F_T: function that returns the driver's forces (N) at times since the beginning (s).
-        motion: function of the same times that yields the motion of the interface.
-        put: function that sets a state to the end of the span, energies included; None if the end
-            has to be reached by steps.
-        reach: number of steps at which `F_T` is evaluated; None: n.
-        done: number of steps that an earlier run has recorded.
+        F_T: function of times since its beginning (s), at the points of the curve, that returns the
+            forces of the driver, in N.
+        motion: function of the same times that returns the motion of the interface, arrays over
+            times and blocks.
+        put: function that sets a state to the end of the span, energies included; None: the end is
+            not known well enough, and steps lead to it.
+        reach: number of steps up to which `F_T` is asked; None: n.
+        done: number of steps that a run before this one has recorded.
         ending: status of a run that ends with the span, or "".
     """
 
     n: int
     F_T: Callable[[np.ndarray], np.ndarray]
-    motion: Callable[[np.ndarray], Iterable[Mapping[str, np.ndarray]]]
+    motion: Callable[[np.ndarray], Mapping[str, np.ndarray]]
     put: Callable[[State], None] | None
     reach: int | None = None
     done: int = 0

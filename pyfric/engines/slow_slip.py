@@ -37,7 +37,7 @@ from pyfric.statics import Memory, Values
 from pyfric.values import SceneError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping
 
     from pyfric.core import State
     from pyfric.engines.guarded import GuardedSteps
@@ -239,13 +239,14 @@ class SlowSlip:
         by_v, _ = self.about(state.mode != OPEN).by_v
 
         def F_T(s: np.ndarray) -> np.ndarray:
-            at = zip(s, points, strict=False)
-            return np.array([after(interface.F_T, t, u) for t, (u, *_) in at])
+            n = min(len(s), len(points))
+            return after(interface.F_T, s[:n], points[:n, 0])
 
-        def motion(s: np.ndarray) -> Iterator[dict[str, np.ndarray]]:
-            for t, (u, log_theta, v) in zip(s, points, strict=False):
-                load, (u_x, v_x) = after(interface.load, t, u), interface.moving(t, u, v)
-                yield {"theta": np.exp(log_theta), "u_x": u_x, "v_x": v_x, "f": -load - by_v @ v}
+        def motion(s: np.ndarray) -> dict[str, np.ndarray]:
+            u, log_theta, v = points[: len(s)].swapaxes(0, 1)
+            load, (u_x, v_x) = after(interface.load, s, u), interface.moving(s, u, v)
+            f = -load - (by_v @ v[..., None])[..., 0]
+            return {"theta": np.exp(log_theta), "u_x": u_x, "v_x": v_x, "f": f}
 
         def put(state: State) -> None:
             if self.method.threshold:

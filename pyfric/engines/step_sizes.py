@@ -153,7 +153,9 @@ def check_located(scene: Scene, stepper: str, dt: float) -> None:
             "energy only as long as they are equal, and those that end at a switch are not"
         )
         raise SceneError("switching", "located", "", allowed)
+    if not STEPPERS[stepper].adaptive:
+        return
     limit = LONGEST_LOCATED * stability_limit(scene, "rk4")[0]
-    if STEPPERS[stepper].adaptive and dt > limit:
+    if dt > limit:
         allowed = f"at most {limit:.3g} s with located switching: each step has room for some"
         raise SceneError("dt", dt, "s", allowed, "too long")

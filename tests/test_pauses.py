@@ -96,7 +96,7 @@ SCENES = {
     "sequence 2": (setup2(**SMALL2), 0.2, "quasistatic"),
     "planned": (setup1(L=0.02, H=0.0125, F_N=400.0, V=2e-2), 6e-3, "auto"),
     "chain": (preset("chain", V=0.02, L=0.05), 4e-3, "dynamic"),
-    "rate and state": (preset("rate_and_state", L=0.05, H=0.02), 0.9, "hybrid"),
+    "rate and state": (preset("rate_and_state", L=0.05, H=0.02, l=5e-3), 0.93, "hybrid"),
 }  # fmt: skip
 """Scenes, ends (s) and engines."""
 

@@ -76,8 +76,14 @@ def least_limit(stepper: Stepper, eigenvalues: np.ndarray) -> tuple[float, int]:
     moving = np.flatnonzero(z)
     size, ray = np.abs(z[moving]), np.exp(1j * np.angle(z[moving]))
 
+    *others, last = stepper.growth.coef.tolist()
+
     def stable(s: np.ndarray, which: np.ndarray) -> np.ndarray:
-        return np.abs(stepper.growth(s * ray[which])) <= 1 + GROWN
+        z = s * ray[which]
+        R = np.full(z.shape, complex(last))
+        for one in reversed(others):  # Horner's rule
+            R = one + R * z
+        return np.abs(R) <= 1 + GROWN
 
     low = np.where(stable(np.full(ray.shape, 2.0), np.arange(len(ray))), 2.0, 0.0)
     limit, found = _least_end(stable, low, np.full(ray.shape, 4.0), size)

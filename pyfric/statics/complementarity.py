@@ -45,11 +45,11 @@ RATE_TOL = 1e-11
 LEAST = 1e-6
 """Normal force, over F_N/N_x, below which a block does not stick."""
 LOST = 1e-3
-"""Violation of conditions that is rounding, over F_N/N_x, beyond which displacements are those of a
-slider that nothing holds."""
+"""Rounding error of the conditions, over F_N/N_x, beyond which the slider counts as held by
+nothing."""
 UNHELD = "the slider is not held by the blocks that stick"
 BASES = 64
-"""Number of tables with all blocks held that are kept, one for each set of open blocks."""
+"""Number of stored tables with all blocks held. Each set of open blocks has its own table."""
 CHANGES = 10
 """Largest number of exchanges for one static state, over N_x; about 1.5 are needed. In the second
 half, the first block that violates a condition changes instead of the worst one. This ends cycles.
@@ -82,7 +82,7 @@ class ContactProblem:
     Args:
         scene: the scene.
         u_drv0: u_x of the driven blocks at F_T = 0, in m, as `Scene.u_driven` returns it. Only its
-            differences between the blocks of a plate matter. None means that of the loaded state.
+            differences between the blocks of a plate matter. None means u_x in the loaded state.
 
     Raises:
         SceneError: the scene has no static states.
@@ -308,8 +308,8 @@ class Contact(States):
     def load(self, home: np.ndarray) -> Values:
         """Find the state after proportional loading; see `States.unmet_in_loading`.
 
-        A block that hardly touches may lift off where it is held, and sink in where it is free. If
-        it lifts off a second time, it lands as one that slipped to where it is.
+        A block that hardly touches may lift off where it is held, and sink in where it is free. A
+        block that lifts off a second time lands as a slipping block, at its present position.
         """
         self._lifts[:] = 0
 
@@ -447,7 +447,7 @@ class Contact(States):
             self.column[which] = u_x
             self.renew()
             return
-        for n in np.argsort(mode != STUCK, kind="stable"):  # stick first: it holds the slider
+        for n in np.argsort(mode != STUCK, kind="stable"):  # stuck ones first: they hold the slider
             if self.free[which[n]] == (mode[n] == STUCK):
                 self._exchange(which[n], mode[n], u_x[n])
 

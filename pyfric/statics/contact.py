@@ -88,13 +88,13 @@ class States:
         self.enter(slice(None), mode)
 
     def enter(self, which: np.ndarray | slice | int, mode: np.ndarray | int) -> None:
-        """Put blocks into other states; those without friction or contact into theirs."""
+        """Put blocks into states; blocks without friction or contact stay bare or open."""
         self.mode[which] = self.possible(which, mode)
         self.closed, self.stuck = self.mode != OPEN, self.mode == STUCK
         self.slip = self.mode * (np.abs(self.mode) == 1)
 
     def possible(self, which: np.ndarray | slice | int, mode: np.ndarray | int) -> np.ndarray | int:
-        """Return the states of blocks that are put into states `mode`."""
+        """Return `mode`, with bare or open for blocks that lack friction or contact."""
         if self._all_rub:
             return mode
         mode = np.where(self.scene.bare[which] & (np.asarray(mode) != OPEN), BARE, mode)

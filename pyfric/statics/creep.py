@@ -45,9 +45,9 @@ RATE = 1e-7
 PART = 0.25
 """Longest step along a path, in slip over the slip at the first knot of the law."""
 PAST = 1.01
-"""Length of a step to the next change, over its extrapolated distance: the step ends beyond it."""
+"""Length of a step over the extrapolated distance of the next change. The step ends beyond it."""
 NEWTON, LOOKS, STEPS = 12, 200, 10_000
-"""Limits of steps of Newton's method, of states computed to find one change, of steps of a path."""
+"""Largest numbers: Newton steps, states computed to find one change, steps of a path."""
 
 
 def creeps(law: Law) -> bool:

@@ -161,7 +161,7 @@ class StaticSolver(System):
     def _load_slider(self) -> Equilibrium:
         """Return the loaded state. Bottom blocks slip only if they exceed their strength.
 
-        After a given slip they are held where it brought them, by any friction.
+        With a given initial slip, blocks stick at this slip, whatever their friction force is.
         """
         scene, home = self.scene, self.scene.home
         if scene.law.junctions and not isinstance(scene.top, PrescribedLoad):
@@ -224,8 +224,8 @@ class StaticSolver(System):
         """Return the static state whose contact states meet their conditions.
 
         Newton's method finds the static state for given contact states. If these violate their
-        conditions, the contact solver finds others, in linear geometry about that state. In linear
-        geometry they are final.
+        conditions, the contact solver finds others, on the slider linearised about the static
+        state. In linear geometry the contact solver's states are final.
 
         Args:
             q: initial coordinates, shape (n_q,).
@@ -272,7 +272,7 @@ class StaticSolver(System):
     def _contact(
         self, states: States, now: Values, given: np.ndarray, drive: float | None
     ) -> Contact:
-        """Return these states on the condensed slider, corrected to the present forces."""
+        """Return the contact states on the condensed slider, corrected for the present forces."""
         at, problem = 0.0, self._problem
         if self._loads is not None:
             problem = problem.along(Route(0.0, 1.0, self._loads))
@@ -289,13 +289,14 @@ class StaticSolver(System):
     ) -> tuple[tuple[np.ndarray, np.ndarray, float], float, int]:
         """Return the static state for one set of contact states.
 
-        It is given by coordinates, forces on them (without friction of stuck blocks, in N) and F_T;
-        then follow the residual force (N) and the number of steps.
+        Returned are coordinates, forces on them (without friction of stuck blocks, in N), F_T, the
+        residual force (N) and the number of steps.
 
-        The factors are those of the reference state (a chord iteration); they are renewed if it
-        converges slowly. The iteration ends at the level of rounding. It also ends below `ACCEPTED`
-        if a renewed tangent does not help. Steps keep their leading bits (`System.leading`), so
-        that no kernel of LAPACK changes the state. Linear geometry takes three to six steps.
+        The iteration uses the factors of the reference state (chord iteration). If it converges
+        slowly, the factors are renewed. The iteration ends at the level of rounding. It also ends
+        below `ACCEPTED` if a renewed tangent does not help. Steps keep their leading bits
+        (`System.leading`), so that no kernel of LAPACK changes the state. Linear geometry takes
+        three to six steps.
         """
         unknown, unit = self.unknown(states.mode), self.scene.F_N / self.scene.N_x
         if unknown[-1] - unknown[0] == len(unknown) - 1:  # as a slice it takes less time

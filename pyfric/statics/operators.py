@@ -21,7 +21,7 @@ from pyfric.statics.lattice import DIRECTIONS, Bonds, assembled, bonds, spring_t
 from pyfric.statics.rows import ends
 
 INDEPENDENT = 1e-10
-"""Length, and inertia, that a shape of length 1 adds to a space, below which it is rounding."""
+"""Length and inertia that a shape of length 1 adds to a space; smaller ones are rounding."""
 
 
 def coordinates(scene: Scene) -> sp.csr_array:
@@ -105,7 +105,7 @@ def stiffness(
 def bond_stiffness(scene: Scene) -> sp.csr_array:
     """Return the stiffness of bonds and k_top in coordinates, over k, shape (n_q, n_q).
 
-    It does not depend on k: the bonds of all lattices have the same shares of it.
+    It does not depend on k, to which all bond stiffnesses are proportional.
     """
     lattice, T = bonds(scene), coordinates(scene)
     springs = np.zeros(2 * scene.N_x * scene.N_z)

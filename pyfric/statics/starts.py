@@ -30,7 +30,8 @@ def _at_rest(
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Return friction along +x and strength before any push, at t (s), shape (N_x,), in N.
 
-    None is returned after slip. `solver` is that of the scene without its pushes.
+    None is returned if blocks slip before t. `solver` is the solver of the scene without its
+    pushes.
     """
     scene = scene.replace({"top.push": ()}) if scene.top.push else scene
     solver = solver or StaticSolver(scene, default_geometry(scene))
@@ -66,7 +67,7 @@ def check_pushes(scene: Scene, solver: StaticSolver) -> None:
         SceneError: a push does not make its block slip.
     """
     if not (scene.top.push and scene.law.rests) or isinstance(scene.top, PrescribedLoad):
-        return  # those of a prescribed interface are checked with the scene
+        return  # pushes on a prescribed interface are checked with the scene
     known = {t: _at_rest(scene, t, solver) for t in {push.begin for push in scene.top.push}}
     for push in scene.top.push:
         if known[push.begin] is not None:

@@ -256,8 +256,7 @@ class System:
         return float(longest) / self.scene.slider.l
 
     def stiffened(self, shape: np.ndarray, stiffer: np.ndarray) -> np.ndarray:
-        """Return the forces of changes of bond stiffness, (3, n_bonds), in a deformation, both
-        (n_q,)."""
+        """Return forces (n_q,) of bond stiffness changes (3, n_bonds) in a deformation (n_q,)."""
         (x, z), (xx, xz, zz) = self.elongations(shape), stiffer
         return self._gather @ np.concatenate([xx * x + xz * z, xz * x + zz * z])
 
@@ -349,8 +348,7 @@ class System:
             raise EquilibriumError(what, np.nan, 0.0, 0) from error
 
     def banded(self, unknown: np.ndarray) -> tuple[np.ndarray, int]:
-        """Return the order of unknowns with the narrowest band and the rod last, and its
-        unknowns."""
+        """Return the order with the narrowest band, rod last, and how many unknowns the rod has."""
         scene, n_rod = self.scene, 3 if self.scene.rigid else 0
         row, i = np.divmod(unknown[: len(unknown) - n_rod], scene.N_x)
         tall = scene.N_z > scene.N_x

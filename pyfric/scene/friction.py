@@ -10,9 +10,10 @@ Static states, the quasi-static sequence and the prediction curve do not resolve
 slipping block has mu_k, which is Amontons-Coulomb friction (`Law.slide`). The core evaluates the
 whole law, in Fortran.
 
-The slip path needs only one stored number: s = s_0 + mode u_x while a block slips, otherwise s_0.
+The slip path needs only one stored number, s_0. It is s = s_0 + mode u_x while a block slips, and
+s_0 otherwise.
 
-Laws under which a block never sticks are those of `pyfric.scene.restless`.
+`pyfric.scene.restless` has the laws under which blocks never stick.
 
 Source: PRL 107, 074301 (2011), interface law, and its remark on slip weakening.
 """
@@ -66,15 +67,15 @@ class Law:
     state: ClassVar[tuple[Variable, ...]] = CLOCKS
     """State variables of a block; all are numbers."""
     motion: ClassVar[tuple[Variable, ...]] = ()
-    """What a run records of them at points of the curve."""
+    """What a run records of the state variables at points of the loading curve."""
     memory: ClassVar[np.dtype] = memory_of(CLOCKS)
     """Names and shapes of the state variables."""
     code: ClassVar[int] = 1
     """Number of the law in the core (pyfric_law)."""
     restless: ClassVar[str] = ""
-    """Why no block rests, "" if blocks can."""
+    """Reason why no block rests; "" if blocks can rest."""
     flows: ClassVar[bool] = False
-    """Whether friction is that of a speed, so that steps are implicit in it."""
+    """Whether friction depends on speed in such a way that steps have to be implicit."""
     junctions: ClassVar[int] = 0
     """Number of junctions of each block; 0 without junctions."""
     apart: ClassVar[bool] = False
@@ -144,7 +145,7 @@ class Law:
 
     @property
     def core_numbers(self) -> dict[str, float]:
-        """Numbers of the law itself for the core by name, in the order of its `numbers_t` there."""
+        """Numbers of the law for the core by name, in the order of `numbers_t` in the core."""
         return {}
 
     def budget(self, heat: Any = 0.0, loss: Any = 0.0, parts: Any = (0.0, 0.0)) -> dict[str, Any]:

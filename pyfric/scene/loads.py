@@ -66,7 +66,7 @@ class Loads(Fields):
 
     @property
     def V_top(self) -> float:
-        """Speed of that plate in the drive direction, in m/s; its displacement loads as T."""
+        """Speed of the top plate in the drive direction, in m/s. Its force is a part of T."""
         return self.top.V_top or 0.0
 
     @functools.cached_property

@@ -44,7 +44,7 @@ MULTIPLE_RTOL = 1e-9
 """Relative tolerance of "L, H and h are multiples of l"."""
 OPTIONAL = ("gap", "slip", "limit_from")
 FIELDS = ("mu_s", "mu_k", "d_c", "alpha", "k_f", *OPTIONAL)
-"""Names of the fields of an interface; those that few interfaces have."""
+"""Names of the fields of an interface; the last ones are rarely given."""
 A_LAW = "a friction law, such as pyfric.laws.Ageing, or [interface.law] in a scene file"
 CHAIN_NOTE = ", or 0 for a chain under a prescribed load"
 
@@ -80,8 +80,9 @@ class Slider:
         edges: "whole", as in the paper: M/(N_x N_z) in each block and springs of full stiffness
             along the edges. "half": blocks along free edges are half blocks, quarters in corners,
             with half of the mass, of the springs along the edge, and of what foundation and loads
-            give to a column. Mass and stiffness then converge to second order in l. In a chain it
-            halves both ends. Linear geometry only, and neither a driven top nor junctions.
+            give to a column. Mass and stiffness then converge to second order in l. In a chain both
+            end blocks are half blocks. "half" needs linear geometry, no driven top and no
+            junctions.
         g: gravity, m/s^2, >= 0, downward on all blocks and the rod, in addition to F_N. In setup 1
             9.81 m/s^2 adds 4e-4 F_N, half of it the weight of the rod.
 
@@ -122,13 +123,13 @@ class Slider:
         """Return a slab of a material: k = 3 B E/4 and M = rho B L H; see `Material`.
 
         Blocks at the edges are whole blocks, so that M/(N_x N_z) is less than rho B l^2. Waves are
-        therefore faster than in the material, by the factor sqrt((1 + l/L)(1 + l/H)); not so with
-        edges="half".
+        therefore faster than in the material, by the factor sqrt((1 + l/L)(1 + l/H)). With
+        edges="half" they are as fast as in the material.
 
         Args:
             name: a key of `pyfric.MATERIALS`, for values that are not given, or a `Material`.
-            width, E, density, viscosity, plane: see `Material`. Which waves decay as the viscosity
-                says depends on `dashpots`.
+            width, E, density, viscosity, plane: see `Material`. `dashpots` decides which waves
+                decay at the rate of the viscosity.
             **fields: L, H, l and other fields of the slider, except k and M.
 
         >>> slab = {"L": "140 mm", "H": "75 mm", "l": "2.5 mm"}
@@ -338,8 +339,9 @@ class Walls:
     it. In a corner of two absorbing walls only rho c_P acts. At an absorbing side the end block has
     half of p and tau. "held": the top row does not move.
 
-    Energies, work and heat are those of the blocks of the scene, without images. What absorbing
-    walls absorb is part of the energy dissipated in bonds. A column `radiated` has it alone.
+    Energies, work and heat are those of the blocks of the scene, without images. Energy absorbed by
+    walls is part of the energy dissipated in bonds. The column `radiated` has the absorbed energy
+    alone.
 
     Args:
         left, right: "free", "mirrored" or "absorbing".
@@ -434,8 +436,9 @@ class Interface:
             before the first one there is no limit.
         limit_from: time from which t of `limit` counts, s, >= 0; inf where there is no limit. None
             means 0.
-        slip_since: "stick": the slip of the law counts from the last stick on. "start": over all
-            sticks, so that mu of slipping blocks runs in; those that stick bear mu_s p as ever.
+        slip_since: "stick": the slip of the law counts from the last stick on. "start": the slip
+            counts from the start of the run, so that friction of slipping blocks stays weakened.
+            Stuck blocks still bear mu_s p.
 
     mu_s, mu_k, k_f, d_c, alpha, gap, slip and limit_from are fields: a number, N_x numbers from the
     trailing edge on, a `Spread`, or a `Profile`. A table with a "file" stands for the profile in
@@ -446,8 +449,8 @@ class Interface:
     |tau| exceeds mu_s p after a given slip begin to slip at t = 0.
 
     A block without contact is a part of the free surface. A block with mu_s = 0 and alpha = 0
-    carries p and moves freely along the interface; records show it as open. Neither sticks, slips
-    or takes part in events.
+    carries p and moves freely along the interface; records show it as open. Blocks of both kinds
+    neither stick nor slip, and take no part in events.
 
     With the default law, a block that has slipped by s since it last stuck resists with mu(s) p,
     mu(s) = mu_s - (mu_s - mu_k) min(s/d_c, 1). If slip reverses without sticking, s continues to

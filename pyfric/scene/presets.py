@@ -172,7 +172,7 @@ def _waves(slider: Slider) -> tuple[float, ...]:
 
 
 def _made(base: Scene, given: Mapping[str, Any], **rules: Rule) -> Scene:
-    """Return a scene with changes; `rules`, as part_field, replace values not given or None."""
+    """Return a scene with changes; `rules`, by part_field, give values left out."""
     for part in given.keys() & PARTS:
         with naming(part):
             PARTS[part].check(given[part])
@@ -327,7 +327,7 @@ def burridge_knopoff(changes: Changes = None, /, **fields: Unpack[Fields]) -> Sc
 
     100 blocks with l = 2.5 mm, p = 61.4 N, k = 1.35 MN/l and the density of `chain`. Each spring of
     the plate has k/4, so that K = N_x k/4. V = 10 nm/s. mu_s is spread evenly from 0.5 to 0.9, and
-    mu_k = 0.4: events are small and large. With less spread, all blocks slip in each.
+    mu_k = 0.4: events are small and large. With less spread, all blocks slip in each event.
 
     Changes and errors are those of `preset`.
 
@@ -524,13 +524,14 @@ def presets() -> dict[str, str]:
 
 
 UNSAID = 0.05
-"""Change of the density, over it, that needs no note: a policy."""
+"""Largest relative change of the density without a note (a choice)."""
 
 
 def density_notes(scene: Scene) -> tuple[str, ...]:
-    """Return a note on a scene with the name of a preset and another density than this has.
+    """Return a note on a scene that has the name of a preset, but another density.
 
-    Mass per area decides: a height that is changed alone leaves M as it is.
+    Densities are compared as mass per area. If only the height is changed, M stays and the density
+    changes.
     """
     if scene.name not in PRESETS:
         return ()

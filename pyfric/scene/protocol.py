@@ -156,9 +156,9 @@ def _rows(
 def thinned(corners: ArrayLike, error: float | str) -> Corners:
     """Return breakpoints of a protocol that many others follow within an error.
 
-    A measured speed may have many samples, and steps of time end at each breakpoint. Jumps, where
-    two times are the same, are kept. The displacement of a driver is then right within `error`
-    times the time.
+    Time steps end at each breakpoint, so that a measured speed with many samples takes many steps.
+    Jumps, where two times are the same, are kept. The displacement of a driver is then right within
+    `error` times the time.
 
     Args:
         corners: pairs of a time (s) and a value, in SI units, shape (n, 2), in order of time.

@@ -58,7 +58,7 @@ class Scene(Composed, Shown):
         return scene_text(self)
 
     def __getattr__(self, name: str) -> Any:
-        """Say where an attribute is that a scene has not."""
+        """Refuse a name that a scene has not, and suggest where the value is."""
         if name.startswith("_"):
             raise AttributeError(f"a scene has no {name!r}", name=name, obj=self)
         if instead := line(name, "scene"):

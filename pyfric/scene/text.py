@@ -1,4 +1,4 @@
-"""What is said of a scene: a summary, and notes on values that a run does not reach or resolve."""
+"""Texts on a scene: a summary, and notes on values that a run does not reach or resolve."""
 
 from __future__ import annotations
 

@@ -154,11 +154,11 @@ class Tables(NamedTuple):
 
 
 class Variable(NamedTuple):
-    """What a law has for each block: a field, a state variable, or what a run records of these.
+    """A quantity of each block under a law: a field, a state variable, or a recorded quantity.
 
     Attributes:
         name, unit: its name, and its SI unit, "1" without one.
-        meaning: for whoever reads it in a file.
+        meaning: its meaning, as written to files.
         dtype: type in records.
     """
 

@@ -19,12 +19,12 @@ MOST = 100.0
 
 
 class Evolution(NamedTuple):
-    """A law of evolution; its functions in the core stand in fortran/evolution.f90.
+    """A law of evolution; fortran/evolution.f90 has its functions in the core.
 
     Attributes:
-        code: its number there.
-        weakening: -d(ln theta)/d|u|, in 1/D_c, by a wave of speed, over |v| theta/D_c; it takes the
-            law (`pyfric.scene.RateStateLaw`), too.
+        code: its number in the core.
+        weakening: -d(ln theta)/d|u| at a change of speed, in 1/D_c, as a function of |v| theta/D_c
+            and of the law (`pyfric.scene.RateStateLaw`).
         steady: |v| theta/D_c of steady slip.
     """
 
@@ -64,8 +64,8 @@ class RateAndState(FrictionLaw):
     block evolves with its speed.
 
     A block counts as slipping while |v| >= v_slip: contact states, episodes, events and fronts are
-    those of such blocks. The interface needs no mu_s and mu_k, which are both f*. With f* p the
-    slider holds while it is loaded, before t = 0.
+    those of such blocks. The interface needs no mu_s and mu_k, which are both f*. While the slider
+    is loaded, before t = 0, each block holds up to f* p.
 
     Args:
         a: direct effect, in (0, 1], and at least 1/550 of the friction coefficient at rest.
@@ -88,8 +88,8 @@ class RateAndState(FrictionLaw):
     Sources: J. H. Dieterich, J. Geophys. Res. 84, 2161 (1979); A. L. Ruina, J. Geophys. Res. 88,
     10359 (1983); regularised by asinh: J. R. Rice, N. Lapusta, K. Ranjith, J. Mech. Phys. Solids
     49, 1865 (2001); prz: G. Perrin, J. R. Rice, G. Zheng, J. Mech. Phys. Solids 43, 1461 (1995);
-    K. Nagata, M. Nakatani, S. Yoshida, J. Geophys. Res. 117, B02314 (2012). With changing p, that
-    the rate is that of mu, and not of |f|, is a choice made here.
+    K. Nagata, M. Nakatani, S. Yoshida, J. Geophys. Res. 117, B02314 (2012). For changing p, the use
+    of dmu/dt is a choice made here.
     """
 
     a: Annotated[Field, Quantity("", gt=0.0, le=LARGEST, **FIELD)]

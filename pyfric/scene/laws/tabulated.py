@@ -30,9 +30,9 @@ COLUMNS = {
     "speed": ("v", "speed_factor"),
     "age": ("age_time", "age_factor"),
 }
-"""Table -> its two lists."""
+"""Table -> names of its two lists."""
 IN_UNITS = UNITS._replace(slide="m")
-"""SI units of the first lists."""
+"""SI units of the first list of each table."""
 
 Source = str | Path | Measured | tuple[Callable[[float], float], float | str]
 """A CSV file, a measured curve, or a pair of a function and the end of its table."""

@@ -1,7 +1,7 @@
 """Arrays in files of programs: MATLAB, HDF5 and netCDF, NumPy.
 
-Arrays of netCDF may be packed, with values that stand for gaps; what their attributes say of this
-(CF conventions, section 8.1) is applied, and said.
+netCDF arrays may be packed, with values that stand for gaps. They are unpacked by their attributes
+(CF conventions, section 8.1), and a note says so.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ FILLS = {
     **{"i2": -(2**15) + 1, "u2": 2**16 - 1, "i4": -(2**31) + 1, "u4": 2**32 - 1},
     **{"i8": -(2**63) + 2, "u8": 2**64 - 2, "f4": 9.969209968386869e36, "f8": 9.969209968386869e36},
 }
-"""What netCDF writes where nothing was written, by type."""
+"""Default fill values of netCDF, by type."""
 
 
 def matlab(path: Any, asked: Asked) -> Found:
@@ -54,7 +54,7 @@ def numpy(path: Any, asked: Asked) -> Found:
     """Return the arrays of a file of NumPy, .npy or .npz.
 
     Raises:
-        SceneError: it cannot be read; Python objects are not.
+        SceneError: the file cannot be read, or holds Python objects.
     """
     found = Found("NumPy")
     try:
@@ -110,7 +110,7 @@ def hdf5(path: Any, asked: Asked) -> Found:
 
 
 def _scale(item: Any, h5py: Any) -> str | None:
-    """Return the name of the dimension along which an array of samples is, None if it has none."""
+    """Return the name of the dimension of a one-dimensional array, None if it has none."""
     if h5py.h5ds.is_scale(item.id):
         return item.name
     return item.dims[0][0].name if len(item.dims) == 1 and len(item.dims[0]) else None
@@ -151,10 +151,10 @@ def _unit(attrs: Mapping[str, Any]) -> str:
 def _unpacked(
     found: Found, name: str, values: np.ndarray, attrs: Mapping[str, Any], default: bool
 ) -> np.ndarray:
-    """Return values as their attributes say; a note tells what was done.
+    """Return values unpacked by their attributes, with a note.
 
     Args:
-        default: whether what netCDF writes by default where there is nothing is a gap.
+        default: whether default fill values of netCDF are gaps.
     """
 
     def of(key: str) -> list[float]:

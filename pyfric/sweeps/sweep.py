@@ -69,8 +69,7 @@ ASKED = 5
 
 
 class Estimate(NamedTuple):
-    """Size of a sweep: numbers of points, of refused and of finished ones, and cost of the
-    others."""
+    """Numbers of points, of refused and of finished ones, and the cost of the others."""
 
     points: int
     refused: int
@@ -341,8 +340,7 @@ def _cost(job: Job, share: float) -> np.ndarray:
 
 
 def _as_in_scene(value: Any, mark: Annotation) -> Any:
-    """Return a value as the scene stores it. A refused value is returned as it is; its point
-    reports it."""
+    """Return a value as the scene stores it; a value that it refuses is returned unchanged."""
     value = value.item() if isinstance(value, np.generic) else value
     try:
         return mark.check(value)

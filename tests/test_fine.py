@@ -90,7 +90,7 @@ def test_spells_end_when_no_block_slips():
     old, new = [0, 0, 1, -1, 0, 0, 2], [1, -1, 0, 0, 2, 2, 1]
     switches = {"t": t, "block": block, "old": old, "new": new}
     lasts, blocks = fine.spells(switches, 7.0)
-    np.testing.assert_array_equal(lasts, [1.25, 2.0])  # 2 lifts, 3 slips when it lands, to the end
+    np.testing.assert_array_equal(lasts, [1.25, 2.0])  # block 3 slips after landing, to the end
     np.testing.assert_array_equal(blocks, [2, 1])
 
 

@@ -41,7 +41,7 @@ def forces_of(scene: Scene, geometry: str):
 
 
 def finite_forces(lattice: Bonds, u: np.ndarray) -> np.ndarray:
-    """Forces of the springs of any lattice in finite geometry; the core has the square one."""
+    """Return forces of springs of any lattice in finite geometry; the core has the square one."""
     du, d = np.array([D @ u.ravel() for D in lattice.difference]), lattice.d.T
     r = np.hypot(*(d + du))
     pull = lattice.k * np.sum(du * (2 * d + du), axis=0) / (r + lattice.l) * (d + du) / r

@@ -97,7 +97,7 @@ def test_a_chain_mirrors_and_goes_on_over_breakpoints():
 
 
 def test_a_forced_rupture_runs_at_its_speed_and_ends_where_it_should():
-    """At a low prestress only the forced part slips, each block soon after its time."""
+    """At a low prestress only the forced part slips, each block soon after its limit begins."""
     speed, over = 300.0, 2e-5
     scene = pyfric.chain(L=0.1, p=P, tau=2.0, K=0.0, V=0.0)
     forced = pyfric.weakened(scene, x=0.0, length=0.1, speed=speed, over=over, mu=0.19)

@@ -54,7 +54,7 @@ def test_steady_friction_falls_with_speed(steady, q, distance):
 
 
 def test_slipping_share_from_all_pinned():
-    """Junctions break t_p after the last pinning: the oracle sums over the number of breaks."""
+    """Break n of a junction comes n t_p plus n - 1 times of slip after the start."""
     t_R, std, v = 1e-3, 0.3e-3, 1e-3
     block, t_p = Dragged(t_R, std), U_S / v
 

@@ -394,7 +394,7 @@ def test_bonds_beyond_their_series_cost_more():
 
 
 def test_cost_of_the_papers_method_counts_its_steps():
-    """0.09 us in setup 2, however the engine is named; other methods take longer ones."""
+    """The step is 0.09 us in setup 2 for any name of the engine; other methods have longer ones."""
     costs = [
         expected_cost(preset("setup2"), 0.01, Options(method="paper", fidelity=engine))[0]
         for engine in ("auto", "dynamic")

@@ -96,7 +96,7 @@ def test_amplitudes_grow_as_in_steps(stepper, last):
 
 
 def exact_modes(system):
-    """Rates (1/s) and shapes of all damped modes of the free coordinates, by dense matrices."""
+    """Return rates (1/s) and shapes of all damped modes of free coordinates, by dense matrices."""
     free, n = system.free, len(system.free)
     K, C = (matrix[free][:, free].toarray() for matrix in (system.K, system.C))
     M = system.M[free]

@@ -321,7 +321,7 @@ def parameters(folder=ROOT / "fortran"):
 
 
 def told(table):
-    """The rows of a table of the page, 0 for fitted numbers and 1 for prices, and their names."""
+    """Return rows and names of a table of the page: 0 for fitted numbers, 1 for prices."""
     text = PAGE.read_text(encoding="utf-8").split("## Prices")[table]
     rows = [line for line in text.splitlines() if line[:3] == "| `"]
     return rows, [name for row in rows for name in re.findall(r"`([a-z_]+\.[A-Z_]+)`", row)]

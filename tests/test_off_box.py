@@ -19,7 +19,7 @@ CURVE = 2e-5
 """Tolerance of F_T(t) at every point, over F_N. Within microseconds of a stop it includes fast
 vibrations, of which a jump may drop a part."""
 RUPTURE = 1e-7
-"""Rupture times in events, s: half of the paper's step; neighbours break 1 to 2 us apart."""
+"""Tolerance of rupture times, s: half of the paper's step. Neighbours break 1 to 2 us apart."""
 LADDER = 1e-9
 """Tolerance of forces of the quasi-static engine over F_N, on any kernel of BLAS."""
 

@@ -240,7 +240,7 @@ def test_limits_in_closed_form():
 
 
 def full_limit(scene: Scene) -> float:
-    """Limit from all eigenvalues of the whole lattice: |R| <= 1, by bisection over dt."""
+    """Return the limit by all eigenvalues of the whole lattice: |R| <= 1, by bisection."""
     M, K, C = operators(scene)
     n = len(M)
     A = np.block(

@@ -279,7 +279,7 @@ def falls(f):
 
 @pytest.mark.parametrize("curve", ["steps", "spline", "slow"])
 def test_without_noise_events_are_falls_between_turning_points(curve):
-    """A curve of another code, an event each few samples, or a line through points."""
+    """The curve is from another code, has an event every few samples, or joins points."""
     rng = np.random.default_rng(0)
     t = np.arange(1200) * 8e-4
     if curve == "spline":

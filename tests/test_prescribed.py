@@ -271,7 +271,7 @@ class Waves:
         return found
 
     def reflected(self, part):
-        """Energy that a wall returns, over what it gets, of blocks that are there by `part`."""
+        """Return reflected over incoming energy, for top blocks of the share `part`."""
         each = [self._reflected(q, W, part) for q, W in zip(self.q, self.omega2, strict=True)]
         return self.share @ each
 
@@ -304,7 +304,7 @@ class Waves:
         return (e.conj() @ np.array([[c_x * s, s_x * c], [s_x * c, (2 + c_x) * s]]) @ e).real
 
     def _at_top(self, e, q, omega2, part):
-        """Forces on a block of the top row and -m a; it has neighbours beside and below it."""
+        """Return forces on a block of the top row, and -m a."""
         c_x, s_x, below = np.cos(self.q_x), np.sin(self.q_x), e * np.exp(-1j * q)
         force_x = -2 * part * (1 - c_x) * e[0] + (c_x * below[0] - e[0]) / 2 - 0.5j * s_x * below[1]
         force_z = below[1] - e[1] + (c_x * below[1] - e[1]) / 2 - 0.5j * s_x * below[0]
@@ -352,7 +352,7 @@ def lysmer(wave, degrees):
 
 @pytest.mark.parametrize(("wave", "degrees"), [("P", 5), ("P", 45), ("S", 0), ("S", 45)])
 def test_absorbing_walls_reflect_what_theory_says(wave, degrees):
-    """Amplitudes; the equations of the lattice at its top are solved for single waves."""
+    """Amplitudes of packets agree with solutions for single waves at the top."""
     waves = Waves(wave, degrees, 16)
     found, expected = np.sqrt([reflected(waves), waves.reflected(0.5)])
     assert abs(found - expected) < 5e-4
@@ -360,7 +360,7 @@ def test_absorbing_walls_reflect_what_theory_says(wave, degrees):
 
 @pytest.mark.parametrize("length", [8, 16, 64])
 def test_half_blocks_reflect_by_the_square_of_the_wave_number(length):
-    """Head-on they return tan^2(q l/4) of the amplitude, whole blocks tan(q l/4)."""
+    """At normal incidence they reflect the share tan^2(q l/4), and whole blocks tan(q l/4)."""
     waves = Waves("S", 0, length)
     for part, exponent in ((0.5, 4), (1.0, 2)):
         expected = waves.share @ np.tan(waves.q / 4) ** exponent

@@ -267,7 +267,7 @@ FORTRAN = {
         "rate_state": "SMALL",
     },
 }
-"""Real parameters of the core, as `KINDS`; none is fitted. Those of steppers are coefficients."""
+"""Real parameters of the core, as in `KINDS`. Steppers have coefficients; none is fitted."""
 
 
 def has_number(node):

@@ -509,7 +509,7 @@ def test_the_ladder_climbs_and_descends_as_full_dynamics_does():
 
 
 def varied(kind):
-    """A scene whose driver holds, speeds up and goes back while loads change; its end, in s."""
+    """Return a scene whose driver and loads change, and its end (s)."""
     a, b, c, t_end = 3e-3 * np.array([1.0, 2.0, 3.0, 4.0])
     V, F_N = (25e-3, 400.0) if kind == "rod" else (12e-3, 100.0)
     corners = (0.7 * a, 2 * V), (a, 0.0), (1.5 * a, 0.0), (1.5 * a, V), (c, V), (c, -V)

@@ -361,7 +361,7 @@ def named_ladder(name: str) -> Record:
 
 @pytest.mark.parametrize("name", LADDERS)
 def test_events_begin_at_mu_s_and_end_below(name):
-    """By the static solver: nucleation at |f| = mu_s p, before and after nothing exceeds it."""
+    """Events nucleate at |f| = mu_s p; before and after, the static solver finds less."""
     record = named_ladder(name)
     scene, switches = record.scene, record.switches
     unit, mu_s = scene.F_N / scene.N_x, scene.interface.mu_s

@@ -105,7 +105,7 @@ def test_a_sudden_step_in_speed_meets_a_part_of_the_direct_effect(c):
 
 
 def test_strength_after_a_hold_grows_by_b_ln_of_time():
-    """Ageing law, on a stiff spring: the peak over steady friction is b ln(1 + t V/D_c)."""
+    """By the ageing law on a stiff spring the peak exceeds steady friction by b ln(1 + t V/D_c)."""
     scene, V, spring = row(3), 1e-4, 1e12
     law, p = scene.interface.law, 20.0
     steady = p * (law.f_star + (law.a - law.b) * np.log(V / law.V_star))
@@ -374,7 +374,7 @@ def test_a_is_refused_where_speeds_at_rest_vanish():
 
 @pytest.mark.parametrize("fidelity", ["dynamic", "hybrid"])
 def test_blocks_with_the_least_a_hold(fidelity):
-    """After 300 years of contact the first block bears the driver at less than 1e-200 m/s."""
+    """After 300 years of contact the first block creeps at less than 1e-200 m/s."""
     scene = row(V=1e-3, K=1e6, a=1.67e-3, v_0=None, theta_0=1e10)
     record = pyfric.simulate(scene, 2e-3, fidelity=fidelity, progress=False)
     assert 0 < record.final_state.y[0, 2, 0] < 1e-200

@@ -38,7 +38,7 @@ the trailing edge lifts off (run 3). In all scenes forces at given length are co
 
 
 STEPS_OF_RK4 = 6e-5
-"""Forces of main events over F_N: the stored steps leave 1.8e-5 of starts and 4.7e-5 of arrests."""
+"""Tolerance of forces over F_N: the stored steps leave 1.8e-5 of starts and 4.7e-5 of arrests."""
 
 
 @functools.cache

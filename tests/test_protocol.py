@@ -274,7 +274,7 @@ def test_the_driver_is_where_the_integral_of_its_speed_is():
 
 
 def one_block(protocol, V=0.5):
-    """A chain whose first block alone can slip: k to a wall, K to the driver, eta to the wall."""
+    """Return a chain whose first block alone can slip: k and eta to a wall, K to the driver."""
     scene = chain(
         L=5e-3, p=(50.0, 1e9, 1e9), k=2e6, M=3e-3, K=4e6, V=V, eta=3.0, mu_s=0.7, mu_k=0.45
     )

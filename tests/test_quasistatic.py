@@ -110,7 +110,7 @@ class LoadSteps:
         self.x, self.z, self.stiff = x, z, stiff
 
     def step(self, u_x: np.ndarray, X: float):
-        """Return u_x, f, p and F_T in SI units after the driver went to X from rest at u_x."""
+        """Return u_x, f, p and F_T in SI units after a step from rest at u_x to the drive X."""
         unit, k, mu, N, d = self.unit, self.k, self.mu, self.scene.N_x, self.scene.d
         h = (self.h[:, 0] + self.h[:, 1] * X) * k / unit
         p_0 = -self.P @ (self.stiff * h[self.z])

@@ -661,7 +661,7 @@ def test_names_are_a_line_that_reads_as_it_stands(sign):
 
 
 def test_words_that_are_not_alike_are_no_hint():
-    """The slope of the load has no similar name in this scene."""
+    """A field of another kind of top is not a misspelt field of this scene."""
     error = refused(changed("mattress", "theta"))
     assert (error.field, error.reason) == ("top.theta", "unknown")
     assert "did you mean" not in str(refused(lambda: preset("???")))
@@ -1013,7 +1013,7 @@ def test_types_of_fields_are_plain(part):
     "unit", ["s", "m", "N", "Pa", "m/s", "N/m", "N s/m", "J", "kg", "1/s", "m^2"]
 )
 def test_prefixes_are_those_of_pint(unit):
-    """A unit that differs by a prefix alone is read without the definitions of all units."""
+    """A unit that differs only in its prefix is read without Pint's definitions of units."""
     for prefix in ("", "n", "u", "µ", "m", "k", "M", "G"):
         name = prefix + unit
         quick = units._prefixed(name, unit)

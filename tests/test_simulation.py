@@ -222,7 +222,7 @@ def test_a_ladder_that_takes_longer_than_dynamics_ends(monkeypatch):
 
 
 def test_a_slider_that_never_rests():
-    """Without viscosity the plan takes dynamics, and the hybrid engine becomes it."""
+    """Without viscosity plan and hybrid engine use full dynamics."""
     scene, t_end = small(eta=0.0, V=0.02), 0.05
     hybrid, dynamic = (
         simulate(scene, t_end, fidelity=name, geometry="linear", switching="step_end", t_gap=2e-4)

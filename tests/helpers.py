@@ -198,6 +198,6 @@ def dynamic(scene, t_end, **options):
 
 
 def first_slips(record):
-    """Times of the first slips, from the trailing edge on, NaN where there is none."""
+    """Return times of first slips, from the trailing edge on; NaN for blocks that never slip."""
     first = record.episodes.groupby("n")["t_start"].min()
     return first.reindex(range(1, record.scene.N_x + 1)).to_numpy()

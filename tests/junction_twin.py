@@ -1,8 +1,8 @@
 """An interface of junctions in plain NumPy, as an oracle for the core.
 
-It follows the description of the law, junction by junction. Lattice forces are those of `twin`.
-Arrays are (N_x, n_s), with blocks from left to right. The top row is free or prescribed; there is
-no rod.
+The oracle follows the description of the law, junction by junction. `twin` gives the lattice
+forces. Arrays are (N_x, n_s), with blocks from left to right. The top row is free or prescribed;
+there is no rod.
 """
 
 from typing import Any

@@ -325,7 +325,7 @@ def test_sliding_that_goes_on_has_the_peak_of_the_force():
     fallen = curve["F_T"].where(curve["t"] <= 5.0, 240.0)
     fallen[curve["t"] < 2.0] += 500.0  # before the last event
     found = analysis.friction_coefficients(going.replace(curve=curve.assign(F_T=fallen)))
-    assert found.mu_s_macro == pytest.approx(0.3, rel=1e-12)  # of an earlier event
+    assert found.mu_s_macro == pytest.approx(0.3, rel=1e-12)  # force of an earlier event
     higher = curve["F_T"].where(curve["t"] <= 5.0, 240.0).where(curve["t"] < 4.0, lambda f: 2 * f)
     found = analysis.friction_coefficients(going.replace(curve=curve.assign(F_T=higher)))
     assert found.mu_s_macro == pytest.approx(0.5, rel=1e-12)

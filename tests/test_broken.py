@@ -1,7 +1,6 @@
 """Broken scenes, options, calls and command lines all end in a documented error.
 
-There is no other traceback, no warning, no hang and no file. `make test-broken` tries 10 000 of
-them.
+No other traceback, no warning, no hang and no file occurs. `make test-broken` tries 10 000 of them.
 """
 
 import dataclasses
@@ -91,7 +90,7 @@ def in_time():
 
 
 def tried(call):
-    """Return what a call gives, None where it ends in an error that is documented."""
+    """Return the result of a call, or None if it ends in a documented error."""
     with in_time(), warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.filterwarnings("ignore", "(?s).*(not be|not) (the only|unique)", RuntimeWarning)

@@ -132,7 +132,7 @@ def margins(contact: Contact) -> dict[int, np.ndarray]:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_the_next_change_is_the_first(name):
-    """On a fine scan no condition is violated before the change; just beyond it, that one is."""
+    """On a fine scan no condition is violated before the change, and its own just beyond it."""
     i = interface(name)
     contact, unit, seen = i.loaded(), i.unit, 0
     contact.law = Law(*2 * [contact.law.mu_k])  # releases then do not change the state
@@ -184,7 +184,7 @@ def test_the_slip_operator_loses_definiteness_near_mu_1():
 
 
 def test_definiteness_falls_linearly_with_friction():
-    """It starts at 1; its value for all blocks sliding one way bounds that of fewer blocks."""
+    """Definiteness is 1 without friction; with fewer slipping blocks it is larger."""
     contact = interface("rod").loaded()
     found = []
     for mu in (0.0, 0.5, 1.0):
@@ -206,7 +206,7 @@ def test_definiteness_falls_linearly_with_friction():
 
 @pytest.mark.parametrize("name", ["rod", "free"])
 def test_the_slip_operator_is_the_inverse_of_the_table(name):
-    """This holds with open blocks, too, which move freely."""
+    """The operators agree with open blocks, too, which move freely."""
     contact = interface(name).loaded()
     for i in (0, 3):
         contact.change(i, OPEN)

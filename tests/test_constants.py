@@ -1,4 +1,4 @@
-"""Fitted numbers, doubled and halved: forces and promises hold.
+"""Fitted numbers, doubled and halved: forces and error estimates hold.
 
 The table of these numbers is in `docs/explanation/numbers.md`.
 """

@@ -159,7 +159,7 @@ def test_the_loaded_state_is_one_of_those_that_meet_their_conditions(data, mu_s,
     mask=st.integers(0, 15),
 )
 def test_held_blocks_touch_where_no_other_set_would_do(data, push, shape, mask):
-    """Both static solvers are compared with each set of open blocks; free ones lack friction."""
+    """Both static solvers are compared with all sets of open blocks; free blocks lack friction."""
     scene = data.draw(sliders())
     N, unit, dense = scene.N_x, scene.F_N / scene.N_x, Dense(scene)
     free = (mask >> np.arange(N)) % 2 == 1

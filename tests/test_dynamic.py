@@ -64,7 +64,7 @@ def test_wave_speeds(polarisation, speed, geometry):
 
 
 def test_wave_speeds_of_the_paper():
-    """They are 1720 and 993 m/s on the lattice with m = M/N, 1677 and 968 m/s in the continuum."""
+    """Waves have 1720 and 993 m/s on the lattice with m = M/N, 1677 and 968 m/s in a continuum."""
     scene = preset("fig1")
     unit = scene.slider.l * np.sqrt(scene.slider.k / scene.m)
     lattice = np.sqrt([1.5, 0.5]) * unit

@@ -27,7 +27,7 @@ def frequencies(edges, n):
 
 
 def test_frequencies_converge_to_second_order():
-    """Halving l divides errors by four with half blocks, and by at most two with whole ones."""
+    """Halving l divides errors by four with half blocks, by at most two with whole blocks."""
     half, whole = ([frequencies(edges, n) for n in (4, 8, 16)] for edges in ("half", "whole"))
     falls = (half[0] - half[1]) / (half[1] - half[2])
     assert (falls > 3.7).all()

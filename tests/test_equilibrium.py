@@ -611,7 +611,7 @@ def tipping_drive(scene: Scene) -> float:
     [tall_scene("left"), tall_scene("right"), setup1(mattress=0.0, L=0.06, H=0.06, h=0.05, K=4e4)],
 )
 def test_linear_geometry_stands_on_its_far_corner(scene):
-    """It turns about this corner until the driver's spring has relaxed to F_T h = F_N L/2."""
+    """The slider turns about this corner until the driver's spring relaxes to F_T h = F_N L/2."""
     far = scene.n_of_i == scene.N_x
     for share in (2.0, 5.0):
         state = solve_static(scene, np.zeros(scene.N_x), share * tipping_drive(scene))
@@ -688,7 +688,7 @@ def test_what_is_not_known_of_a_failure_is_not_said():
 
 
 def test_a_search_that_starts_near_ends_at_the_same_state():
-    """Under a large load it needs fewer Newton steps than from the loaded state."""
+    """Under a large load a near start needs fewer Newton steps than the loaded state."""
     scene = small_free(F_N=2e3)
     solver = StaticSolver(scene, "finite")
     free = np.zeros(scene.N_x, bool)

@@ -637,7 +637,7 @@ def cut_valley(slope, ahead):
 
 
 def test_intervals_go_on_along_jumps_of_the_model():
-    """They hold all points within the limit on a fine grid, except for thin tips."""
+    """Intervals hold all points within the limit on a fine grid, except for thin tips."""
     places = np.meshgrid(*[np.linspace(0.4, 0.6, 1001)] * 2, indexing="ij")
     short = {}
     for slope, ahead in itertools.product((0.8, 0.85, 0.9, 0.95), (0.0, 5e-4, 1e-3)):

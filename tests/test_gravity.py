@@ -72,7 +72,7 @@ def test_the_energy_budget_has_the_work_of_weights(name):
 
 
 def test_engines_agree_under_gravity():
-    """They agree under a changing F_N, too, which does not change the weights."""
+    """Engines agree under a changing F_N, too, which does not change the weights."""
     scene = small_free(V=0.08).replace(G | {"top.protocol": ((2e-3, 400.0), (6e-3, 440.0))})
     how = {"progress": False, "geometry": "linear"}
     exact, jumped = (pyfric.simulate(scene, 0.01, fidelity=f, **how) for f in ("dynamic", "hybrid"))

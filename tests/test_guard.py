@@ -47,7 +47,7 @@ def test_the_bound_of_energy_holds_without_its_margin(name, share, monkeypatch):
     scene, t_end = SCENES[name]
     monkeypatch.setattr("pyfric.engines.guard.MARGIN", 0.02)
     dt = share * stability_limit(scene)[0]
-    calls = (1000,) if share == 0.5 else (1000, 20)  # short calls and, near the limit, long ones
+    calls = (1000,) if share == 0.5 else (1000, 20)  # short calls and, near the limit, long calls
     for every in (t_end / n for n in calls):
         how = {"geometry": "linear", "energies": False, "progress": False}
         record = pyfric.simulate(

@@ -208,7 +208,7 @@ def test_a_chain_is_full_dynamics():
 
 @pytest.mark.usefixtures("cheap_attempts")
 def test_the_scenes_cover_what_they_are_for():
-    """They have slip in both directions, open blocks, and several system-size events."""
+    """The scenes have slip in both directions, open blocks, and several system-size events."""
     light, stick_slip, high = (
         linear(name)[1] for name in ("free, light edge", "free, top driver", "rod, top driver")
     )

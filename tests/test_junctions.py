@@ -228,7 +228,7 @@ def test_lattice_is_that_of_the_twin(side, geometry):
 
 
 def test_shaken_lattice_is_that_of_the_twin():
-    """They agree while blocks turn back, lift off and touch again."""
+    """Core and twin agree while blocks turn back, lift off and touch again."""
     scene = small(V=0.0, F_N=100.0)
     state = begin(scene, "linear", 3e-7)
     state.y[:, 2:] = 0.8 * np.random.default_rng(5).standard_normal(state.y[:, 2:].shape)
@@ -240,7 +240,7 @@ def test_shaken_lattice_is_that_of_the_twin():
 
 
 def test_times_of_slip_are_drawn_by_counter():
-    """They are mean + std (sum of 12 uniform numbers - 6), by seed, block, junction, break."""
+    """A time is mean + std (sum of 12 uniform numbers - 6), by seed, block, junction, break."""
     scene = small(side="right")
     state = begin(scene, "linear", 3e-7)
     before, found = state.copy(), 0
@@ -481,7 +481,7 @@ def test_strips_and_films_run_the_event_again(ruptured):
 
 
 def test_breaks_are_located_because_step_ends_change_events():
-    """At half the limit events equal those of a fourth of the step only with located breaks."""
+    """At half the limit, events are those of a fourth of the step if breaks are located."""
     scene = pyfric.preset("slow", L=0.03, H=0.015, t_R_std=0.0, V=0.01, n_s=20, F_N=411.0)
     how = {"fidelity": "dynamic", "geometry": "linear", "sample": 1e-4, "progress": False}
     how["t_gap"] = 3e-4  # pauses are 0.23 ms and 1.35 ms

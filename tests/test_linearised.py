@@ -19,7 +19,7 @@ SIZE = {"L": 0.03, "H": 0.015, "h": 0.005, "l": 0.0025, "F_N": 200.0}
 
 @pytest.mark.parametrize("rows", [0.015, 0.0])
 def test_viscosity_is_that_of_slow_oscillations(rows):
-    """It agrees with the complex stiffness K + i w C, condensed at a small frequency w."""
+    """Viscosity agrees with the stiffness K + i w C, condensed at a small frequency w."""
     scene = setup1({**SIZE, "H": rows}) if rows else chain(L=0.02)
     scene = scene.replace({"interface": rated()})
     closed, N_x = np.arange(scene.N_x) != (3 if rows else -1), scene.N_x
@@ -54,7 +54,7 @@ def size(values):
 
 @pytest.mark.parametrize("rows", [0.015, 0.0])
 def test_inertia_is_that_of_slow_oscillations(rows):
-    """It agrees with the stiffness K - w^2 M, condensed at a small frequency w."""
+    """Inertia agrees with the stiffness K - w^2 M, condensed at a small frequency w."""
     scene = setup1({**SIZE, "H": rows}) if rows else chain(L=0.02)
     scene = scene.replace({"interface": rated()})
     closed = np.arange(scene.N_x) != (3 if rows else -1)
@@ -110,7 +110,7 @@ def waves_of(about, outside, law, q, w):
 
 
 def test_the_impulse_of_waves_is_the_integral_of_their_load():
-    """It agrees with the first-order system of positions and velocities, another formula."""
+    """The impulse agrees with the first-order system of positions and velocities."""
     about, outside, law = free()
     rng, n, N_x = np.random.default_rng(1), len(about.inside), len(about.closed)
     q, w = 1e-9 * rng.standard_normal(n), 1e-4 * rng.standard_normal(n)
@@ -132,7 +132,7 @@ def test_the_impulse_of_waves_is_the_integral_of_their_load():
 
 @pytest.mark.parametrize("phase", [0.0, 0.7, 2.0])
 def test_waves_of_one_mode_have_its_frequency_and_decay(phase):
-    """This holds at every phase; the amplitude of a block is its largest load over a period."""
+    """Waves agree at every phase; the amplitude of a block is its largest load over a period."""
     about, outside, law = free(damping_share=0.02)
     n, N_x = len(about.inside), len(about.closed)
     K, C = about.K.toarray(), about.C.toarray()

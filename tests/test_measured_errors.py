@@ -109,7 +109,7 @@ def test_an_event_after_the_end_is_not_compared(ladder):
     main = main_events(ladder)
     t = float(ladder.events["t_start"][main[-1]])
     short = pyfric.simulate(ladder.scene, t - 1e-4, fidelity="quasistatic")
-    late = changed(ladder, main[-1], t_start=-2e-4)  # the other one has it just before
+    late = changed(ladder, main[-1], t_start=-2e-4)  # the other run has it just before
     for found in (differences(late, short), differences(short, late)):
         assert found.errors()["start"] < 1e-3
         assert found.open.sum() == 1

@@ -256,7 +256,7 @@ def test_bad_measurements_are_refused(make, text):
 
 
 def test_means_of_a_curve_are_those_of_the_run():
-    """They agree with means of samples; a run is linear between its points."""
+    """The means agree with means of samples; a run is linear between its points."""
     record = run()
     fine = sampled(record, "10 us")
     part = CurveOf(Curve.of(t=fine.t, F_T=fine.force(), F_N=SCENE.F_N), error=1e-3, points=60)
@@ -327,7 +327,7 @@ STICK_SLIP = {"fidelity": "hybrid", "geometry": "linear"}
 def scattered(n, mu_s, mu_k, scatter, seed):
     """Return events of a block on a spring whose strength changes from event to event.
 
-    It slips for half a period of the spring, and overshoots mu_k symmetrically.
+    The block slips for half a period of the spring, and overshoots mu_k symmetrically.
     """
     peaks = mu_s + scatter * np.random.default_rng(seed).standard_normal(n)
     valleys = 2 * mu_k - peaks
@@ -410,7 +410,7 @@ def test_means_of_correlated_events_have_larger_errors():
 
 
 def test_periodic_events_are_compared_one_by_one(monkeypatch):
-    """So are events that scatter in the model, too."""
+    """Events that scatter in the model, too, are also compared one by one."""
     monkeypatch.setattr(fits, "STARTS", 1)
     table = scattered(20, 0.38, 0.32, 0.0, seed=1)
     found = pyfric.fit(

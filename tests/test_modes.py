@@ -59,7 +59,7 @@ def test_slow_modes_of_released_blocks(name):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_motion_outside_the_space_is_no_slower_than_the_cut(name):
-    """This holds for the extended space, too, which has the cut of the closed slider."""
+    """The extended space is included, with the cut of the closed slider."""
     closed, extended, own = systems(name)
     assert extended.cut == closed.cut
     for one in (closed, extended, own):

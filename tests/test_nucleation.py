@@ -11,7 +11,7 @@ from pyfric.values import SceneError
 
 
 def test_nucleation_is_where_the_slipping_part_is_no_longer_stable():
-    """An eigenvalue of stiffness minus weakening, by NumPy, passes zero with one more block."""
+    """With one more block an eigenvalue of stiffness minus weakening, by NumPy, passes zero."""
     scene = links(5, K=5e6, V=1e-2)
     record = run(scene, 9e-3, "hybrid")
     one = analysis.nucleations(record).iloc[0]

@@ -134,7 +134,7 @@ def test_long_waves_are_isotropic(angle):
 
 
 def test_wave_speeds_of_setup_1():
-    """They are 1677 and 968 m/s with M/(L H) as mass per area, 1720 and 993 m/s with m = M/N."""
+    """Waves have 1677 and 968 m/s with M/(L H) as mass per area, 1720 and 993 m/s with m = M/N."""
     scene = setup1()
     slider = scene.slider
     q = np.array([1e-3 / slider.l, 0.0])

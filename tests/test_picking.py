@@ -1,4 +1,4 @@
-"""Events of loading curves: those of sampled runs are those of their catalogue."""
+"""Events of loading curves: sampled runs have the events of their catalogue."""
 
 import functools
 
@@ -213,7 +213,7 @@ def test_means_are_over_times_and_not_over_samples():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_no_drop_is_below_the_threshold(seed):
-    """This holds for the reported and for the given threshold."""
+    """No drop is below the reported or the given threshold."""
     rng = np.random.default_rng(seed)
     t = np.arange(6000) * STEP
     sizes = np.cumsum(rng.exponential(2.5e-3, 150))[np.minimum((t / 0.02).astype(int), 149)]

@@ -102,7 +102,7 @@ def at_rest(scene, geometry):
 @every
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_static_states_are_at_rest_for_the_twin(scene, geometry):
-    """So is the loaded state, in which the plate pushes no block although their u_x differ."""
+    """The loaded state is at rest, too: the plate pushes no block although their u_x differ."""
     solver, _, pushed = at_rest(scene, geometry)
     if not (scene.rigid and scene.driver.side == "top"):
         assert np.ptp(solver.u_drv0) > 0.1 * np.abs(solver.u_drv0).max()
@@ -284,7 +284,7 @@ OTHERS = {
     ("name", "what"), [*(("free", what) for what in OTHERS), ("one", "speed"), ("one", "higher")]
 )
 def test_another_driver_goes_on_without_a_jump(name, what):
-    """F_T stays the same; if the driven blocks are the same, so do their forces."""
+    """F_T stays the same, and so do forces on blocks that both plates drive."""
     changes = OTHERS[what]
     scene = small("free", h=2e-3) if name == "one" else PLATES[name]
     how = {"geometry": "linear", "sample": 2e-6}
@@ -339,7 +339,7 @@ def test_a_prescribed_slab_under_a_plate():
     now = state.y, state.rod, state.mode, state.u_drv0, state.slip
     there = twin.right_hand_side(scene, "linear", t, *now)
     assert here.F_T == pytest.approx(there.F_T, rel=1e-12)
-    largest = 6 * scene.slider.k * np.abs(state.y[:, :2]).max() / scene.m  # of what is added
+    largest = 6 * scene.slider.k * np.abs(state.y[:, :2]).max() / scene.m  # largest term of the sum
     np.testing.assert_allclose(here.a, there.dydt[:, 2:], rtol=0, atol=ROUNDING * largest)
 
 

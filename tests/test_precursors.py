@@ -45,7 +45,7 @@ def made_up(of, noise=0.0):
     ],
 )
 def test_the_rule_tells_which_scale_sets_the_count(scale, noise, said):
-    """The share of the true scale is high, and that of others low; with noise all are low."""
+    """The share of the true scale is high; all other shares, and all with noise, are low."""
     table = found.collapse(made_up(found.SCALES[scale], noise), draws=100)
     assert found.verdict(table) == said
     shares = table.set_index("scale")["share"]

@@ -761,7 +761,7 @@ def test_events_of_no_length_say_so(in_core, monkeypatch):
 
 @pytest.mark.parametrize("name", ["fig1", "setup2+", "chain"])
 def test_equilibrium_is_the_stuck_slider_up_to_the_first_slip(name):
-    """It agrees with the full sparse solve at ten points, and with the sequence's first event."""
+    """The curve agrees with full sparse solves at ten points, and with the first event."""
     scene = preset(name)
     record = simulate(scene, 1.0, fidelity="equilibrium", progress=False)
     t_end = 1.01 * record.curve["t"].iloc[-1]

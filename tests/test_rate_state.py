@@ -35,7 +35,7 @@ def total(scene, state):
 @pytest.mark.parametrize("evolution", EVOLUTIONS)
 @pytest.mark.parametrize("V_c", [None, 1e-2])
 def test_friction_is_that_of_the_literature(evolution, V_c):
-    """It agrees from 1e-30 to 10 m/s and 1e-8 to 1e8 s, to a few units of rounding of f/a."""
+    """Friction agrees from 1e-30 to 10 m/s and 1e-8 to 1e8 s, to a few roundings of f/a."""
     v = np.concatenate([10.0 ** np.arange(-30, 2), -(10.0 ** np.arange(-12, 2)), [0.0]])
     scene = row(len(v), evolution=evolution, V_c=V_c, alpha=0.3)
     state = loaded_state(scene).state(scene, 1e-7)
@@ -153,7 +153,7 @@ def twin(scene, push):
 @pytest.mark.parametrize("evolution", EVOLUTIONS)
 @pytest.mark.parametrize("more", [{}, {"V_c": 0.05, "alpha": 0.2}])
 def test_runs_are_those_of_an_own_integration_to_third_order(evolution, more):
-    """They agree with SciPy's DOP853 at tolerances of rounding; speeds are 0.08 to 0.7 m/s."""
+    """Runs agree with SciPy's DOP853 at tolerances of rounding; speeds are 0.08 to 0.7 m/s."""
     scene, t_end = row(evolution=evolution, **more), 1e-3
     first = sliding(scene, 1e-7, [0.12, 0.1, 0.1, 0.1])
     start = np.concatenate([np.zeros(4), first.y[0, 2], np.log(first.theta)])

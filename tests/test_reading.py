@@ -399,7 +399,7 @@ def test_numbers_are_those_of_python_to_the_last_bit(tmp_path, monkeypatch, apar
 @pytest.mark.parametrize("part", [200, 1000, 1 << 22])
 @pytest.mark.parametrize("k", [1, 70, 298])
 def test_one_odd_row_among_many_is_read_as_alone(tmp_path, monkeypatch, part, k):
-    """This holds for parts of any size, and any place of the row."""
+    """The numbers are the same for parts of any size, and any place of the row."""
     monkeypatch.setattr(parsing, "PART", part)
     t = f"{0.001 * k:.3f}"
     for odd, value in (

@@ -476,7 +476,7 @@ def test_any_netcdf_reader_opens_the_file(tmp_path):
 
 
 def test_types_are_those_that_every_program_reads(tmp_path):
-    """They are those of classic netCDF: no strings, no enumerations, short integers."""
+    """Types are those of classic netCDF: no strings, no enumerations, short integers."""
     record = make_record()
     slow = record.episodes["step_start"].to_numpy() + 2**40
     record = record.replace(episodes=record.episodes.assign(step_start=slow))

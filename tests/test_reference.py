@@ -27,8 +27,9 @@ edges then micro-slip almost without rest. The order of events depends on differ
 tolerance: full dynamics with a step shorter by a tenth differs by 0.008 (F_T) and 6 blocks."""
 GAP_CURVE, GAP_MEAN, GAP_FRONT = 0.016, 0.005, 12
 """Tolerances of the hybrid engine beyond the gap, up to the first system-size event of either run:
-F_T(t) at every point and on average, and extent of slip. They are twice the effect of the step of
-full dynamics. The hybrid engine differs by 6 to 9 blocks for any accuracy from 2e-6 to 1e-8."""
+F_T(t) at every point and on average, and extent of slip. The tolerances are twice the effect of the
+step of full dynamics. The hybrid engine differs by 6 to 9 blocks for any accuracy from 2e-6 to
+1e-8."""
 
 LADDER_BLOCKS = {"fig1": (2, 2), "run1": (2, 2), "run2": (2, 2), "run4": (2, 3)}
 """Tolerances of the quasi-static engine, in blocks: lengths, and length of the longest precursor.
@@ -82,7 +83,7 @@ def test_reference_is_whole_and_of_the_preset(name, geometry):
 
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_fig1_has_the_paper_s_precursors(geometry):
-    """There are 13 main precursors before 0.9 s, each longer than the previous one."""
+    """The set has 13 main precursors before 0.9 s, each longer than the previous one."""
     events = reference("fig1", geometry).events
     main = events[events["is_main"] & (events["t_start"] < 0.9)]
     assert len(main) == 13
@@ -129,7 +130,7 @@ def test_default_steps_find_the_same_events(name, geometry):
 
 @pytest.mark.parametrize(("name", "geometry"), ALL)
 def test_nearly_all_time_is_jumped_over(name, geometry):
-    """This holds if the corner opens a little before its static state, too (run 3, 4 finite)."""
+    """In run 3, and in run 4 in finite geometry, the corner opens before its static state does."""
     counts = hybrid(name, geometry).counts
     limit = 0.02 if geometry == "linear" else 0.03
     assert counts["steps"] < limit * counts["steps_spared"]

@@ -120,7 +120,7 @@ def test_a_front_that_is_released(event):
     start = float(event.run.events["t_start"].loc[event.event])
     assert event.t > start
     before, then = at(start), at(event.t)
-    np.testing.assert_array_equal(before.u[0, 0], then.u[0, 0])  # all blocks hold
+    np.testing.assert_array_equal(before.u[0, 0], then.u[0, 0])  # all blocks stick
     driven = scene.driver.K * scene.driver.fastest * (event.t - start)
     assert 0 < then.F_T - before.F_T <= driven
     assert then.p.sum() == pytest.approx(scene.F_N, rel=1e-6)

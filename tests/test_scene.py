@@ -670,7 +670,7 @@ def test_words_that_are_not_alike_are_no_hint():
 
 
 def test_numbers_without_unit_are_in_SI_everywhere():
-    """This holds in files and in Python. Text has a unit, unless the quantity has none."""
+    """Files and Python agree. Text has a unit, unless the quantity has none."""
     bare = GOOD.replace('"140 mm"', "0.14").replace('"3500 N"', "3500").replace("0.45", '"45 %"')
     assert (
         Scene.from_toml(bare)

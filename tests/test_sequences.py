@@ -150,7 +150,7 @@ GROWING = {
 
 @pytest.mark.parametrize("name", GROWING)
 def test_continuous_slip_is_that_in_python(name):
-    """This holds if slip may not be unique, too, and when the driver reverses."""
+    """Slip may not be unique here, and the driver reverses."""
     assert check_twins(GROWING[name], 1.5).grows
 
 

@@ -78,7 +78,7 @@ def test_stable_slip_takes_hardly_any_steps():
 
 @pytest.mark.parametrize(("speed", "slip"), [(0.01, 3e-4), (0.3, 3e-3)])
 def test_attempts_take_a_part_of_the_work_of_full_dynamics(speed, slip):
-    """This holds over stable slip, and if the next event comes before a jump is possible."""
+    """Stable slip is tried, and an event that comes before a jump is possible."""
     b = run(rod(V=speed, d_c=5e-6 if speed < 0.1 else 0.0), slip / speed, "hybrid")
     counts = b.counts
     assert counts["attempts"] >= 2

@@ -38,7 +38,7 @@ def condensed(known, u_x, closed, t):
 
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
 def test_condensed_loads_are_those_of_static_states(geometry):
-    """They agree exactly in linear geometry, and to second order in displacements in finite."""
+    """Loads agree exactly in linear geometry, to second order in displacements in finite."""
     scene = setup1(L=0.03, H=0.015, h=0.005, l=0.0025, F_N=200.0, eta=0.0)
     scene = scene.replace({"interface": rated()})
     known = StaticSolver(scene, geometry)
@@ -61,7 +61,7 @@ def test_condensed_loads_are_those_of_static_states(geometry):
 
 
 def test_loads_bend_as_those_of_static_states():
-    """If only the driver moves, in finite geometry, they agree to third order."""
+    """If only the driver moves, loads in finite geometry agree to third order."""
     scene = setup1(L=0.03, H=0.015, h=0.005, l=0.0025, F_N=200.0, eta=0.0)
     scene = scene.replace({"interface": rated()})
     known = StaticSolver(scene, "finite")
@@ -119,7 +119,7 @@ def test_slow_slip_ends_where_a_block_comes_down():
 
 
 def test_blocks_that_lift_off_and_come_down_move_as_in_full_dynamics():
-    """They agree within the accuracy, over slip of other blocks; u_x of open blocks agrees, too."""
+    """Blocks agree within the accuracy, over slip of other blocks; so does u_x of open blocks."""
     size = {"L": 0.02, "H": 0.01, "h": 0.01, "l": 0.0025, "F_N": 200.0, "side": "top"}
     law, V = rated(a=0.02), 0.01
     scene = setup1(size).replace({"driver.K": 1e6, "driver.V": V, "interface": law})
@@ -172,7 +172,7 @@ VISCOUS = 1e3 * np.array(
 @pytest.mark.parametrize("other", [by_radau, pytest.param(by_cvode, marks=pytest.mark.peers)])
 @pytest.mark.parametrize("evolution", EVOLUTIONS)
 def test_slow_slip_is_that_of_another_method(evolution, other, viscous):
-    """It agrees with SciPy's Radau and CVODE; the error follows the tolerance."""
+    """Slip agrees with SciPy's Radau and CVODE; the error follows the tolerance."""
     how = {"evolution": evolution, "viscous": tuple(viscous)}
     scene, load, found = creep(**how)
     law = scene.interface.law
@@ -294,7 +294,7 @@ def test_passages_of_slow_slip_are_roots(evolution):
 
 
 def test_slow_slip_goes_on_beside_a_block_without_contact():
-    """Any load on that block, with viscosity of bonds, too, moves no block."""
+    """No load on the open block moves any block, with viscosity of bonds, too."""
     closed = np.array([True, False, True])
     viscous = tuple(VISCOUS * np.outer(closed, closed))
     found = [
@@ -398,8 +398,8 @@ def test_perturbations_of_steady_slip_grow_as_in_linear_theory(evolution):
 def test_nucleation_is_wider_the_closer_a_is_to_b():
     """Half-width of nucleation over L_b (ageing law), with 8 blocks in L_b.
 
-    It is 1.3774 for a/b < 0.378, and tends to 1/(pi (1 - a/b)^2) above a/b = 0.5 (Rubin and
-    Ampuero, J. Geophys. Res. 110, B11312, 2005), as far as it can grow up to 0.1 m/s. The width
+    The half-width is 1.3774 for a/b < 0.378, and tends to 1/(pi (1 - a/b)^2) above a/b = 0.5 (Rubin
+    and Ampuero, J. Geophys. Res. 110, B11312, 2005), as far as it can grow up to 0.1 m/s. The width
     holds the blocks with v above 5 % of its largest value.
     """
     halves = []
@@ -421,7 +421,7 @@ def test_nucleation_is_wider_the_closer_a_is_to_b():
 
 @pytest.mark.portable
 def test_nucleation_does_not_depend_on_the_spacing():
-    """It is the same with 3 and 6 blocks in L_b; the stored table agrees with its command."""
+    """The width is the same with 3 and 6 blocks in L_b; the stored table agrees."""
     stored = pd.read_csv(STORED / "spacing.csv")
     assert len(stored) == len(rated_spacing.BLOCKS) * len(rated_spacing.RATIOS)
     rows = stored.set_index(["a_over_b", "blocks_in_L_b"])
@@ -508,7 +508,7 @@ def off(run, exact):
 
 @pytest.mark.parametrize("geometry", ["linear", pytest.param("finite", marks=pytest.mark.slow)])
 def test_events_of_a_slider_keep_the_accuracy(geometry):
-    """This holds down to 1e-6, at most at the cost of full dynamics."""
+    """Accuracies down to 1e-6 hold, at most at the cost of full dynamics."""
     exact = plate(geometry, fidelity="dynamic", energies=False)
     assert len(exact.events) == 6
     for accuracy in (1e-3, 1e-4, 1e-6):
@@ -520,7 +520,7 @@ def test_events_of_a_slider_keep_the_accuracy(geometry):
 
 
 def test_phases_are_shorter_where_slip_bends_loads(monkeypatch):
-    """Otherwise errors of events in finite geometry exceed the accuracy."""
+    """With long phases errors of events in finite geometry exceed the accuracy."""
     exact = plate("finite", t_end=0.06, fidelity="dynamic", energies=False)
     how = {"t_end": 0.06, "fidelity": "hybrid", "accuracy": 1e-4}
     assert off(plate("finite", **how), exact) < 1e-4
@@ -575,7 +575,7 @@ def test_a_cut_run_of_a_slider_is_the_whole_run(geometry):
 
 
 def test_a_run_that_goes_on_is_the_whole_run():
-    """It goes on from the record of a run that ended in a rupture or between two ruptures."""
+    """The first run ends in a rupture or between two ruptures."""
     whole = cycles(0)
     part = pyfric.simulate(whole.scene, 2e-2, sample=1e-3, fidelity="dynamic", progress=False)
     for t in (5.4e-2, 9e-2):
@@ -586,7 +586,7 @@ def test_a_run_that_goes_on_is_the_whole_run():
 
 @pytest.mark.parametrize("condition", ["main_events = 1", "arrested", "slow = 1 mm/s, 0.4 ms"])
 def test_a_condition_ends_slow_slip_where_it_ends_full_dynamics(condition):
-    """Both end at the same point of the curve, before the next event."""
+    """Both runs end at the same point of the curve, before the next event."""
     scene, found = cycles(0).scene, []
     for fidelity in ("dynamic", "hybrid"):
         how = {"accuracy": 1e-4} if fidelity == "hybrid" else {}

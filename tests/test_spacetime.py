@@ -148,7 +148,7 @@ def test_a_chain_has_the_exact_front_beside_it(n):
 
 
 def test_energy_release_is_the_work_that_friction_leaves(run):
-    """It is the difference of potential energy of held and released slider, in linear geometry.
+    """G is the difference of potential energy of held and released slider, in linear geometry.
 
     All forces but f are conservative. They release the mean of f times du, of which friction takes
     the mean of mu_k p times du.

@@ -146,7 +146,7 @@ def left_of_order_4(stepper):
 
 @pytest.mark.parametrize("name", SIX)
 def test_six_stages_meet_their_conditions(name):
-    """They have order 4 in nonlinear motion, and R(z); an error of 1e-9 in one is noticed."""
+    """Coefficients give order 4 in nonlinear motion, and R(z); an error of 1e-9 is noticed."""
     stepper = core.STEPPERS[name]
     assert np.abs(left_of_order_4(stepper)).max() < 1e-16
     np.testing.assert_allclose(stepper.growth.coef, GROWTHS[name], rtol=1e-10)
@@ -297,7 +297,7 @@ def test_blow_up_is_where_theory_puts_it(kind, eta, stepper):
 
 @pytest.mark.parametrize("eta", [1e-9, None, 300.0])
 def test_limits_of_plane_waves_are_the_analytic_ones(eta):
-    """Symplectic Euler: (w h)^2 + 2 g h = 4 over the Brillouin zone; both steppers: 2/w and 2/g."""
+    """Symplectic Euler has (w h)^2 + 2 g h = 4; both steppers have the limits 2/w and 2/g."""
     scene = preset("fig1", eta=eta)
     grid = np.linspace(0, np.pi, 201) / scene.slider.l
     q = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
@@ -320,7 +320,7 @@ def test_limits_of_plane_waves_are_the_analytic_ones(eta):
 def test_limits_of_small_lattices_are_exact(stepper, k_f):
     """The spectral radius of the core's step, as a matrix, passes one at the limit.
 
-    This holds if the foundation is much stiffer than the lattice and sets the limit, too.
+    A foundation much stiffer than the lattice, which sets the limit, is tried, too.
     """
     scene = setup1(L=0.005, H=0.0025, h=2.5e-3, k_f=k_f, mu_k=0.0)
     limit, info = stability_limit(scene, stepper)

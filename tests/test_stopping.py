@@ -189,7 +189,7 @@ def test_runs_go_on(engine):
 
 @pytest.mark.parametrize("engine", ["quasistatic", "hybrid"])
 def test_a_record_that_goes_on_keeps_what_it_has(engine):
-    """This holds if a condition held before its end, or if t_end is earlier."""
+    """A condition may have held before the record's end, or t_end may be earlier."""
     how = {"fidelity": engine, "progress": False}
     before = pyfric.simulate("fig1", 0.3, **how)
     with pytest.raises(pyfric.SceneError, match=r"t_end = 0\.1 s: too small; .*>= 0\.3"):
@@ -291,7 +291,7 @@ def test_plans_and_estimates_count_with_those_of_a_scene():
 
 
 def test_conditions_in_scene_files(tmp_path):
-    """They are at the top of a file, are read unchanged, and are refused with the same message."""
+    """Conditions are at the top of a file, and are refused with the same message."""
     scene = small(stop_when=["arrested", "reached = 10 mm"])
     file = tmp_path / "scene.toml"
     text = scene.to_toml(file)
@@ -336,7 +336,7 @@ def test_scene_files_on_the_command_line(tmp_path):
 
 @pytest.mark.usefixtures("coarse_curves")
 def test_conditions_in_sweep_files(tmp_path):
-    """They may belong to the scene or to all runs, or vary; each run has its own key."""
+    """Conditions may belong to the scene or to all runs, or vary; each run has its own key."""
     small(stop_when="reached = 10 mm").to_toml(tmp_path / "scene.toml")
     head = 'scene = "scene.toml"\nt_end = "6 ms"\n'
     options = '[options]\nfidelity = "dynamic"\ngeometry = "linear"\n'

@@ -87,7 +87,7 @@ def test_chain_waves():
 
 
 def test_speeds_of_the_paper():
-    """They are 1720 and 993 m/s on the lattice, 1677 and 968 m/s with the density factor."""
+    """Waves have 1720 and 993 m/s on the lattice, 1677 and 968 m/s with the density factor."""
     scene = pyfric.setup1()
     k, m, l, B = scene.slider.k, scene.m, scene.slider.l, 6e-3
     lattice = theory.Material.of_lattice(k, m, l, B)
@@ -102,7 +102,7 @@ def test_speeds_of_the_paper():
 
 
 def test_rayleigh_speed():
-    """It is a root of Rayleigh's cubic equation, another form of D = 0."""
+    """The speed is a root of Rayleigh's cubic equation, another form of D = 0."""
     assert theory.rayleigh_speed(np.sqrt(3), 1.0) == pytest.approx(0.919402, abs=5e-7)
     assert theory.Material.plane_strain(1e9, 0.25, 1e3).c_R == pytest.approx(
         0.919402 * np.sqrt(1e6 / 2.5), rel=1e-6
@@ -253,7 +253,7 @@ def test_one_body_is_half_of_two():
 
 
 def test_cohesive_zone():
-    """At rest it is 2.54 mm per um of d_c in the paper's scene; at speed it is shorter by A_II."""
+    """The zone is 2.54 mm per um of d_c in the paper's scene at rest, shorter by A_II at speed."""
     E, p = 3e9, 3500 / (0.14 * 6e-3)
     material = theory.Material.plane_stress(E, 1 / 3, 1200.0)
     X_c0 = theory.cohesive_zone(material, 0.7, 0.45, p, 1e-6)
@@ -605,7 +605,7 @@ class WithUnit(np.ndarray):
 
 
 def test_arrays_with_a_unit_are_refused():
-    """This holds for rupture times of front speeds, too."""
+    """Rupture times with a unit are refused, too."""
     values = np.linspace(0.0, 1e-3, 7)
     given = values.view(WithUnit)
     assert theory.fracture_energy(0.7, 0.45, values, 1e-6).shape == (7,)

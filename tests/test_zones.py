@@ -23,7 +23,7 @@ B = 6e-3  # of the paper's slider
 
 
 def test_the_zone_of_the_paper_s_slider():
-    """It is about 2.55 mm for each um of d_c, and agrees with theory at any speed below c_R."""
+    """The zone is 2.55 mm for each um of d_c, and agrees with theory at any speed below c_R."""
     scene = preset("fig1", d_c=1e-6)
     slider, p = scene.slider, np.array([0.0, np.nan, 30.0, 61.4])
     material = theory.Material.of_lattice(slider.k, scene.m, slider.l, B)
@@ -222,7 +222,7 @@ def test_the_plan_of_front_speeds_names_the_lattice_and_its_price():
 
 
 def test_zones_of_blocks_without_weakening_are_left_out_of_the_median():
-    """Here the median with these blocks would be 0."""
+    """With these blocks the median of X_c0 would be 0."""
     d_c = [0.0] * 10 + [1e-6] * 11
     scene = preset("setup2", l="5 mm", h="5 mm", d_c=d_c)
     record = pyfric.simulate(scene, 0.4, fidelity="hybrid", geometry="linear", progress=False)

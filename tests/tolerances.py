@@ -29,6 +29,6 @@ SPLIT = 1e-8
 begin at other steps, each with an error of at most 2e-9 F_N. Measured: 4e-10."""
 
 SEQUENCE = 1e-12
-"""Forces of quasi-static sequences of the core against those in Python, over F_N. Both add the same
-numbers in different order. Measured: below 6e-13, where sequences are no longer than those of the
+"""Forces of quasi-static sequences of the core against those in Python, over F_N. The two sequences
+add the same numbers in different order. Measured: below 6e-13 in sequences as long as in the
 tests."""

@@ -1,7 +1,7 @@
 """The model in plain Python loops, as an oracle for the fast code.
 
-It follows the paper (J. Trømborg et al., Phys. Rev. Lett. 107, 074301 (2011)) line by line, and
-takes about 10 us per block and evaluation. It shares no code with the package.
+The twin follows the paper (J. Trømborg et al., Phys. Rev. Lett. 107, 074301 (2011)) line by line,
+and takes about 10 us per block and evaluation. The twin shares no code with the package.
 
 A scene is any object with the attributes of `pyfric.Scene`. The state is
 
@@ -12,7 +12,7 @@ A scene is any object with the attributes of `pyfric.Scene`. The state is
     u_drv0       u_x of the driven block where F_T = 0, m; of several, one number for each, upward
 
 Forces act on the blocks, positive to the right and up. Under a rod the top row of y follows from
-the rod; what y holds there is ignored.
+the rod, and its values in y are ignored.
 """
 
 import functools
@@ -471,8 +471,8 @@ def switch(
     removed by stopping them (the switching loss, J).
 
     First the blocks that slip against their direction, s v_x <= 0, are stopped, all at once. Then
-    the forces are evaluated, and every block is judged by them: `other` is the sum of all its
-    horizontal forces but friction.
+    the forces are evaluated. They decide the state of every block, with `other` the sum of its
+    horizontal forces without friction.
 
         p <= 0, or no friction          open (the block keeps its velocity)
         slipping, not stopped           unchanged

@@ -60,7 +60,7 @@ class Check:
     """A value with its tolerance.
 
     Attributes:
-        name: what was measured.
+        name: name of the measured value.
         value: the value, >= 0; NaN if there was nothing to measure.
         tolerance: largest value that holds.
         unit: unit of value and tolerance; "" for pure numbers.

@@ -120,7 +120,7 @@ def stability(
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
         budget: processor time (s), after which measurements end.
-        say: is told what comes next.
+        say: function that receives the name of the next step.
 
     Returns:
         One row for each stepper and step: stepper, computed and measured (largest stable step, s),
@@ -128,7 +128,7 @@ def stability(
         the factor by which a disturbance grows in a step). NaN means that the budget had ended.
 
     Raises:
-        SceneError: no scene, or one that cannot be loaded.
+        SceneError: it is no scene, or the scene has no loaded state.
     """
     scene, begin, rows = as_scene(scene), time.process_time(), []
     still = at_rest(scene)

@@ -1,6 +1,6 @@
 """Checks of an installed package that a user can run in a minute.
 
-They compare exact solutions, bits, and stored full dynamics (`pyfric.checks.regression`).
+The checks compare exact solutions, bits, and stored full dynamics (`pyfric.checks.regression`).
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ def _all() -> Iterator[tuple[str, Callable[[], Made]]]:
     at_ends = partial(regression.hybrid, switching="step_end")
     made = partial(_stored, "fig1_linear", at_ends, {"linear": STEP_END})
     yield "fig1_linear: switching at step ends", made
-    for event in (5, 37):  # a short and a long one
+    for event in (5, 37):  # a short and a long event
         made = partial(_stored, "fig1_linear", partial(regression.dynamic, event=event), DYNAMIC)
         yield f"fig1_linear: full dynamics of event {event}, from a hybrid state before it", made
     yield "fig1_linear: quasi-static sequence", _ladder

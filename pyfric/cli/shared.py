@@ -201,8 +201,8 @@ def check_out(
     """Refuse an output before anything starts. All commands use this rule.
 
     The output is the file `out`, in the format of `suffix`, or several files with this stem and
-    different `ends`. All must be writable (`pyfric.scene.check_writable`). A file is replaced only
-    with --overwrite. A file that the command `reads` is never replaced.
+    different `ends`. All files must be writable (`pyfric.scene.check_writable`). A file is replaced
+    only with --overwrite. A file that the command `reads` is never replaced.
     """
     if out is None:
         return

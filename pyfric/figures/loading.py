@@ -51,10 +51,10 @@ def fig1a(record: Record) -> DataFigure:
 def fig1b(record: Record) -> DataFigure:
     """Fig. 1(b) of the paper: loading curve, and where the interface slips in each event.
 
-    Top: F_T/F_N against time, with mu_k as a reference. Bottom: each event as a vertical bar at
-    the time of its first slip, over the blocks that slipped; x/L from the trailing edge. Block n
-    covers (n-1)/N_x to n/N_x, so that a bar from the trailing edge ends at L_p/L. Blocks that
-    only made corner slips, or were open when the event ended, are drawn thin.
+    Top: F_T/F_N against time, with mu_k as a reference. Bottom: each event is a vertical bar at the
+    time of its first slip, over the slipped blocks. The axis is x/L from the trailing edge. Block n
+    covers (n-1)/N_x to n/N_x, so that a bar from the trailing edge ends at L_p/L. Blocks that only
+    made corner slips, or were open when the event ended, are drawn thin.
     """
     single(record)
     fig, (top, bottom) = panels(3.3, (1.15, 1), sharex=True)

@@ -44,7 +44,7 @@ def phase_map(diagram: PhaseDiagram, label: str | None = None) -> DataFigure:
     White means that no front reached the end.
 
     Returns:
-        The figure. Its tables are those of the diagram, "table" and "lines".
+        The figure. Its tables are "table" and "lines" of the diagram.
 
     Raises:
         SceneError: the diagram has no such label.

@@ -63,8 +63,8 @@ def space_time(record: Record, event: int, initial: State | None = None) -> Data
 
     Returns:
         The figure, with the tables "slip_rate" (n, x_over_L, t_s, v_m_per_s), "lines" (name,
-        speed_m_per_s, x_over_L, t_s) and "front". On junctions the first one is "pinned" (n,
-        x_over_L, t_s, share).
+        speed_m_per_s, x_over_L, t_s) and "front". On junctions "pinned" (n, x_over_L, t_s, share)
+        replaces "slip_rate".
 
     Raises:
         SceneError: there is no such event, it cannot be run again, or the curve has too few points.

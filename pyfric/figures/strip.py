@@ -216,7 +216,7 @@ def event_movie(
 
 
 def _stand_still(fig: DataFigure, moving: Sequence[Artist]) -> None:
-    """Replace everything that does not move by one picture, so that frames are drawn fast."""
+    """Replace everything that does not move by a picture, so that frames are drawn fast."""
     fig.canvas.draw()
     fig.set_layout_engine(None)  # "none" would draw each frame twice
     for artist in (*moving, fig.patch, *(axes.patch for axes in fig.axes)):

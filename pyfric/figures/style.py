@@ -216,7 +216,7 @@ def single(record: Record) -> None:
 
 
 def caption(records: Record | Sequence[Record], *texts: str) -> str:
-    """Join texts, and add a line with the scenes and one with the methods of the records.
+    """Join texts, and add a line on the scenes and a line on the methods of the records.
 
     The line on methods also names the version, and runs that are not complete.
     """
@@ -289,8 +289,8 @@ def in_unit(
 ) -> str:
     """Return numbers in SI as text in one unit.
 
-    The unit has the prefix of this power of 1000, or another one if the largest number then needs
-    an exponent.
+    The unit has the prefix of this power of 1000, or another prefix if the largest number would
+    need an exponent.
     """
     largest = max(values, key=abs)
     if unit and "e" in f"{largest / 1000.0**power:.4g}":

@@ -6,7 +6,7 @@ zero. Profiles (`pyfric.fitting.profiles`) then give the intervals.
 
 The search for starts uses quasi-static runs, if the friction law allows them. The fit itself uses
 the engine that the caller chooses. Quasi-static runs lack inertia, which changes forces after large
-events by 0.01 to 0.05 F_N. They are enough for static forces.
+events by 0.01 to 0.05 F_N. Quasi-static runs are enough for static forces.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ Near the best parameters, events are matched in their order. Their times do not 
 stick-slip, a small difference of the period becomes a large difference of times. Residuals are the
 forces at both ends of each event, with correlated errors, and the rate of loading between events.
 The matching minimises the sum of squares (dynamic programming). The residual of an unmatched event
-is the part of its drop above the threshold. No residual exceeds `CAP`. That of an unmatched
+is the part of its drop above the threshold. No residual exceeds `CAP`. The residual of an unmatched
 measured event is at least `ALONE`, so that noise does not separate a pair. Events of the model
 before the first and after the last match do not count, because the times at which a measurement
 begins and ends are arbitrary.
@@ -81,7 +81,7 @@ def misfit(
     """Return the differences of the events of a model from measured events.
 
     Args:
-        measured, model: tables of `pyfric.measured.events`; errors are those of `measured`.
+        measured, model: tables of `pyfric.measured.events`. Errors are taken from `measured`.
         later: further measured events; of these, only the mean forces of large events count.
         tolerance: standard deviation of forces added to the errors, over F_N.
     """
@@ -126,8 +126,8 @@ def _off(
     """Return differences of forces at both ends of events, in standard deviations, each (n, m).
 
     The error of the time of an event contributes to both ends. The covariance is c = (s_peak^2 +
-    s_valley^2 - s_drop^2)/2. The second residual is that of the valley minus c/s_peak^2 times that
-    of the peak, which makes the two independent.
+    s_valley^2 - s_drop^2)/2. The second residual is the difference of valleys minus c/s_peak^2
+    times the difference of peaks, which makes the two independent.
     """
     variances = {
         name: measured[f"{name}_error"][:, None] ** 2 for name in ("peak", "valley", "drop")

@@ -261,7 +261,7 @@ class Sizes(_OfEvents):
 
     @property
     def duration(self) -> float:
-        """Longest duration of a run, s: that of the measurement and a little more."""
+        """Longest duration of a run, s: a little more than the measurement."""
         return LONGER * float(self.whole.attrs["t_end"])
 
     def lasts(self, scene: Scene) -> float:

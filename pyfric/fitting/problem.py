@@ -96,7 +96,7 @@ class Problem:
         return True
 
     def of_engine(self, engine: str) -> Problem | None:
-        """Return the problem for another engine, with what it can give; None if that is nothing."""
+        """Return the problem with the measurements that another engine gives; None without any."""
         data = [
             Together(part for part in each if not part.engines or engine in part.engines)
             for each in self.data

@@ -49,8 +49,9 @@ class Fit(Shown):
         engine: the engine of its runs.
         runs: number of runs, with those of the search.
         bounds: name -> bounds of the search.
-        model_error: standard deviation of the model's forces, over F_N, that intervals assume. It
-            is the given one or, if the model does not fit, its deviation, if that is larger.
+        model_error: standard deviation of the model's forces, over F_N, that intervals assume. If
+            the model does not fit, it is the larger of the given error and the deviation of the
+            model.
         notes: what was left out of the curves, and which events may be missing.
         problem: the scenes, measurements and runs, for profiles and `pyfric.fitting.posterior`.
     """

@@ -70,7 +70,7 @@ def numpy(path: Any, asked: Asked) -> Found:
 
 
 def hdf5(path: Any, asked: Asked) -> Found:
-    """Return the arrays of an HDF5 file: netCDF 4, MATLAB 7.3, and others.
+    """Return the arrays of an HDF5 file, such as netCDF 4 or MATLAB 7.3.
 
     Raises:
         SceneError: it cannot be read.

@@ -45,7 +45,7 @@ _TRUTHS = (b"r", b"R", b"l", b"L")
 letters."""
 _OLD = tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1)
 _EXACT: Any = {"float_precision": "round_trip"} if _OLD else {}
-"""Option with which pandas rounds as Python does. From version 3.1 on pandas always does."""
+"""Option with which pandas rounds as Python does; pandas from 3.1 on needs no option."""
 _SIGNS = ("#", "%", "!", "//")
 """Beginnings of comments."""
 

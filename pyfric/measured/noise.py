@@ -18,7 +18,7 @@ WHITE, SMOOTH_LINE = 1.3, 3.5
 """Limits of the ratio of noise from every second sample to noise from all. The ratio is 1 for white
 noise and 4 on a smooth line."""
 FAR = 4.0
-"""Second differences are cut at so many times their median, because those of events are larger."""
+"""Limit of second differences, over their median. Events have larger second differences."""
 ALONE, LONGEST, AROUND = 10.0, 3, 17
 """Readings are isolated if at most `LONGEST` of them are consecutive, and they differ from the
 samples on either side by `ALONE` times the noise and the median step of the `AROUND` samples around

@@ -284,7 +284,7 @@ class Windows:
         first: index of the sample before the first place.
         starts, stops: index of the first sample of the mean before each place, and index after the
             last sample of the mean after it, shape (m,).
-        spread: standard deviation of the difference of both means, over that of a sample, shape
+        spread: standard deviation of the difference of both means, for unit noise of samples, shape
             (m,).
         time: time within which falls are one, s.
         gaps: index of the last sample before each time step longer than the lines at the ends of a

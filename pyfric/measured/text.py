@@ -2,7 +2,7 @@
 
 The first and last rows of a table give its layout: the separator of columns, the decimal mark, and
 which columns hold numbers. `body` then parses the rows between. A text may hold several tables with
-the same columns, each below its own heads. They are joined.
+the same columns, each below its own heads. Such tables are joined.
 """
 
 from __future__ import annotations
@@ -55,8 +55,7 @@ _POINTED = re.compile(rb"\d\.|\.\d")
 """Patterns: a decimal comma (not followed by three digits, or after a zero); a whole number below
 1000; a number with a decimal point."""
 NOT_LENGTHS = ("", "-", ".", "1", "%", "V", "mV", "Volt", "Volts", "bits", "bit", "RN", "TS")
-"""Units in a row of units besides those of known meanings; TS is a time stamp, RN a record
-number."""
+"""Further units in a row of units; TS is a time stamp, RN a record number."""
 _RULER = re.compile(r"[-=_+|*]{2,}")
 _COMMENT = "Comment"
 """Last name of a column in a LabVIEW text, which has no column."""

@@ -77,7 +77,7 @@ def _check_length(scene: Composed, name: str, given: Any, mark: Annotation) -> N
 
 
 def _check_height(scene: Composed) -> None:
-    """Check that driven blocks are on rows above the bottom one, and those of the top on it."""
+    """Check that driven blocks are above the bottom row, or on the top row for a driven top."""
     if scene.driver.side == "top":
         for name, given, allowed in (
             ("h", steps_in(scene.driver.h, scene.slider.l) == scene.N_z - 1, scene.slider.H),

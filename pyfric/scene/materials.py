@@ -105,7 +105,7 @@ class Material:
         return k if self.plane == "stress" else k / (1 - PLANE_STRAIN**2)
 
     def eta(self, dashpots: Literal["full", "along"]) -> float | None:
-        """Return the viscosity of each bond, in N s/m; None means that of the paper.
+        """Return the viscosity of each bond, in N s/m; None means the paper's viscosity.
 
         A shear wave along x meets one bond along x and two diagonals for each block. Dashpots
         "full" resist all of its motion, so that eta = B viscosity/3. Dashpots "along" resist none

@@ -429,8 +429,8 @@ class Interface:
             carries p = k_f (-u_z - gap) where this is positive.
         contact: False where blocks never touch the foundation; True or False, or N_x of them from
             the trailing edge on. None means that all can.
-        slip: slip along the drive before the start, m, also negative. Blocks stick where it brings
-            them, and the slider above is in equilibrium. None means 0.
+        slip: initial slip along the drive, m; may be negative. Blocks stick where it brings them,
+            and the slider above is in equilibrium. None means 0.
         limit: breakpoints (t, mu), in s and >= 0, of the largest friction coefficient, whether a
             block sticks or slips. It is linear between breakpoints and constant after the last one;
             before the first one there is no limit.

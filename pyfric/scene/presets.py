@@ -1,4 +1,4 @@
-"""Scenes by name: those of the paper, a chain, a slab on a prescribed interface, a benchmark.
+"""Scenes by name: scenes of the paper, a chain, a slab on a prescribed interface, a benchmark.
 
 Source: PRL 107, 074301 (2011).
 """

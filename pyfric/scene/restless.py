@@ -273,7 +273,7 @@ class RateStateLaw(Law):
         return self.kind.c or 0.0
 
     def budget(self, heat: Any = 0.0, loss: Any = 0.0, parts: Any = (0.0, 0.0)) -> dict[str, Any]:
-        """Return the heat of friction, of which that of alpha is a part; switches lose nothing."""
+        """Return the heat of friction, and its part due to alpha; switches lose no energy."""
         terms = {"friction_heat": heat, "switching_loss": loss}
         return terms | {"viscous_heat": parts[1]} if np.any(self.alpha) else terms
 

@@ -276,8 +276,8 @@ class Creep(Weakening):
     def _step(self, now: Point) -> float:
         """Return the next step of the drive (m).
 
-        It is a part of d_c in slip of blocks that weaken, or goes just past the next change by
-        linear extrapolation.
+        The step gives weakening blocks a slip of a fraction of d_c, or ends just past the next
+        change by linear extrapolation.
         """
         row, table = table_rows(self.N_x), self.problem.base(self.closed)
         v = table[:, row.u_x] @ now.rate + table[:, row.drive]

@@ -14,9 +14,9 @@ several solutions; the order of the conditions selects one. In finite geometry t
 are imposed at full load.
 
 Newton's method, on all blocks, finds the static state for given contact states. If this state
-violates their conditions, the contact solver (`complementarity`) finds other contact states. It
-uses the condensed slider in linear geometry. In finite geometry its loads are corrected for the
-difference.
+violates their conditions, the contact solver (`complementarity`) finds other contact states. The
+contact solver uses the condensed slider in linear geometry. In finite geometry its loads are
+corrected for the difference.
 
 A chain does not slip while it is loaded, because a scene in which it would is refused. It keeps
 p_i, and its blocks without friction stay closed.
@@ -74,7 +74,7 @@ class StaticSolver(System):
         scene: the scene, the name of a preset, or the path of a scene file.
         geometry: "linear" or "finite".
         u_drv0: u_x of the driven blocks at drive = 0 and F_T = 0, in m, as `Scene.u_driven` returns
-            it; None means that of the loaded state.
+            it; None means u_x in the loaded state.
 
     Attributes:
         loaded: the loaded equilibrium with F_T = 0 (an `Equilibrium`).

@@ -119,8 +119,8 @@ def _over_walls(
 def spring_forces(lattice: Bonds, u: np.ndarray) -> np.ndarray:
     """Return the forces k n (n.du) of all springs on the blocks in linear geometry.
 
-    Opposite forces cancel to rounding; those of `core.bond_forces` do so only over k u, which is
-    large where the slider turns.
+    Opposite forces cancel to rounding. Errors of `core.bond_forces` are rounding of k u, which is
+    large if the slider turns.
 
     Args:
         lattice: from `bonds`.

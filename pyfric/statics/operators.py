@@ -73,8 +73,8 @@ def mass(scene: Scene) -> np.ndarray:
 def ground(scene: Scene, T: sp.csr_array, closed: np.ndarray, *, driver: bool = True) -> np.ndarray:
     """Return the stiffness from each coordinate to the ground, shape (n_q,), in N/m.
 
-    It contains the foundation under the closed blocks, the mattress, k_top on the top row and, with
-    `driver`, the driver spring. T is from `coordinates`.
+    The parts are the foundation under the closed blocks, the mattress, k_top on the top row and,
+    with `driver`, the driver spring. T is from `coordinates`.
     """
     at, springs = ends(scene.N_x), np.zeros(2 * scene.N_x * scene.N_z)
     springs[at.u_z] = scene.k_f * closed
@@ -105,7 +105,7 @@ def stiffness(
 def bond_stiffness(scene: Scene) -> sp.csr_array:
     """Return the stiffness of bonds and k_top in coordinates, over k, shape (n_q, n_q).
 
-    It does not depend on k, to which all bond stiffnesses are proportional.
+    The result does not depend on k, to which all bond stiffnesses are proportional.
     """
     lattice, T = bonds(scene), coordinates(scene)
     springs = np.zeros(2 * scene.N_x * scene.N_z)
@@ -123,8 +123,8 @@ def damping(scene: Scene, du: list[np.ndarray] | None = None) -> sp.csr_array:
 
     Args:
         scene: the scene.
-        du: du_x and du_z over each bond, shape (n_bonds,), in m, with which dashpots turn; None
-            means undeformed bonds.
+        du: du_x and du_z over each bond, shape (n_bonds,), in m, which set the directions of
+            dashpots; None means undeformed bonds.
     """
     lattice, T = bonds(scene), coordinates(scene)
     d = lattice.d.T if du is None else lattice.d.T + du

@@ -69,7 +69,7 @@ def least_limit(stepper: Stepper, eigenvalues: np.ndarray) -> tuple[float, int]:
 
     Args:
         stepper: a stepper with R(z) (`Stepper.growth`).
-        eigenvalues: in 1/s, or over any unit, which is that of the inverse limit.
+        eigenvalues: eigenvalues in 1/s, for a limit in s, or in another unit.
     """
     z = np.minimum(eigenvalues.real, 0.0) + 1j * np.abs(eigenvalues.imag)
     moving = np.flatnonzero(z)

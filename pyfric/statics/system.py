@@ -55,8 +55,8 @@ class System:
 
     Attributes:
         u_drv0: u_x of the driven blocks at drive = 0 and F_T = 0, in m: see `Scene.u_driven`.
-        pressed: blocks without friction that touch the foundation, (N_x,), bool. Once the loaded
-            state is known, they are those of the loaded state.
+        pressed: blocks without friction that touch the foundation, (N_x,), bool. Blocks that are
+            open in the loaded state are left out once it is known.
         kept: results that engines store with the slider, by name.
     """
 
@@ -329,7 +329,7 @@ class System:
     def _factorised(
         self, K: sp.csr_array, mode: np.ndarray, friction: np.ndarray | float = 0.0
     ) -> BandedCholesky | SuperLU:
-        """Factorise K with friction for the coordinates not held; K must be supported."""
+        """Factorise K with friction for the coordinates not held; the slider must be supported."""
         N_x, unknown, rubs = self.scene.N_x, self.unknown(mode), np.any(friction)
         if rubs:  # it couples u_x to u_z, N_x columns to the right
             coupling = np.zeros(K.shape[0] - N_x)

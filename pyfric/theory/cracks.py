@@ -241,7 +241,8 @@ def crack_speed(
 def fracture_energy(mu_s: float, mu_k: float, p: ArrayLike, d_c: ArrayLike) -> np.ndarray:
     """Return Gamma = (mu_s - mu_k) p d_c/2 of linear slip weakening, J/m^2.
 
-    The d_c of `pyfric.Interface` gives the energy per body, D_c = 2 d_c that of both bodies.
+    d_c of `pyfric.Interface` gives the energy per body. D_c = 2 d_c gives the energy of both
+    bodies.
 
     Args:
         mu_s, mu_k: friction coefficients, mu_s >= mu_k >= 0.

@@ -32,7 +32,7 @@ def checked_array(field: str, value: Any, unit: str = "", **limits: float) -> np
         field: name used in the error.
         value: the given value, any shape.
         unit: SI unit used in the error.
-        limits: gt, ge, le, lt: >, >=, <=, <.
+        limits: gt, ge, le, lt for limits >, >=, <=, <.
 
     Raises:
         ValueError: a value is not a real number, not finite or outside the limits, or there is no

@@ -78,9 +78,10 @@ def density_factor(N_x: int, N_z: int) -> float:
     """Return the density correction factor N_x N_z/((N_x - 1)(N_z - 1)).
 
     A slider of mass M and size L H has N_x N_z blocks of mass m = M/(N_x N_z), but only
-    (N_x - 1)(N_z - 1) cells of area l^2. The density of the lattice is m/(l^2 B). That of the
-    slider, M/(L H B), is larger by this factor. Waves in a continuum of the slider's density are
-    slower by the root of it (1677 instead of 1720 m/s in setup 1 of the paper).
+    (N_x - 1)(N_z - 1) cells of area l^2. The density of the lattice is m/(l^2 B). The density of
+    the slider, M/(L H B), is larger by the density correction factor. Waves in a continuum of the
+    slider's density are slower by the root of this factor (1677 instead of 1720 m/s in setup 1 of
+    the paper).
 
     Args:
         N_x, N_z: numbers of blocks, whole and at least 2.

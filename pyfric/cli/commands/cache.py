@@ -87,7 +87,7 @@ def _store() -> Store:
 
 
 def _row(entry: Entry) -> dict[str, Any]:
-    """Return what there is to say about a file."""
+    """Return the entries of a file in the list."""
     row: dict[str, Any] = {"key": entry.path.stem, "bytes": entry.size, "used": entry.used}
     found = entry.read()
     if isinstance(found, str):

@@ -15,9 +15,10 @@ curve of x has already taken the part that both explain.
 
 Speeds along a front are correlated. Intervals are therefore from a bootstrap over fronts.
 
-Null data depend on the position alone. They keep its curve, and scatter the residuals in one of two
-ways: shuffled over all points, or with one random sign for each front, which keeps the correlation
-along a front. They show how much a prestress explains only because it varies with the position.
+Null data depend on the position alone. Null data keep the curve of the position and scatter its
+residuals in one of two ways. Residuals are shuffled over all points, or get one random sign for
+each front, which keeps the correlation along a front. Null data show how much a prestress explains
+only because it varies with the position.
 
 Sources: B. Efron, Ann. Statist. 7, 1 (1979), the bootstrap; A. C. Cameron, J. B. Gelbach and
 D. L. Miller, Rev. Econ. Stat. 90, 414 (2008), signs by groups of dependent points.

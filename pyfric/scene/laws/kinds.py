@@ -94,9 +94,9 @@ class Table:
 def sampled(function: Callable[[float], float], end: float, unit: str = "") -> Table:
     """Return a table that follows a function on [0, end].
 
-    Intervals are halved until the chord is close to the function at their quarters, and at those of
-    17 points of the whole range that lie inside. The allowed error is `CLOSE` times the range of
-    the function on these points.
+    Intervals are halved until the chord is close to the function. The chord is compared at the
+    quarters of an interval, and at those of 17 points of the whole range that lie inside it. The
+    allowed error is `CLOSE` times the range of the function on these points.
 
     Args:
         function: a function of one number.

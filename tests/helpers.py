@@ -140,7 +140,7 @@ def same_run(one, other, **apart):
 
 
 def refused(call, field, *texts, value=None, unit=None, within=()):
-    """Check that a call refuses this field, and that its message holds the texts.
+    """Check that a call refuses this field, with a message that contains these texts.
 
     It also checks value and unit of the error, and numbers in its allowed range.
     """

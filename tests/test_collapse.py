@@ -45,7 +45,7 @@ def test_all_precursors_and_the_last_of_each_run():
 
 
 def test_fronts_that_began_from_a_coarser_lattice_are_told_apart():
-    """Each of these fronts is the first event of its own run."""
+    """Each front from a coarser lattice is the first event of its own run."""
     about = {"d_c": 1e-6, "l": 5e-4, "begun": 1e-3, "event": 1}
     runs = [front(2, 0.2 * i, 0.05, scene=f"run{run}", **about) for run in (1, 2) for i in (1, 2)]
     (row,) = collapse.collapse(pd.concat(runs)).to_dict("records")

@@ -626,7 +626,7 @@ def test_linear_geometry_stands_on_its_far_corner(scene):
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_no_equilibrium_is_an_error_that_names_its_figures(side):
-    """In finite geometry the same push tips the slider over.
+    """In finite geometry a strong push tips the slider over.
 
     When the slider turns about its far corner, the lever arm of F_N falls from L/2 faster than the
     soft spring relaxes. Nothing then balances the push.

@@ -30,7 +30,7 @@ def test_nucleation_is_where_the_slipping_part_is_no_longer_stable():
 
 
 def test_events_name_their_length_of_nucleation(tmp_path):
-    """Lengths are kept in files; there is none while the driver holds."""
+    """Files keep lengths of nucleation; no length exists while the driver holds."""
     scene = rod(V=1e-2)
     record = run(scene, 8.2e-3, "hybrid")
     found, table = record.events["nucleation_length"], analysis.nucleations(record)

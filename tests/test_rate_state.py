@@ -88,7 +88,7 @@ def test_state_after_a_step_in_speed(evolution):
 
 @pytest.mark.parametrize("c", [0.5, 2.0])
 def test_a_sudden_step_in_speed_meets_a_part_of_the_direct_effect(c):
-    """In Nagata's law the initial step of friction is a/(1 + c) times ln of the ratio, else a."""
+    """The first step of friction is a/(1 + c) ln of the ratio in Nagata's law, a ln in others."""
     scene = row(3, evolution="nagata", c=c)
     law, p, V, times = scene.law, 20.0, 1e-6, 50.0
     theta, mu = law.D_c / V, law.mu_k + (law.a - law.b) * np.log(V / law.kind.V_star)

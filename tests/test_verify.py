@@ -1,4 +1,4 @@
-"""`pyfric verify`: what it checks, and that it fails."""
+"""`pyfric verify`: its checks, and failures of a wrong build."""
 
 import json
 import math

@@ -103,7 +103,7 @@ def fidelity_option(default: str, text: str) -> Callable[[Any], Any]:
 
 
 class SceneName(click.ParamType):
-    """A preset or a file. Shells complete both."""
+    """A preset or a file, which shells can complete."""
 
     name = "scene"
 

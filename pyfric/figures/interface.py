@@ -213,7 +213,7 @@ def fig4a(record: Record, event: int | None = None) -> DataFigure:
 def fig4b(records: Sequence[Record]) -> DataFigure:
     """Fig. 4(b) of the paper: front speed against prestress, all main events of several runs.
 
-    Top: against tau/p. Bottom (its inset): against (tau/p - mu_k)/(mu_s - mu_k).
+    Top: v_c against tau/p. Bottom (inset in the paper): v_c against (tau/p - mu_k)/(mu_s - mu_k).
 
     Args:
         records: runs with the small steps of want = "front_speed".

@@ -66,7 +66,7 @@ def sweep_figure(results: Results, column: str | None = None) -> DataFigure:
 
     Args:
         results: what `pyfric.Sweep` returns.
-        column: a number of each run, such as "n_precursors" or "t_slide"; None is "F_first", or
+        column: a number of each run, such as "n_precursors" or "t_slide"; None means "F_first", or
             "F_max" if no run has a main event.
 
     Returns:

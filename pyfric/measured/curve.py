@@ -31,7 +31,7 @@ the opposite sign."""
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Curve(Shown):
-    """A curve as measured. `read` makes one from a file, `Curve.of` one from arrays.
+    """A curve as measured. `read` makes a curve from a file, `Curve.of` from arrays.
 
     Attributes:
         table: a row for each sample, with columns t (s) and some of F_T, F_N (N), tau, sigma_n

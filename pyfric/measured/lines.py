@@ -11,7 +11,7 @@ NORMAL = 1.4826
 TUKEY = 6.0
 """Standard deviations beyond which a sample has no weight: efficiency 98 % in normal noise."""
 PASSES = 5
-"""Iterations of weights."""
+"""Number of iterations of weights."""
 AT_ONCE = 1 << 20
 """Largest number of samples in lines that are fitted together."""
 FEWEST = 5

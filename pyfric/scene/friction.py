@@ -40,7 +40,7 @@ CLOCKS = (
 )
 NO_TABLES = Tables()
 GRADUAL = 0.01
-"""Largest (mu_s - mu_k)/mu_s for which quasi-static slip is treated as continuous, at mu_s."""
+"""Largest (mu_s - mu_k)/mu_s for which quasi-static slip is continuous, with friction mu_s."""
 
 
 @dataclass(frozen=True)

@@ -120,8 +120,8 @@ class Scene(Composed, Shown):
 
         Args:
             source: path of a file, or the text itself, which contains a line break.
-            files: whether a friction law may name files. True reads them from the folder of the
-                source (for a text, the current folder). A path reads them from that folder.
+            files: whether a friction law may name files. True reads such files from the folder of
+                the source (for a text, the current folder). A path names another folder.
 
         Raises:
             SceneError: the file cannot be read, is not TOML or is larger than 1 MiB; or an entry is

@@ -118,6 +118,6 @@ class Spread:
 Field = float | tuple[float, ...] | Spread | Profile
 """A number, a list of one for each block from the trailing edge on, a `Spread` or `Profile`."""
 BLOCKS = {"listed": True, "each": "block", "note": ", or a list of N_x of them"}
-"""What the annotations of values of each block have in common."""
+"""Common arguments of annotations of values of each block."""
 FIELD = BLOCKS | {"drawn": (Spread, Profile), "note": BLOCKS["note"] + ", a Spread or a Profile"}
-"""What the annotations of fields have in common."""
+"""Common arguments of annotations of fields."""

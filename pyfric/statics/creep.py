@@ -258,7 +258,7 @@ class Creep(Weakening):
                 begin, end = (
                     point.margins[row, change.block] + self.small[row] for point in (low, at)
                 )
-                if begin > end:  # otherwise it is violated at the start, too
+                if begin > end:  # otherwise the start violates it, too
                     middle = low.drive + max(begin, 0.0) / (begin - end) * (high - low.drive)
             middle = min(max(middle, low.drive + close), max(high - close, low.drive + close / 2))
             found = self.at(middle, low)

@@ -155,8 +155,8 @@ def extended(basis: np.ndarray, shapes: np.ndarray, M: np.ndarray) -> np.ndarray
     """Return a basis with B'M B = 1, extended by what shapes add to its span.
 
     Args:
-        basis: shape (n, m), with B'M B = 1.
-        shapes: shape (n, k).
+        basis: the basis, shape (n, m), with B'M B = 1.
+        shapes: vectors to add to the span, shape (n, k).
         M: diagonal mass matrix, shape (n,), in kg.
     """
     known, rows = basis.T * np.sqrt(M), shapes.T * np.sqrt(M)

@@ -42,7 +42,8 @@ def _least_end(
     Each interval is bisected until another interval surely has a smaller end.
 
     Args:
-        stable: whether positions in intervals of these numbers, both of shape (m,), are stable.
+        stable: function of positions and numbers of their intervals, both of shape (m,), that
+            returns whether the positions are stable.
         low, high: a stable and an unstable position in each interval, shape (n,).
         size: shape (n,) or a number.
     """

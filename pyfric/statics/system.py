@@ -263,7 +263,7 @@ class System:
     def bends(self, q: np.ndarray, rate: np.ndarray) -> np.ndarray:
         """Return second derivatives of spring forces along q + s rate at s = 0, shape (n_q,).
 
-        Zero in linear geometry.
+        In linear geometry the derivatives are zero.
         """
         if self.geometry == "linear":
             return np.zeros_like(q)

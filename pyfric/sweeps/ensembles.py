@@ -63,7 +63,7 @@ def ensemble(
         progress: as in `run_all`.
 
     Returns:
-        The numbers; the labels of the table are the seeds.
+        The `Ensemble`. Labels of its table are the seeds.
 
     Raises:
         SceneError: an argument is refused, and nothing has been run.

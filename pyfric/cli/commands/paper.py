@@ -75,7 +75,7 @@ def claims(numbers: tuple[str, ...], out: Path | None, tell: Tell, **how: Any) -
 
 
 class CaseName(click.ParamType):
-    """The name of a case. Shells complete it."""
+    """The name of a case, which shells can complete."""
 
     name = "case"
 

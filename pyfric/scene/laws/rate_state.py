@@ -58,10 +58,10 @@ class RateAndState(FrictionLaw):
         "nagata"   dtheta/dt = 1 - |v| theta/D_c - (c/b) theta dmu/dt ,
 
     where mu = (|f| - alpha |v|)/p. At a steady speed theta = D_c/v, and the friction coefficient is
-    f* + (a - b) ln(v/V*); with "prz" theta = 2 D_c/v, and friction is b ln 2 higher. It weakens
-    with speed if a < b. With a cut-off speed V_c, ln(V* theta/D_c + V*/V_c) replaces the
-    logarithm, and steady friction rises above V_c. alpha is that of the interface. theta of an open
-    block evolves with its speed.
+    f* + (a - b) ln(v/V*). With "prz" theta = 2 D_c/v, and the coefficient is higher by b ln 2.
+    Steady friction weakens with speed if a < b. With a cut-off speed V_c, ln(V* theta/D_c + V*/V_c)
+    replaces the logarithm, and steady friction rises above V_c. alpha is that of the interface.
+    theta of an open block evolves with its speed.
 
     A block counts as slipping while |v| >= v_slip: contact states, episodes, events and fronts are
     those of such blocks. The interface needs no mu_s and mu_k, which are both f*. While the slider

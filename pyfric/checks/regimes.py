@@ -60,7 +60,7 @@ class Regime:
 
     Attributes:
         name: the extreme property.
-        scene: makes the scene.
+        scene: function that makes the scene.
         behaviour: the stated behaviour.
         text: the stated behaviour in words.
         look: function that runs the scene and returns what it observed.

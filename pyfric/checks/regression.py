@@ -43,12 +43,11 @@ MANY = 100
 LEAST = 0.02
 """Least p, over F_N/N_x, of blocks whose tau/p is compared."""
 BEFORE, AFTER = 2e-4, 5e-3
-"""A run of one event begins so long before its first slip, and ends so long after its last stick,
-s."""
+"""Times in s: a run of one event begins `BEFORE` its first slip and ends `AFTER` its last stick."""
 
 LADDER = 0.03
-"""Tolerance of forces of the quasi-static sequence, over F_N. It lacks inertia, which makes slip
-overshoot."""
+"""Tolerance of forces of the quasi-static sequence, over F_N. The sequence lacks inertia, which
+makes slip overshoot."""
 NO_INERTIA = "no inertia: nothing overshoots, and steps are a little shorter"
 
 
@@ -92,7 +91,7 @@ def rms(error: np.ndarray) -> float:
 _TABLE = {
     # hybrid engine, linear and finite geometry; hybrid engine with switching at step ends
     "start": (5e-6, 3e-5, 2.5e-3),  # static force of main events at first slip, over F_N
-    "arrest": (5e-6, 3e-5, 0.01),   # the same at last stick
+    "arrest": (5e-6, 3e-5, 0.01),   # static force of main events at last stick
     "time": (1e-5, 5e-5, 4e-3),     # start of main events, s
     "small": (5e-6, 1e-3, None),    # static forces of the other events, over F_N
     "blocks": (0, 0, 2),            # first and last block of events; blocks in one of two fronts

@@ -37,7 +37,7 @@ STARTS = 8
 are as small as noise."""
 MORE = 2.0
 """Ratio of the measured scatter of forces of large events to the model's scatter (a choice). Beyond
-it, large events are compared as a population."""
+this ratio, large events are compared as a population."""
 SEARCH = "quasistatic"
 """Engine that searches for starts."""
 
@@ -207,7 +207,7 @@ def _check_alike(problem: Problem, u: np.ndarray) -> None:
 
 
 def _may_scatter(part: Events) -> bool:
-    """Whether there are many large events, they scatter, and their means may be compared."""
+    """Whether large events are many, scatter, and may be compared by their means."""
     enough = len(large(part.whole)) >= POPULATION
     return part.later is not None and enough and _scatter(part.whole) > TOLERANCES[0]
 

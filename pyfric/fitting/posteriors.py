@@ -19,7 +19,7 @@ from pyfric.values import SceneError, check_whole
 WALKERS = 8
 """Smallest number of walkers, which is also at least four for each parameter (a choice)."""
 BURNT = 4
-"""One part in so many of the draws of each walker, the first part, is left out (a choice)."""
+"""The share 1/`BURNT` of the draws of each walker, at their begin, is left out (a choice)."""
 
 
 def posterior(

@@ -233,7 +233,7 @@ def _push(
     highest = min(chi2 for _, chi2 in pool) + limit
     inside = [point for point in pool if point[1] <= highest]
     values, vectors = np.linalg.eigh(np.linalg.pinv(jacobian.T @ jacobian))
-    spread = (vectors * np.sqrt(np.maximum(values, 0))) @ vectors.T  # for any signs of vectors
+    spread = (vectors * np.sqrt(np.maximum(values, 0))) @ vectors.T  # signs of vectors cancel
     for k, name in enumerate(problem.names):
         say(f"ends of the interval of {name}")
         for side in (-1, 1):

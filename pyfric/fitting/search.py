@@ -17,8 +17,7 @@ FOLLOWED = 3
 ALIKE = 0.01
 """Distance, over the bounds, within which two minima of a smooth misfit count as one (a choice)."""
 TOLD = 5e-3
-"""Change of a smooth chi^2, over its number of residuals times noise, that is negligible (a
-choice)."""
+"""Negligible change of a smooth chi^2, if residuals are as small as noise (a choice)."""
 COARSE = 1e-2
 """Step of differences of the overview, over the bounds (a choice)."""
 STEP = 1e-3

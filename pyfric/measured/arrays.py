@@ -25,7 +25,7 @@ def matlab(path: Any, asked: Asked) -> Found:
     """Return the arrays of a MATLAB file up to version 7.2.
 
     Raises:
-        SceneError: it cannot be read.
+        SceneError: the file cannot be read.
     """
     from scipy.io import loadmat  # slow to import
 
@@ -42,7 +42,7 @@ def matlab(path: Any, asked: Asked) -> Found:
 
     try:
         content = loadmat(path)
-    except Exception as error:  # of many kinds
+    except Exception as error:  # libraries raise many kinds
         raise refused(path, "a MATLAB file that can be read", type(error).__name__) from None
     for name, value in content.items():
         if not name.startswith("__"):
@@ -60,7 +60,7 @@ def numpy(path: Any, asked: Asked) -> Found:
     try:
         content = np.load(path, allow_pickle=False)
         arrays = {"array": content} if isinstance(content, np.ndarray) else dict(content)
-    except Exception as error:  # of many kinds
+    except Exception as error:  # libraries raise many kinds
         raise refused(path, "arrays of numbers", str(error)[:80]) from None
     for name, value in arrays.items():
         for key in value.dtype.names or ():
@@ -73,7 +73,7 @@ def hdf5(path: Any, asked: Asked) -> Found:
     """Return the arrays of an HDF5 file, such as netCDF 4 or MATLAB 7.3.
 
     Raises:
-        SceneError: it cannot be read.
+        SceneError: the file cannot be read.
     """
     import h5py  # slow to import
 
@@ -120,7 +120,7 @@ def netcdf(path: Any, asked: Asked) -> Found:
     """Return the arrays of a classic netCDF file.
 
     Raises:
-        SceneError: it cannot be read.
+        SceneError: the file cannot be read.
     """
     from scipy.io import netcdf_file  # slow to import
 
@@ -134,7 +134,7 @@ def netcdf(path: Any, asked: Asked) -> Found:
                     values = _unpacked(found, name, values, item._attributes, True)
                     clock = item.dimensions[0] if len(item.dimensions) == 1 else None
                     found.add_array(name, name, values, _unit(item._attributes), clock=clock)
-    except Exception as error:  # of many kinds
+    except Exception as error:  # libraries raise many kinds
         raise refused(path, "a netCDF file that can be read", type(error).__name__) from None
     return found
 

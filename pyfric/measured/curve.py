@@ -40,8 +40,8 @@ class Curve(Shown):
         F_N: normal force, N, if the table has none; None means unknown.
         area: area of the interface, m^2; None means unknown.
         noise: standard deviation of the noise of F_T/F_N, or of slip (m) in a curve without forces;
-            None means unknown. t_gap: longest pause between falls of one event in a curve without
-                noise, s.
+            None means unknown.
+        t_gap: longest pause between falls of one event in a curve without noise, s.
         source: file or origin of the curve.
         notes: how the file was understood, in words.
     """

@@ -36,7 +36,7 @@ class Column:
     Attributes:
         numbers: function that returns its numbers in a new array.
         head: its name in the file.
-        unit: as stated; "" where it is not.
+        unit: its unit as stated in the file, or "".
         clock: clock of its samples. Samples of different clocks may have different times. None
             means unknown.
     """

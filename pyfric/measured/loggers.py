@@ -44,7 +44,7 @@ def tdms(path: Any, asked: Asked) -> Found:
     try:
         file = TdmsFile.read(path)
         spans = _spans(path)
-    except Exception as error:  # of many kinds
+    except Exception as error:  # libraries raise many kinds
         raise refused(path, "a TDMS file that can be read", type(error).__name__) from None
     for group in file.groups():
         waves: dict[Any, str] = {}
@@ -151,7 +151,7 @@ def mdf(path: Any, asked: Asked) -> Found:
     """Return the channels of an MDF file, 3 or 4, and the times of each of its groups.
 
     Raises:
-        SceneError: it cannot be read.
+        SceneError: the file cannot be read.
     """
     from asammdf import MDF
 
@@ -182,7 +182,7 @@ def mdf(path: Any, asked: Asked) -> Found:
                     clocks[clock] = "time" if len(file.groups) == 1 else f"time of group {g + 1}"
                     numbers = functools.partial(np.copy, times)
                     found.add(clocks[clock], Column(numbers, "time", "s", clock))
-    except Exception as error:  # of many kinds
+    except Exception as error:  # libraries raise many kinds
         raise refused(path, "an MDF file that can be read", type(error).__name__) from None
     return found
 
@@ -191,7 +191,7 @@ def universal(path: Any, asked: Asked) -> Found:
     """Return the functions of time in a universal file (datasets 58).
 
     Raises:
-        SceneError: it cannot be read.
+        SceneError: the file cannot be read.
     """
     from pyuff import UFF
 
@@ -200,7 +200,7 @@ def universal(path: Any, asked: Asked) -> Found:
         file = UFF(path)
         kinds = file.get_set_types()
         sets = [file.read_sets(n) for n, kind in enumerate(kinds) if int(kind) == 58]
-    except Exception as error:  # of many kinds
+    except Exception as error:  # libraries raise many kinds
         raise refused(path, "a universal file that can be read", type(error).__name__) from None
     clocks: dict[Any, tuple[str, str, np.ndarray]] = {}
     for n, each in enumerate(sets, 1):

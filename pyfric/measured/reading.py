@@ -68,7 +68,7 @@ def read(
             "name(1,:)", "name(2,:)".
         units: meaning -> unit, where the file does not state it.
         calibration: meaning -> value of 1 in the file, such as "0.12 N", or a pair of this value
-            and the number in the file that means zero. It replaces units.
+            and the number in the file that means zero. `calibration` replaces units.
         F_N, area: normal force (N) and area of the interface (m^2), or quantities with units.
         step: time between samples, s, if the file has no times.
         group: beginning of the names in a container, such as a group of HDF5 or TDMS.

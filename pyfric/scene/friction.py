@@ -10,8 +10,8 @@ Static states, the quasi-static sequence and the prediction curve do not resolve
 slipping block has mu_k, which is Amontons-Coulomb friction (`Law.slide`). The core evaluates the
 whole law, in Fortran.
 
-The slip path needs only one stored number, s_0. It is s = s_0 + mode u_x while a block slips, and
-s_0 otherwise.
+The slip path needs only one stored number, s_0. The path is s = s_0 + mode u_x while a block slips,
+and s_0 otherwise.
 
 `pyfric.scene.restless` has the laws under which blocks never stick.
 
@@ -186,7 +186,8 @@ class Law:
     def fracture_energy(self, p: Any) -> Any:
         """Return the work against friction above mu_k p during a slip, in J.
 
-        It is (mu_s - mu_k) p d_c/2 for linear weakening. For another table, its area replaces 1/2.
+        The work is (mu_s - mu_k) p d_c/2 for linear weakening. For any other table, the area of the
+        table replaces 1/2.
         """
         left = self.tables.slide
         return self.drop * self.d_c * (0.0 if left is None else left.area) * p
@@ -217,7 +218,7 @@ class Law:
     def steepness(self, p: float) -> float:
         """Return the steepest weakening slope -df/ds under a load p (N), in N/m.
 
-        It is inf if friction falls at once, unless friction depends on speed.
+        The slope is inf if friction falls at once, unless friction depends on speed.
         """
         if self.tables.slide is None:
             at_once = self.tables.speed is None and np.any(np.greater(self.drop, 0))
@@ -229,9 +230,9 @@ class Law:
     def resolving_step(self, p: float, m: float) -> float:
         """Return the longest step (s) that resolves weakening under a load p (N); inf without any.
 
-        It is 1 over the largest growth rate of slip of a free block of mass m (kg). Weakening with
-        slip alone gives the rate sqrt(steepness/m), weakening with speed alone mu p |dfactor/dv|/m.
-        Friction that falls at once, with d_c = 0, has no weakening to resolve.
+        The step is 1 over the largest growth rate of slip of a free block of mass m (kg). Weakening
+        with slip alone gives the rate sqrt(steepness/m), weakening with speed alone mu p
+        |dfactor/dv|/m. Friction that falls at once, with d_c = 0, has no weakening to resolve.
         """
         if not self.weakens and self.tables.speed is None:
             return math.inf

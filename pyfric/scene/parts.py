@@ -69,7 +69,7 @@ class Slider:
         H: height, m; a multiple of l, at least l, or 0 for a chain under a `PrescribedLoad`.
         l: lattice constant, m; N_x N_z may not exceed `MAX_BLOCKS`.
         k: stiffness of the nearest-neighbour springs, N/m (3 B E / 4, independent of l).
-        M: mass, kg. `replace` and sweeps over L or H leave it as it is: the density changes, and
+        M: mass, kg. `replace` and sweeps over L or H leave M as it is: the density changes, and
             with it the wave speeds.
         eta: viscosity of every bond, N s/m, >= 0, independent of l. None means sqrt(damping k m),
             which falls with l.
@@ -124,7 +124,7 @@ class Slider:
 
         Blocks at the edges are whole blocks, so that M/(N_x N_z) is less than rho B l^2. Waves are
         therefore faster than in the material, by the factor sqrt((1 + l/L)(1 + l/H)). With
-        edges="half" they are as fast as in the material.
+        edges="half" waves are as fast as in the material.
 
         Args:
             name: a key of `pyfric.MATERIALS`, for values that are not given, or a `Material`.
@@ -219,7 +219,7 @@ class Top:
     _section: ClassVar[str] = "top"
 
     if TYPE_CHECKING:
-        F_N: float  # of all tops but prescribed ones
+        F_N: float  # not for a prescribed load
     else:
 
         def __getattr__(self, name: str) -> Any:
@@ -269,7 +269,7 @@ class DistributedLoad(Top):
         push: forces in the drive direction on blocks of the interface; see `PrescribedLoad`.
         k_top: shear stiffness between each block of the top row and a plate, N/m, >= 0; the springs
             are relaxed at u_x = 0, before F_N is applied. None means 0.
-        V_top: speed of that plate in the drive direction, m/s; None means 0. The plate is a second
+        V_top: speed of this plate in the drive direction, m/s; None means 0. The plate is a second
             drive: its force is a part of T, not of F_T.
 
     F_N = 0 is refused, because no block would be in contact, and F_N is the unit of force.
@@ -428,12 +428,12 @@ class Interface:
         gap: height of the undeformed bottom over the foundation, m, >= 0; None means 0. A block
             carries p = k_f (-u_z - gap) where this is positive.
         contact: False where blocks never touch the foundation; True or False, or N_x of them from
-            the trailing edge on. None means that all can.
-        slip: initial slip along the drive, m; may be negative. Blocks stick where it brings them,
-            and the slider above is in equilibrium. None means 0.
+            the trailing edge on. None means that all blocks can.
+        slip: initial slip along the drive, m; may be negative. Blocks stick where this slip brings
+            them, and the slider above is in equilibrium. None means 0.
         limit: breakpoints (t, mu), in s and >= 0, of the largest friction coefficient, whether a
-            block sticks or slips. It is linear between breakpoints and constant after the last one;
-            before the first one there is no limit.
+            block sticks or slips. The limit is linear between breakpoints and constant after the
+            last one. There is no limit before the first one.
         limit_from: time from which t of `limit` counts, s, >= 0; inf where there is no limit. None
             means 0.
         slip_since: "stick": the slip of the law counts from the last stick on. "start": the slip

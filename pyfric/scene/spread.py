@@ -42,9 +42,9 @@ class Spread:
         seed: seed of the generator, a whole number from 0 to 2^64 - 1.
 
     Each field has a stream of its own: equal seeds of two fields give independent numbers. With a
-    correlation length the field is a function of the distance x from the trailing edge. It depends
-    neither on l nor on L: blocks of l/2 are on the same interface. Without a correlation length
-    each l has another interface.
+    correlation length the field is a function of the distance x from the trailing edge. The field
+    depends neither on l nor on L: blocks of l/2 are on the same interface. Without a correlation
+    length each l has another interface.
 
     The normal distribution is that of the sum of twelve uniform numbers minus 6, within
     0.0023. No independent value is further than 6 std from the mean. With `range` there is no
@@ -116,7 +116,7 @@ class Spread:
 
 
 Field = float | tuple[float, ...] | Spread | Profile
-"""A number, a list of one for each block from the trailing edge on, a `Spread` or `Profile`."""
+"""A number, a list of numbers for blocks from the trailing edge on, a `Spread` or `Profile`."""
 BLOCKS = {"listed": True, "each": "block", "note": ", or a list of N_x of them"}
 """Common arguments of annotations of values of each block."""
 FIELD = BLOCKS | {"drawn": (Spread, Profile), "note": BLOCKS["note"] + ", a Spread or a Profile"}

@@ -113,7 +113,7 @@ class ContactProblem:
     def loads(self) -> tuple[np.ndarray, np.ndarray]:
         """Loads on the interface, shape (2 N_x, 2), and F_T at u = 0, (2,), by drive and constant.
 
-        In N/m and N.
+        Units are N/m and N.
         """
         return self._loads, self._F_T
 
@@ -274,7 +274,7 @@ class Contact(States):
         stay symmetric.
 
         Args:
-            unmet: returns the violated conditions, or None if all are met.
+            unmet: function that returns the violated conditions, or None if all are met.
 
         Raises:
             EquilibriumError: the iteration does not end, or no block supports the slider.
@@ -426,7 +426,8 @@ class Contact(States):
     def definiteness_of_sliding(self) -> float:
         """Return the definiteness of the slip operator if all blocks in contact slip one way.
 
-        It is the smaller value of both directions. With fewer slipping blocks it is larger.
+        The smaller value of both directions is returned. With fewer slipping blocks definiteness is
+        larger.
         """
         one_way = self.closed.astype(np.int8)
         return min(definiteness(*self.slip_operator(way)) for way in (one_way, -one_way))

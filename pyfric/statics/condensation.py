@@ -41,10 +41,10 @@ if TYPE_CHECKING:
     from pyfric.scene import OnDriven, Scene
 
 LARGE = 10_000
-"""Number of unknowns above which condensation takes seconds. It needs 3 N_z (2 N_x)^3 operations:
-7e8 in the Fig. 1 scene, 1e12 with 561 x 301 blocks."""
+"""Number of unknowns above which condensation takes seconds. Condensation needs 3 N_z (2 N_x)^3
+operations: 7e8 in the Fig. 1 scene, 1e12 with 561 x 301 blocks."""
 KEPT = 4
-"""Condensed sliders that are kept."""
+"""Number of condensed sliders that are kept."""
 
 
 @dataclass(frozen=True)

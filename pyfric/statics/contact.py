@@ -192,9 +192,10 @@ def definiteness(W: np.ndarray, F: np.ndarray) -> float:
 
         (W + W')/2 x = delta F x .
 
-    It is 1 without friction and falls linearly as mu_k grows. It is 0 if there is a slip for which
-    friction supplies the whole work. Below `LEAST_DEFINITENESS`, a solution may not be unique. The
-    definiteness is accurate to about 1e-12, so that rounding does not decide.
+    The definiteness is 1 without friction and falls linearly as mu_k grows. A definiteness of 0
+    means that friction supplies the whole work of some slip. Below `LEAST_DEFINITENESS`, a solution
+    may not be unique. The definiteness is accurate to about 1e-12, so that rounding does not
+    decide.
 
     Args:
         W: slip operator, shape (n, n), in N/m.

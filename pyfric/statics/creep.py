@@ -45,7 +45,7 @@ RATE = 1e-7
 PART = 0.25
 """Longest step along a path, in slip over the slip at the first knot of the law."""
 PAST = 1.01
-"""Length of a step over the extrapolated distance of the next change. The step ends beyond it."""
+"""Length of a step over the extrapolated distance of the next change, so that it ends beyond."""
 NEWTON, LOOKS, STEPS = 12, 200, 10_000
 """Largest numbers: Newton steps, states computed to find one change, steps of a path."""
 
@@ -62,7 +62,8 @@ class Point(NamedTuple):
 
     The margins are gap functions, positive while no contact state changes: remaining strength of
     stuck blocks against slip in +x and in -x (N); slip per drive of slipping blocks; p of closed or
-    k_f u_z of open blocks (N); remaining slip to the next knot (m). They are inf for other blocks.
+    k_f u_z of open blocks (N); remaining slip to the next knot (m). Margins of other blocks are
+    inf.
     """
 
     drive: float

@@ -18,8 +18,8 @@ violates their conditions, the contact solver (`complementarity`) finds other co
 contact solver uses the condensed slider in linear geometry. In finite geometry its loads are
 corrected for the difference.
 
-A chain does not slip while it is loaded, because a scene in which it would is refused. It keeps
-p_i, and its blocks without friction stay closed.
+A chain does not slip while it is loaded, because a scene in which it would is refused. A chain
+keeps p_i, and its blocks without friction stay closed.
 
 Source: PRL 107, 074301 (2011).
 """
@@ -67,8 +67,8 @@ JUNCTION_ROUNDED = 1e-12
 class StaticSolver(System):
     """Static states of one scene, for given interface displacements and driver positions.
 
-    Factorisations are kept for each set of contact states. They all belong to the loaded state, so
-    that results do not depend on earlier solutions.
+    Factorisations are kept for each set of contact states. All factorisations belong to the loaded
+    state, so that results do not depend on earlier solutions.
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
@@ -126,7 +126,7 @@ class StaticSolver(System):
             u_x_bottom: u_x of the bottom blocks, shape (N_x,), in m; ignored for free blocks.
             drive: displacement V t of the driver since t = 0, in m.
             free: blocks without friction (open ones), shape (N_x,), bool; their u_x is a
-                result. They carry p if they touch the foundation. None means no block.
+                result. Free blocks carry p if they touch the foundation. None means no block.
             load: F_N and T, in N; None means those at t = 0.
             near: equilibrium at which the search starts; None means the loaded state.
 
@@ -176,9 +176,9 @@ class StaticSolver(System):
     def _load_on_junctions(self) -> Equilibrium:
         """Return the loaded state on junctions, which are pinned at u_x = 0 before F_N is applied.
 
-        They add n_s k_j = sqrt(n_s C p) to the stiffness of each bottom block along x, with the
-        present p. The tangent of the chord iteration is that of linear geometry, with the stiffness
-        of the junctions at the last p.
+        Junctions add n_s k_j = sqrt(n_s C p) to the stiffness of each bottom block along x, with
+        the present p. The tangent of the chord iteration is that of linear geometry, with the
+        stiffness of the junctions at the last p.
         """
         scene, N_x, unit = self.scene, self.scene.N_x, self.scene.F_N / self.scene.N_x
         at, states = ends(N_x), States(scene, np.zeros(N_x), scene.law, driven=False)
@@ -299,7 +299,7 @@ class StaticSolver(System):
         three to six steps.
         """
         unknown, unit = self.unknown(states.mode), self.scene.F_N / self.scene.N_x
-        if unknown[-1] - unknown[0] == len(unknown) - 1:  # as a slice it takes less time
+        if unknown[-1] - unknown[0] == len(unknown) - 1:  # a slice takes less time
             unknown = slice(unknown[0], unknown[-1] + 1)
         how = {"driven": states.driven}
         how["friction"] = -states.law.slide(self.scene.k_f) * states.slip

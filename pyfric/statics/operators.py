@@ -117,9 +117,9 @@ def bond_stiffness(scene: Scene) -> sp.csr_array:
 def damping(scene: Scene, du: list[np.ndarray] | None = None) -> sp.csr_array:
     """Return the damping matrix in generalised coordinates, shape (n_q, n_q), in N s/m.
 
-    It contains the bonds and the absorbing walls. Every bond carries eta (v_j - v_i), with the full
-    relative velocity, so that bonds within a rigid top row resist its rotation. Alternatively only
-    the component along the bond counts (`Slider.dashpots`).
+    The matrix contains the bonds and the absorbing walls. Every bond carries eta (v_j - v_i), with
+    the full relative velocity, so that bonds within a rigid top row resist its rotation.
+    Alternatively only the component along the bond counts (`Slider.dashpots`).
 
     Args:
         scene: the scene.

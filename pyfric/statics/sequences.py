@@ -33,7 +33,7 @@ class Start(NamedTuple):
 
     @classmethod
     def of(cls, contact: Contact) -> Self:
-        """Return the start of a run in a state."""
+        """Return the start of a run from a state."""
         u_x = contact.column[: contact.N_x].copy()
         return cls(contact.scene, contact.mode.copy(), u_x, contact.drive)
 

@@ -28,7 +28,7 @@ by the square root of the rounding error, 1.5e-8. The matrix can enlarge the spl
 GROWN = 2.0**-40
 """Growth of a Runge-Kutta step that counts as stable: 1e8 steps grow by 1e-4."""
 BITS = 52
-"""Bisections to full precision; half of them leave 1.5e-8 of the interval."""
+"""Number of bisections to full precision. Half as many leave 1.5e-8 of the interval."""
 
 
 def _least_end(
@@ -233,8 +233,8 @@ def _matrices(scene: Scene, on: float) -> Iterator[tuple[np.ndarray, np.ndarray]
 def _on_springs(scene: Scene) -> float:
     """Return the stiffness of junctions under a block with twice the mean load, in N/m.
 
-    It is 0 without junctions. Torque and friction make p vary along the interface, but p stays
-    below twice the mean until a side lifts off.
+    The stiffness is 0 without junctions. Torque and friction make p vary along the interface, but p
+    stays below twice the mean until a side lifts off.
     """
     if not scene.law.junctions:
         return 0.0

@@ -193,7 +193,7 @@ class System:
         found = self.coordinates(force, np.zeros(3))
         if self.scene.rigid:
             x, z = force[-1]
-            found[-3:] = x.sum(), z.sum(), (self.scene.x * z).sum()  # not by BLAS
+            found[-3:] = x.sum(), z.sum(), (self.scene.x * z).sum()  # without BLAS
         return found
 
     def forces(
@@ -331,7 +331,7 @@ class System:
     ) -> BandedCholesky | SuperLU:
         """Factorise K with friction for the coordinates not held; the slider must be supported."""
         N_x, unknown, rubs = self.scene.N_x, self.unknown(mode), np.any(friction)
-        if rubs:  # it couples u_x to u_z, N_x columns to the right
+        if rubs:  # friction couples u_x to u_z, N_x columns to the right
             coupling = np.zeros(K.shape[0] - N_x)
             coupling[ends(N_x).u_x] = friction
             K = (K + sp.diags_array(coupling, offsets=N_x)).tocsr()

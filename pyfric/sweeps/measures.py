@@ -1,8 +1,8 @@
 """Numbers of many runs in one table, which is stored in parts.
 
 Quasi-static sequences run in the core, many at a time (`pyfric.engines.together`). Their numbers
-equal those of single runs, bit for bit. Runs of other engines are made as in `Sweep.run`. The
-numbers of runs are those of `pyfric.record.outlines`.
+equal those of single runs, bit for bit. Runs of other engines are made as in `Sweep.run`.
+`pyfric.record.outlines` defines the numbers of a run.
 
 The table of sequences in the core is stored in parts of `PART` runs. The name of a part is a hash
 of all that determines it. An ensemble that was stopped therefore goes on, and a larger ensemble

@@ -126,7 +126,8 @@ class Job:
     def key(self) -> str:
         """Hash of all that determines the record: scene (not its name), end, options, code.
 
-        The number of points that chose the level of a point is left out. The record has it.
+        The number of points that chose the level of a point is left out. The record holds this
+        number.
         """
         scene = dataclasses.replace(self.scene, name="").to_toml()
         options = {name: getattr(self.options, name) for name in OPTIONS}
@@ -191,7 +192,7 @@ def run_all(
 
     Worker processes do not run the script that calls this. Jobs with objects of classes that the
     script defines, such as a friction law, are therefore made in this process, one by one. Ctrl-C
-    stops all workers; what was finished stays in the cache.
+    stops all workers; finished runs stay in the cache.
 
     Args:
         jobs: the jobs; put long ones first. Equal jobs are run once.
@@ -303,7 +304,7 @@ def _outcomes(
         wanted = ""
         if executor is None:
             executor = stack.enter_context(side_by_side([*todo.values()], workers))
-        elif not isinstance(executor, Workers | InThisProcess):  # their makers stop these
+        elif not isinstance(executor, Workers | InThisProcess):  # the caller stops these
             key = secrets.token_hex(20)
             wanted = key if stack.enter_context(store.reserved(key, "", lambda: None)) else ""
 

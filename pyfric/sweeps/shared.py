@@ -2,7 +2,7 @@
 
 A few points, spread over the list, are verified as in `simulate`: levels are run until two agree.
 The other points run at the cheapest level that keeps the tolerance at all of these points. Some of
-the other points are checks. They run at the next level, too, and return this finer run. The
+the other points are checks. Checks run at the next level, too, and return this finer run. The
 difference of both runs is the error of the chosen level at this point. The report names checks
 beyond the tolerance. No other point is run again.
 
@@ -216,7 +216,8 @@ def _joined(parts: Iterable[dict[str, Point]]) -> dict[str, Point]:
 class Shared:
     """Levels found by verified runs, for other runs; see the module.
 
-    `run_all` makes one for each call. If jobs come one by one, give it the same object each time:
+    `run_all` makes a `Shared` for each call. If jobs come one by one, give it the same object each
+    time:
 
         shared = Shared()
 

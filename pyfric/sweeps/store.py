@@ -93,7 +93,7 @@ def table_in(path: Path) -> dict[str, np.ndarray]:
 
     Raises:
         OSError: the file cannot be read.
-        RecordError: it is damaged.
+        RecordError: the file is damaged.
     """
     inside = unsealed(path.read_bytes())
     if inside is None:
@@ -119,7 +119,7 @@ class Store:
         """Return the store that an argument `cache` names.
 
         Raises:
-            SceneError: it names no store.
+            SceneError: the argument names no store.
         """
         if cache is None or cache is False:
             return cls(None)
@@ -220,9 +220,9 @@ class Store:
     def reserved(self, key: str, what: str, look: Callable[[], None]) -> Iterator[bool]:
         """Lock a run, once no other process makes it, in a with block; yield whether it is locked.
 
-        It is not locked in a folder without write permission, or without locks. `look` is called
-        repeatedly while waiting; an exception from it ends the waiting. A line in the log names the
-        process that makes `what`.
+        The run is not locked in a folder without write permission, or without locks. `look` is
+        called repeatedly while waiting; an exception from it ends the waiting. A line in the log
+        names the process that makes `what`.
         """
         from filelock import FileLock  # slow to import
 

@@ -100,7 +100,7 @@ class Sweep(Shown):
         points: "grid", "list", "random", "sobol", "halton" or "latin"; see the module.
         n: number of points that are drawn.
         seed: seed of drawn points; the same seed gives the same points.
-        options: options of all runs, as `Options` or a mapping. Planned ones share a verification
+        options: options of all runs, as `Options` or a mapping. Planned runs share a verification
             (`Shared`) unless `verify` says otherwise.
         max_hours, max_GB: limits of the estimate, beyond which the sweep is refused; None means no
             limit.
@@ -322,7 +322,7 @@ class Sweep(Shown):
         """Return the sweep that a file describes.
 
         Raises:
-            SceneError: it cannot be read, or a value is refused.
+            SceneError: the file cannot be read, or a value is refused.
         """
         if not isinstance(path, str | os.PathLike):
             raise SceneError("sweep", path, "", "the path of a sweep file")
@@ -355,7 +355,7 @@ def _read(path: Path) -> dict[str, Any]:
     """Return the arguments of the `Sweep` that a file describes.
 
     Raises:
-        SceneError: it cannot be read, or a value is refused.
+        SceneError: the file cannot be read, or a value is refused.
     """
     document, folder = parsed(path, "sweep")
     if "slider" in document:

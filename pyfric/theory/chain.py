@@ -9,7 +9,7 @@ In the frame of the front the Fourier transform leads to a Wiener-Hopf problem w
 
     kappa(q) = [v^2 q^2 + i alpha v q - 4 sin^2(q/2) (1 - i eta v q)]/[v q (v q + i alpha)],
 
-Im kappa >= 0 for q > 0, and kappa -> 1 for q -> inf. Its factor at q = 0 is tau_bar:
+Im kappa >= 0 for q > 0, and kappa -> 1 for q -> inf. The factor of kappa at q = 0 is tau_bar:
 
     tau_bar = exp(-(1/pi) integral_0^inf arg kappa dq/q)           alpha > 0,
     tau_bar = sqrt(1 - 1/v^2) times the same                       alpha = 0, v > 1.
@@ -55,7 +55,7 @@ SLOWEST_OVERDAMPED, FASTEST_OVERDAMPED = 1e-8, 1e4
 
 _FAR = 200.0  # v q from which the tail is expanded, for eta, alpha <= 1
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
-_PERIODS = 64  # of q, integrated one by one; an average holds beyond
+_PERIODS = 64  # number of periods of q that are integrated one by one
 _DAMPED = 50.0  # (alpha + 4 eta)/v from which waves with v q of order one leave exp(-25) or less
 _HARMONICS = np.arange(1.0, 4001.0)
 
@@ -217,8 +217,9 @@ def _beyond(W: Callable[[float], complex], dW: Callable[[float], complex], v: fl
     """Return the integral of arg kappa / q from `_PERIODS` periods of q on, to 1e-10.
 
     kappa = 1 - 4 sin^2(q/2) W(u), u = v q, is C (1 - r exp(i q))(1 - r exp(-i q)) with
-    C = ((1 + z)/2)^2, r = (z - 1)/(z + 1), z = sqrt(1 - 4 W). Its mean over a period is arg C;
-    The oscillation about the mean adds 2 v^2 d/du [Im Li_3(r)/u] at `begin`, and terms of v^4.
+    C = ((1 + z)/2)^2, r = (z - 1)/(z + 1), z = sqrt(1 - 4 W). The mean of its argument over a
+    period is arg C. The oscillation about this mean adds 2 v^2 d/du [Im Li_3(r)/u] at `begin`, and
+    terms of v^4.
     """
     begin = 2 * np.pi * _PERIODS * v
 

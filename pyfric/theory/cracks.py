@@ -43,7 +43,7 @@ ACCURACY = 1e-8
 """Largest error accepted from the quadrature of a stress drop, over its largest value."""
 
 ANDREWS_S = 1.77
-"""In two dimensions a crack can become supershear only where S is below this (Andrews 1985)."""
+"""In two dimensions a crack can become supershear only if S is below this (Andrews 1985)."""
 
 # Trapezoidal rule in y = ln(v x), which is exponentially accurate: the integrand of I is analytic
 # for |Im y| < pi/2 and falls as exp(-|y|).
@@ -179,7 +179,8 @@ def crack_length(
 ) -> np.ndarray:
     """Return the half length at which a crack under a uniform stress drop runs at v, m.
 
-    a = Gamma E'/(pi g_II(v) dtau^2), with Gamma of two bodies. At v = 0 it is the critical length.
+    a = Gamma E'/(pi g_II(v) dtau^2), with Gamma of two bodies. At v = 0 this is the critical
+    length.
 
     Args:
         v: front speed, m/s, 0 to c_R (not included), any shape.
@@ -210,7 +211,7 @@ def crack_speed(
 ) -> np.ndarray:
     """Return the front speed of a crack of half length a, m/s: the root of G(a, v) = Gamma.
 
-    It is 0 where the crack is too short to grow, or K_II <= 0.
+    The speed is 0 if the crack is too short to grow, or if K_II <= 0.
 
     Args:
         a: half length, m, any shape.

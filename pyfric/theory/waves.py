@@ -1,4 +1,4 @@
-"""Wave speeds of the lattice and of the continuum that it is at long wavelengths.
+"""Wave speeds of the lattice and of its continuum limit.
 
 The lattice has springs k along its sides and k/2 along its diagonals. Waves along x:
 
@@ -127,8 +127,8 @@ def rayleigh_speed(c_P: float, c_S: float) -> float:
 class Material:
     """An isotropic elastic material in two dimensions.
 
-    The speeds decide everything in the plane: plane stress with nu and plane strain with
-    nu/(1 + nu) are the same problem.
+    Only the speeds matter in the plane: plane stress with nu and plane strain with nu/(1 + nu) are
+    the same problem.
 
     Args:
         c_P: longitudinal speed of plane waves in the plane, m/s; of a thin plate (plane stress) or

@@ -124,7 +124,7 @@ def prepared(tau: float, law: Law, name: str = "") -> Scene:
 
 
 def passages(record: Record, event: int) -> np.ndarray:
-    """Return passage times of the front at blocks from the trailing edge, (N_x,), s; NaN: none."""
+    """Return passage times of the front at blocks from the trailing edge, (N_x,), s, or NaN."""
     of_event = record.episodes[record.episodes["event"] == event]
     first = of_event.groupby("n")["t_start"].min()
     times = first.reindex(np.arange(1, record.scene.N_x + 1)).to_numpy()

@@ -185,7 +185,7 @@ def report(claims: Iterable[Claim]) -> str:
 def save(claims: Iterable[Claim], folder: str | os.PathLike[str]) -> list[Path]:
     """Write claims.json and claims.csv into a folder, which is made if it is missing.
 
-    Both hold every attribute of the claims, with band and verdict, and every digit.
+    Both files hold every attribute of the claims, with band and verdict, and every digit.
 
     Returns:
         The paths.

@@ -44,7 +44,7 @@ def force_at(table: pd.DataFrame, lengths: Iterable[float]) -> np.ndarray:
 
 
 def furthest(tables: Iterable[pd.DataFrame], base: pd.DataFrame) -> tuple[float, list[float]]:
-    """Largest difference of force from a base at equal length, over its mean step; and all."""
+    """Largest difference of force from a base at equal L_p, over its mean step, and all of them."""
     apart = [
         float(np.abs(table["force"] - force_at(base, table["L_p_over_L"])).max())
         for table in tables

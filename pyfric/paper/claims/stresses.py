@@ -224,7 +224,7 @@ def _force_at_sliding(runs: Runs) -> Iterator[Claim]:
 
 
 def _largest(record: Record) -> float:
-    """R of the largest force at the start of an event up to the first system-size event."""
+    """`Law.scaled` of the largest start force of events up to the first system-size event."""
     sliding = analysis.system_size_events(record)["event"]
     if not len(sliding):
         return np.nan

@@ -14,8 +14,8 @@ MOST = 1_000_000
 PARTS = 512
 """Number of parts of equal probability in a table of quantiles."""
 TAIL = 1e-6
-"""Probability beyond the last knots of such a table; its first and last parts are halved down to
-it.
+"""Probability beyond the last knots of a table of quantiles. The first and last parts of the table
+are halved down to this probability.
 """
 
 

@@ -104,8 +104,8 @@ def sampled(function: Callable[[float], float], end: float, unit: str = "") -> T
         unit: this unit, for messages.
 
     Raises:
-        SceneError: a value is not a finite number, or more than `MAX_KNOTS` would be needed. It
-            does not name the field.
+        SceneError: a value is not a finite number, or more than `MAX_KNOTS` would be needed. The
+            error does not name the field.
     """
     end = check_number("end", end, "", gt=0.0)
 
@@ -290,8 +290,8 @@ class Ageing(FrictionLaw):
         B: gain of mu_s for each decade of time, >= 0.
         t_c: time at which the gain begins, s, > 0.
 
-    The table has 32 knots for each decade, so that the gain in a decade is right within 3e-4 B. It
-    ends at t = 1e9 t_c.
+    The table has 32 knots for each decade, so that the gain in a decade is right within 3e-4 B. The
+    table ends at t = 1e9 t_c.
 
     Source: J. H. Dieterich, J. Geophys. Res. 77, 3690 (1972), time-dependent friction.
     """
@@ -314,7 +314,7 @@ class Ageing(FrictionLaw):
 class ExponentialHealing(FrictionLaw):
     """mu_s + gain (1 - exp(-t/t_c)) after a block has stuck for t, within 1e-3 gain.
 
-    It slips like `LinearWeakening`.
+    A block then slips as in `LinearWeakening`.
 
     Args:
         gain: gain of mu_s after a long contact time, >= 0.

@@ -10,12 +10,12 @@ from pyfric.scene.spread import FIELD, Field
 from pyfric.values import Positive, Quantity, SceneError
 
 LARGEST = 1.0
-"""Largest a and b. Measured ones are about 0.01."""
+"""Largest a and b. Measured values are about 0.01."""
 LONGEST = 0.1
-"""Largest D_c, in m. A larger one is most probably in um."""
+"""Largest D_c, in m. A larger number is most probably in um."""
 
 MOST = 100.0
-"""Largest c. The measured one is 2."""
+"""Largest c. The measured value is 2."""
 
 
 class Evolution(NamedTuple):
@@ -60,12 +60,12 @@ class RateAndState(FrictionLaw):
     where mu = (|f| - alpha |v|)/p. At a steady speed theta = D_c/v, and the friction coefficient is
     f* + (a - b) ln(v/V*). With "prz" theta = 2 D_c/v, and the coefficient is higher by b ln 2.
     Steady friction weakens with speed if a < b. With a cut-off speed V_c, ln(V* theta/D_c + V*/V_c)
-    replaces the logarithm, and steady friction rises above V_c. alpha is that of the interface.
+    replaces the logarithm, and steady friction rises above V_c. alpha is a field of the interface.
     theta of an open block evolves with its speed.
 
-    A block counts as slipping while |v| >= v_slip: contact states, episodes, events and fronts are
-    those of such blocks. The interface needs no mu_s and mu_k, which are both f*. While the slider
-    is loaded, before t = 0, each block holds up to f* p.
+    A block counts as slipping while |v| >= v_slip: contact states, episodes, events and fronts
+    follow from such blocks. The interface needs no mu_s and mu_k, which are both f*. While the
+    slider is loaded, before t = 0, each block holds up to f* p.
 
     Args:
         a: direct effect, in (0, 1], and at least 1/550 of the friction coefficient at rest.

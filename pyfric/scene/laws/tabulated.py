@@ -142,7 +142,7 @@ class TabulatedLaw(FrictionLaw):
         for name, table in tables.items():
             lists |= zip(COLUMNS[name], (table.x, table.y), strict=True)
         made = from_entries(cls, entries, None, **lists)
-        made._tables.update(tables)  # whose knots have places
+        made._tables.update(tables)  # with the places of their knots
         return made
 
     def text(self) -> str:

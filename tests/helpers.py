@@ -75,7 +75,7 @@ def mirrored_scene(scene):
 
 
 def scaled(scene, factor):
-    """The scene with F_N and V multiplied."""
+    """Return the scene with F_N and V multiplied by `factor`."""
     top = dataclasses.replace(scene.top, F_N=factor * scene.F_N)
     driver = dataclasses.replace(scene.driver, V=factor * scene.driver.V)
     return dataclasses.replace(scene, top=top, driver=driver)

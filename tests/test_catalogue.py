@@ -334,7 +334,7 @@ def test_main_events_have_four_blocks(n_slipped, is_main):
 
 @pytest.mark.parametrize(("n_slipped", "main"), [(2, False), (3, True)])
 def test_of_fewer_blocks_all_make_a_main_event(n_slipped, main):
-    """A scene with one mass is made of three blocks."""
+    """In a scene of three blocks, a main event needs all three."""
     scene = pyfric.preset("chain", L=5e-3)
     run = Run(scene.N_x)
     for i in range(n_slipped):

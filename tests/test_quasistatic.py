@@ -818,7 +818,8 @@ def test_a_prediction_names_the_friction_that_it_takes():
 def test_a_plate_on_the_top_slides_the_whole_slider(condition):
     """Block 4 is open at the start of the first main event, and lands in it.
 
-    The block does not hold the slider. With inertia it slips, and the event has the whole length.
+    The block does not hold the slider. With inertia the block slips, and the event has the whole
+    length.
     """
     scene = preset("setup2", side="top", h="20 mm")
     record = ladder(scene, 1.0, stop_when=condition)

@@ -604,7 +604,7 @@ def test_unknown_presets():
 
 
 def test_a_field_has_one_name_everywhere():
-    """The name may omit its part; this holds inside fields, too."""
+    """The name may omit its part, also inside fields."""
     scene = preset(
         "fig1", mu_s=Spread(mean=0.7, std=0.01, seed=1), law=laws.Ageing(B=0.01, t_c=1e-3)
     )

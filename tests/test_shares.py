@@ -75,7 +75,7 @@ def test_what_the_position_leaves_is_scattered_and_no_less():
 
 
 def test_likeness_along_fronts_is_kept_by_signs_alone():
-    """Signs therefore leave more to chance, and set the limit."""
+    """Random signs leave more to chance, and set the limit."""
     found = shares(fronts(lambda s, x: s - 0.3 * x, noise=0.05), "scaled")
     assert found.loc["signs", "beyond"] > 2 * found.loc["shuffled", "beyond"]
     assert found.loc["null"].equals(found.loc[list(SCATTER)].max())

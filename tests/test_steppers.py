@@ -489,7 +489,7 @@ def test_every_method_tends_to_the_same_run(stepper, switching, dt, error, refer
 )
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_energy_budget_closes(geometry, stepper, least):
-    """The error has the order of the stepper, through located slip, reversal and lift-off."""
+    """The error has the order of the stepper, with located slip, reversal and lift-off."""
     errors = []
     for dt in (0.4e-6, 0.2e-6):
         how = {"rtol": 1.0} if stepper == "adaptive" else {}

@@ -471,8 +471,8 @@ def switch(
     removed by stopping them (the switching loss, J).
 
     First the blocks that slip against their direction, s v_x <= 0, are stopped, all at once. Then
-    the forces are evaluated. They decide the state of every block, with `other` the sum of its
-    horizontal forces without friction.
+    the forces are evaluated. The forces decide the state of every block, with `other` the sum of
+    its horizontal forces without friction.
 
         p <= 0, or no friction          open (the block keeps its velocity)
         slipping, not stopped           unchanged

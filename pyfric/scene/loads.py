@@ -120,7 +120,7 @@ class Loads(Fields):
 
         Args:
             t: time that selects the active pushes, in s.
-            now: time at which they are evaluated, in s; None means t.
+            now: time of evaluation, in s; None means t.
 
         Returns:
             Forces (N) and their rates (N/s), shape (2, N_x).
@@ -142,7 +142,7 @@ class Loads(Fields):
 
         Args:
             t: time that selects the pieces of `Interface.limit`, in s.
-            now: time at which they are evaluated, in s; None means t.
+            now: time of evaluation, in s; None means t.
 
         Returns:
             Coefficients, `NO_LIMIT` where there is none, and rates (1/s), shape (2, N_x).

@@ -38,7 +38,7 @@ from pyfric.values import (
 )
 
 MAX_BLOCKS = 20_000_000
-"""Largest number of blocks N_x N_z. It prevents a mistyped l from exhausting the memory."""
+"""Largest number of blocks N_x N_z. The limit prevents a mistyped l from exhausting the memory."""
 MAYBE = {"optional": True, **FIELD}
 MULTIPLE_RTOL = 1e-9
 """Relative tolerance of "L, H and h are multiples of l"."""

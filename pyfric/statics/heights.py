@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pyfric.scene import Number, Scene, SceneLike
 
 OFF = 1e-9
-"""Accepted error of p, over F_N/N_x. Two to four rounds reach it."""
+"""Accepted error of p, over F_N/N_x. Two to four rounds reach this accuracy."""
 ROUNDS = 30
 """Largest number of rounds: each finds u_x of blocks that slip under the last gaps."""
 UNBALANCED = 1e-6
@@ -43,7 +43,7 @@ def pressed(scene: SceneLike, *, p: Sequence[Number] | Callable[[float], float])
         scene: the scene, the name of a preset, or the path of a scene file; its gaps are replaced.
         p: normal forces at t = 0: N_x numbers >= 0 in N from the trailing edge on, or a function of
             x (m). x is the distance from the first block at the trailing edge. Their sum is F_N,
-            plus the weight if there is gravity. Their torque is that of the load. Under a rod a
+            plus the weight if there is gravity. The torque of p is that of the load. Under a rod a
             small difference is allowed, which the mattress bears.
 
     Raises:

@@ -147,7 +147,7 @@ class _Line:
         decades = math.log10(span.stop / span.start) if span.scale == "log" else 1.0
         self.width = 2 * tolerance / decades
         self.step = FIRST * self.width
-        self.points: list[tuple[float, float]] = []  # over in its scale, place
+        self.points: list[tuple[float, float]] = []  # `over` in its scale, position
         self.below: Hashable = None
 
     def point(self, over: float, x: float) -> tuple[Any, ...]:

@@ -139,7 +139,7 @@ def drawn(spans: Sequence[Span], kind: str, n: int, seed: int) -> list[list[floa
 
 
 def varied(scene: SceneLike) -> dict[str, Annotation]:
-    """Return all that may vary, with annotations; options without a unit have an empty one."""
+    """Return all that may vary, with annotations, which are empty for options without a unit."""
     marks = {name: Options.declared()[name].mark for name in OPTIONS}
     options = {
         f"options.{name}": Quantity(mark.unit) if isinstance(mark, Quantity) else Annotation()

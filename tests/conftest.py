@@ -40,7 +40,7 @@ LAPACK = (
 """Files of tests that solve or factorise with LAPACK, and so depend on the kernel of BLAS."""
 LONGEST = ("studies", "slow_slip", "fits", "hybrid", "record", "rate_state", "workers", "protocol")
 LONGEST += ("signals", "steppers", "simulation", "quasistatic", "slipping", "junctions", "cases")
-"""Files that take longest. They start first, so that no worker ends up alone with one of them."""
+"""Files that take longest. These start first, so that no worker ends up alone with one."""
 PORTABLE = ("complementarity", "condensation", "constants", "crossing", "relaxation")
 """Files of `LAPACK` that are quick. Single tests of the other files carry a mark."""
 

@@ -142,7 +142,7 @@ def same_run(one, other, **apart):
 def refused(call, field, *texts, value=None, unit=None, within=()):
     """Check that a call refuses this field, with a message that contains these texts.
 
-    It also checks value and unit of the error, and numbers in its allowed range.
+    Value and unit of the error are checked, too, and numbers in its allowed range.
     """
     with pytest.raises(SceneError) as caught:
         call()

@@ -279,7 +279,7 @@ def test_open_and_corner_blocks_fill_the_gap(how):
 
 @pytest.mark.parametrize("opened", [[1], []])
 def test_a_block_that_lands_in_an_event_does_not_end_it(opened):
-    """The block did not hold the slider: with inertia it would slip when it lands."""
+    """The block did not hold the slider: with inertia, a landing block would slip."""
     run = Run(opened=opened).slip(0, 1 * MS, 2 * MS)
     if not opened:
         run.set(1.2 * MS, 1, OPEN)

@@ -248,7 +248,7 @@ def test_a_phase_diagram_with_points_at_which_nothing_slips(tmp_path):
 
 
 def diagram(labels, alpha=(1.0, 20.0)):
-    """Return a diagram of so many labels over alpha and tau_bar, without runs or lines."""
+    """Return a diagram with a number of labels over alpha and tau_bar, without runs or lines."""
     tau_bar = np.linspace(0.1, 0.9, labels)
     points = [(a, b, f"label {n:02}") for a in alpha for n, b in enumerate(tau_bar)]
     table = pd.DataFrame(points, columns=["alpha", "tau_bar", "kind"])

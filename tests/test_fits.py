@@ -474,7 +474,7 @@ def test_stored_fits_find_their_truths():
 
 
 def test_errors_of_events_are_a_tenth_too_small():
-    """Errors of fits exceed their covariance by this; two stored fits are made again."""
+    """Errors of fits exceed their covariance by a tenth; two stored fits are made again."""
     stored = pd.read_csv(STORED.parent / "pulls.csv")
     again = study.pulls(range(1), 2, say=lambda text: None)
     np.testing.assert_allclose(again, stored.iloc[:2], rtol=1e-3, atol=1e-3)

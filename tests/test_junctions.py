@@ -122,7 +122,7 @@ def mean_field(moves, cells, pins):
     Args:
         moves: for each step, whether the block moves by u_s/cells; otherwise it rests.
         cells: number of cells of stretches up to u_s.
-        pins: share of slipping junctions that pin so many steps after their break, from 0 on.
+        pins: share of slipping junctions that pin 0, 1, 2, ... steps after their break.
     """
     pinned, slipping, found = np.zeros(cells + 1), 0.0, []
     pinned[0], due = 1.0, np.zeros(len(moves) + len(pins))
@@ -163,7 +163,7 @@ def test_hold_relaxes_while_junctions_pin(steady):
 
 
 def test_slide_after_hold_peaks_by_the_speed_of_the_slide_before(steady):
-    """F(y)/p = (1 - w) mu_s y + w [mu_s (1 - y^2)/2 + mu_d y], y up to 1, so fast that none pins.
+    """F(y)/p = (1 - w) mu_s y + w [mu_s (1 - y^2)/2 + mu_d y] for y <= 1: no junction pins.
 
     Its peak is at y* = min(1, (1 - w)/w + mu_d/mu_s).
     """
@@ -310,7 +310,7 @@ def test_energy_is_conserved_with_the_work_of_the_stiffness(geometry, switching)
 
 
 def test_located_steps_keep_the_order_of_the_stepper():
-    """Breaks, releases and begins of dragging are located, so that the order is 4."""
+    """Breaks, releases and starts of dragging are located, so that the order is 4."""
     scene = small(law=Junctions(n_s=4, u_s=4e-7, t_R=2e-5, t_R_std=4e-6, stretch=0.3))
     ends, T = [], 1.2e-4
     for steps in (300, 600, 1200, 9600):

@@ -12,7 +12,7 @@ from pyfric.scene import NO_LIMIT, chain
 
 P, TAU = 10.0, 5.0
 FALLS = ((1e-4, 0.8), (3e-4, 0.2))
-"""A limit that falls from 0.8 to 0.2. It passes tau/p of the chain, 0.5, at 2e-4 s."""
+"""A limit that falls from 0.8 to 0.2. The limit passes tau/p of the chain, 0.5, at 2e-4 s."""
 BINDS = 2e-4
 
 

@@ -48,7 +48,7 @@ def condensed_dense(whole, closed):
 
 
 def size(values):
-    """Return the largest magnitude of these values."""
+    """Return the largest magnitude of the values."""
     return np.abs(values).max()
 
 

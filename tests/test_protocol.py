@@ -99,7 +99,7 @@ def first_part(fidelity):
 
 
 def slowed(change, slow):
-    """Return a change of the protocol in a time longer by this factor."""
+    """Return a change of the protocol for a run that takes `slow` times as long."""
     name, value = change
     speed = AS_FAR * slow if slow > 1 else 1
     if name == "driver.V":

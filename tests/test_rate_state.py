@@ -441,7 +441,7 @@ def two_precursors():
 
 
 def test_the_stored_study_is_that_of_its_command(monkeypatch):
-    """New runs of its first precursors agree to the accuracy on any processor."""
+    """First precursors of new runs agree with stored ones as closely as any processor allows."""
     stored = pd.read_csv(STORED / "rated_precursors.csv")
     assert list(dict.fromkeys(stored["case"])) == list(study.CASES)
     record = two_precursors()

@@ -138,7 +138,7 @@ def test_points_without_errors_say_so(made):
 
 
 def test_limits_of_shares_are_those_of_binomial_tails():
-    """With the share at the limit, so many checks keep the tolerance with a chance of 5 %."""
+    """With the share at the limit, `kept` or more checks succeed with a chance of 5 %."""
     for kept, checks in ((2, 2), (50, 50), (47, 50), (1, 50)):
         share = lower_limit(kept, checks)
         assert scipy.stats.binom.sf(kept - 1, checks, share) == pytest.approx(0.05)

@@ -28,7 +28,7 @@ def test_the_formula_is_inverted():
 
 @pytest.mark.slow
 def test_twice_the_viscosity_is_half_the_speed():
-    """In a slab of two rows, at v << c, slab and formula have this in common."""
+    """Slab and formula agree in this for a slab of two rows at v << c."""
     speeds = []
     for alpha in (3.0, 6.0):
         job = creeping.slab_job(2, 0.4, alpha)

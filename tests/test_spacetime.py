@@ -47,7 +47,7 @@ def chain_run(n, taubar=0.5):
 
 
 def ruptures_are_where_slip_begins(axes):
-    """Check that rupture times are begins of slip in the picture."""
+    """Check that rupture times are those at which slip begins in the picture."""
     (image,), (black,) = axes.images, (ax for ax in axes.lines if "rupture" in ax.get_label())
     left, right, low, high = image.get_extent()
     v = image.get_array()
@@ -150,8 +150,8 @@ def test_a_chain_has_the_exact_front_beside_it(n):
 def test_energy_release_is_the_work_that_friction_leaves(run):
     """G is the difference of potential energy of held and released slider, in linear geometry.
 
-    All forces but f are conservative. They release the mean of f times du, of which friction takes
-    the mean of mu_k p times du.
+    All forces but f are conservative. These forces release the mean of f times du, of which
+    friction takes the mean of mu_k p times du.
     """
     weak = dataclasses.replace(run.scene.interface, d_c=1e-6)
     record = dataclasses.replace(run, scene=dataclasses.replace(run.scene, interface=weak))

@@ -181,7 +181,7 @@ def test_order_of_six_stages_in_nonlinear_motion(name):
 @pytest.mark.parametrize(("name", "order"), [("rk46", 6), ("rk46_waves", 4)])
 @pytest.mark.parametrize("kind", ["rod", "free"])
 def test_order_of_six_stages_on_the_lattice(kind, name, order):
-    """The order is that of states in linear geometry; works and dissipations have at least 4."""
+    """The order is that of states in linear geometry; orders of works and heat are 4 or more."""
     scene = small(kind, V=1e-3)
     coarse = 0.5 * stability_limit(scene)[0]
     exact = shaken(scene, "linear", coarse, 1e-8)

@@ -29,7 +29,7 @@ def pushed(tau_bar, alpha):
 
 
 def two_runs(scene, t_end, stop_when, **options):
-    """Return a run with conditions, and the run without; check that it is a part of the latter."""
+    """Return a run with conditions, and one without; check that the first is a part of it."""
     ended = pyfric.simulate(scene, t_end, stop_when=stop_when, **options)
     whole = pyfric.simulate(scene, t_end, **options)
     assert ended.curve.equals(whole.curve[: len(ended.curve)])

@@ -452,7 +452,7 @@ def test_overdamped_chain():
     np.testing.assert_allclose(found, [0.077133, 0.191729, 0.442898, 0.724601], atol=1e-6)
     assert theory.chain_prestress_overdamped(0.01) == pytest.approx(0.0092094, abs=1e-7)
     np.testing.assert_allclose(theory.chain_speed_overdamped(found, 2.0), w / 2, rtol=1e-9)
-    # it is the limit of the chain with inertia
+    # the overdamped chain is the limit of the chain with inertia
     error = [theory.chain_prestress(one / 10, 10.0) / theory.chain_prestress_overdamped(one) - 1
              for one in w[:3]]  # fmt: skip
     assert np.abs(error).max() < 5e-3

@@ -143,7 +143,7 @@ def test_amontons_coulomb_takes_a_short_note():
 
 @pytest.mark.parametrize(("d_c", "said"), [(0.0, "set by the lattice"), (2e-6, "X_c(v)/l below 6")])
 def test_pushed_fronts_have_a_note(d_c, said):
-    """Their static states are unknown; the mean normal force replaces p."""
+    """Static states of pushed fronts are unknown; the mean normal force replaces p."""
     scene = pyfric.setup2(L=0.06, H=0.02, l=0.002, F_N=200.0, V=0.0, d_c=d_c, push=((1, 80.0),))
     record = pyfric.simulate(scene, 2e-4, fidelity="dynamic", progress=False)
     assert np.isnan(record.p_before).all()
@@ -151,7 +151,7 @@ def test_pushed_fronts_have_a_note(d_c, said):
 
 
 def test_viscosity_slows_fronts_as_in_the_cracks_of_the_study():
-    """The slowing agrees within a sixth; with little viscosity it is the error of the lattice."""
+    """The slowing agrees within a sixth, with the error of the lattice at low viscosity."""
     cracks = pd.read_csv(CRACKS)
     assert len(cracks) >= 16
     assert set(cracks["dashpots"]) == {"full", "along"}
@@ -190,8 +190,8 @@ def test_prescribed_loads_are_known_without_a_static_state():
 def test_the_plan_of_front_speeds_names_the_lattice_and_its_price():
     """X_c0/l is 1.04 at l = 2.5 mm, d_c = 1 um. An error of 5 % needs 6 blocks, 2.5 % needs 12.
 
-    With the paper's viscosity cracks are 7.6 % slower at 6 blocks. This falls with the root of the
-    number of blocks.
+    With the paper's viscosity cracks are 7.6 % slower at 6 blocks. The slowing falls with the root
+    of the number of blocks.
     """
     paper = preset("fig1", d_c=1e-6, L=0.07, H=0.0375)
     little = preset("fig1", d_c=1e-6, L=0.07, H=0.0375, damping=1e-5)

@@ -1,4 +1,4 @@
-"""Tolerances of several tests, or in need of an explanation, each with its reason."""
+"""Tolerances that several tests use or that need an explanation, each with its reason."""
 
 ROUNDING = 2e-15
 """Relative difference that rounding explains in one evaluation of the forces: nine units of the

@@ -36,7 +36,7 @@ WORKS = ("bonds", "friction", "driver", "load")
 
 
 class Slab(SimpleNamespace):
-    """A scene by its attributes. Those of bonds must not change, because `_bonds` caches them."""
+    """A scene by its attributes. Data of bonds must not change, because `_bonds` caches them."""
 
     __hash__ = object.__hash__
 

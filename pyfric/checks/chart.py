@@ -121,7 +121,7 @@ def chart(
 
 
 def after_events(scene: Scene, events: int) -> float | None:
-    """Return a time after so many main events of a driven scene, s; None if there are fewer."""
+    """Return a time (s) after `events` main events of a driven scene; None if there are fewer."""
     t_end = 2.0 * scene.F_N / (scene.driver.K * scene.driver.V)
     how = {"stop_when": f"main_events = {events + 1}", "progress": False}
     found = simulate(scene, t_end, fidelity="quasistatic", **how).events

@@ -315,7 +315,7 @@ def ladder(known: Reference, made: Record, blocks: int, last: int | None = None)
         known: the set, in the geometry of the run.
         made: the run.
         blocks: tolerance of lengths.
-        last: tolerance of the last, longest precursor; None means the same.
+        last: tolerance of the last, longest precursor; None means `blocks`.
     """
     a, b = (precursors(run.events, known.scene) for run in (known, made))
     more = len(b) - len(a)

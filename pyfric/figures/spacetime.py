@@ -121,10 +121,10 @@ def theory_times(record: Record, event: int) -> pd.DataFrame:
     """Return the theoretical line of a front with the same starting place and time.
 
     In a chain the speed is the exact speed of steady fronts at the local prestress. In two
-    dimensions it follows from fracture mechanics: g_II(v) G = Gamma, with G of static states
-    (`pyfric.analysis.energy_release`). Without weakening Gamma is 0 and v is c_R, which is drawn
-    already. A prescribed interface has no static states, and so no line. The line ends where theory
-    gives no front.
+    dimensions the speed v follows from fracture mechanics: g_II(v) G = Gamma, with G of static
+    states (`pyfric.analysis.energy_release`). Without weakening Gamma is 0 and v is c_R, which is
+    drawn already. A prescribed interface has no static states, and so no line. The line ends where
+    theory gives no front.
 
     Returns:
         Columns of `wave_lines`, one row for each block; empty if theory gives no line.
@@ -203,7 +203,7 @@ def _slip_rates(record: Record, event: int, initial: State | None) -> tuple[np.n
     order, times, rates = np.argsort(scene.n_of_i), [], []
     for _, state in again(record, event, np.arange(*window, every * dt), initial, dt):
         if times and state.t <= times[-1]:
-            continue  # before the begin of the run
+            continue  # before the start of the run
         times.append(state.t)
         rates.append(scene.d * state.y[0, 2][order])
     return np.array(times), np.array(rates)

@@ -2,7 +2,7 @@
 
 The page of a record, `Record.to_html`, is one file that loads no other file. ``view.html`` is its
 template, and ``view.js`` handles mouse and keys. This module computes the numbers on the page.
-``head.html`` is the common begin of all pages.
+``head.html`` is the common beginning of all pages.
 """
 
 from __future__ import annotations
@@ -197,7 +197,7 @@ def _rounded(values: Iterable[float], digits: int = 6) -> list[float | None]:
 
 
 def _number(value: float, digits: int = 6) -> float | int | None:
-    """A number with so many digits, as short as possible; None if it is unknown."""
+    """A number with `digits` digits, as short as possible; None if it is unknown."""
     if not math.isfinite(value):
         return None
     short = float(f"{value:.{digits}g}")

@@ -1,10 +1,10 @@
 """Misfit of two tables of events: which events match, and how much they differ.
 
 Far from the best parameters, all matches may be shifted by one event. Each shift is a local minimum
-of the misfit. `overview` avoids these minima. It compares the force of events and their number as
-functions of the load. The load is the force of an event plus all drops before it.
+of the misfit. `overview` avoids these minima. `overview` compares the force of events and their
+number as functions of the load. The load is the force of an event plus all drops before it.
 
-Near the best parameters, events are matched in their order. Their times do not count: in
+Near the best parameters, events are matched in their order. Times of events do not count: in
 stick-slip, a small difference of the period becomes a large difference of times. Residuals are the
 forces at both ends of each event, with correlated errors, and the rate of loading between events.
 The matching minimises the sum of squares (dynamic programming). The residual of an unmatched event

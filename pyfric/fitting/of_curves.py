@@ -32,7 +32,7 @@ class CurveOf(Measurement):
         curve: a curve with forces. Its first sample is at the time `start` of the run.
         error: standard deviation of a sample of F_T/F_N, > 0; None means the noise of the curve.
         points: largest number of means.
-        start: time in the run at which the curve begins, s; 0 is the begin of loading.
+        start: time in the run at which the curve begins, s; 0 is the start of loading.
 
     Attributes:
         t_from, t_to: begin and end of each mean, s, shape (n,).

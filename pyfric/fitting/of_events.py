@@ -224,11 +224,11 @@ class Events(_OfEvents):
 class Sizes(_OfEvents):
     """Large events of a loading curve as a population: mean forces, recurrence, and spreads.
 
-    This is for irregular sequences, in which single events of model and measurement do not match.
-    Large events have at least a fifth of the largest drop. Standard errors of the means, measured
-    and of the run, include the scatter from event to event and its correlation along the sequence
-    (Newey and West). Runs are sampled with the step of the curve, and their events are found in the
-    same way. Effects of sampling and of vibrations after events are therefore in both.
+    `Sizes` is for irregular sequences, in which single events of model and measurement do not
+    match. Large events have at least a fifth of the largest drop. Standard errors of the means,
+    measured and of the run, include the scatter from event to event and its correlation along the
+    sequence (Newey and West). Runs are sampled with the step of the curve, and their events are
+    found in the same way. Effects of sampling and of vibrations after events are therefore in both.
 
     Args:
         measured: curve, or its table of events (`pyfric.measured.events`).

@@ -50,8 +50,8 @@ class Fit(Shown):
         runs: number of runs, with those of the search.
         bounds: name -> bounds of the search.
         model_error: standard deviation of the model's forces, over F_N, that intervals assume. If
-            the model does not fit, it is the larger of the given error and the deviation of the
-            model.
+            the model does not fit, the error is the larger of the given error and the deviation of
+            the model.
         notes: what was left out of the curves, and which events may be missing.
         problem: the scenes, measurements and runs, for profiles and `pyfric.fitting.posterior`.
     """

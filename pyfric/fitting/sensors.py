@@ -1,9 +1,9 @@
 """Lengths of precursors and arrivals of fronts: measured, in a model, and their differences.
 
 Lengths are compared as a curve of L_p/L against F_T/F_N, so that precursors need no matching. The
-model's curve is linear between its precursors. It begins at L_p = 0 without load, and ends at the
-force at which the whole interface first slips. Arrivals are compared in matched events. The mean
-difference in an event is subtracted, because the absolute time of an event is arbitrary.
+model's curve is linear between its precursors. The curve begins at L_p = 0 without load, and ends
+at the force at which the whole interface first slips. Arrivals are compared in matched events. The
+mean difference in an event is subtracted, because the absolute time of an event is arbitrary.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ def lengths_off(
     Args:
         measured: lengths with columns as in `LENGTHS`.
         model: the curve from `lengths_of`.
-        spacing: distance of blocks over L. It is an error of the model, because an arrest may move
-            by a block.
+        spacing: distance of blocks over L. The spacing is an error of the model, because an arrest
+            may move by a block.
         tolerance: standard deviation of the model's forces, over F_N.
     """
     force, length = (measured[name].to_numpy() for name in ("force", "L_p_over_L"))

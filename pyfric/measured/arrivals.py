@@ -73,7 +73,7 @@ def arrivals(
 
 
 def _corner(curve: Curve, step: pd.Series, attrs: Mapping[str, float]) -> tuple[float, float]:
-    """Return the begin of a step of slip and its standard error, in s."""
+    """Return the start of a step of slip and its standard error, in s."""
     kept = np.isfinite(curve.table["slip"])
     t, slip = curve.t[kept], curve.table["slip"].to_numpy()[kept]
     apart = NEAR * int(attrs["smooth"])

@@ -98,7 +98,7 @@ def _times(clock: tuple[Any, ...], first: Any) -> np.ndarray:
 
 
 def _spans(path: Any) -> dict[str, tuple[tuple[Any, int], ...]]:
-    """Return the begin and the number of samples of each part, by channel of a TDMS file.
+    """Return the start and the number of samples of each part, by channel of a TDMS file.
 
     A repeated recording of a waveform writes a new start. npTDMS keeps only the last start.
     """

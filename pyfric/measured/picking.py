@@ -83,10 +83,10 @@ TOLD = 0.95
 def noise_of(curve: Curve) -> float:
     """Return the standard deviation of white noise of F_T/F_N, from its second differences.
 
-    In a curve without forces it is the noise of slip, m. It is 0 in a curve without noise. Events
-    do not change the median of differences. If a filter has averaged n samples, noise is not white,
+    In a curve without forces, the noise is that of slip, m. Without noise, 0 is returned. Events do
+    not change the median of differences. If a filter has averaged n samples, noise is not white,
     and the estimate is too small. Means of many samples then have sqrt(n) times the remaining
-    noise. This value has to be given to `events`.
+    noise. The larger value has to be given to `events`.
 
     Raises:
         SceneError: samples are not equally spaced, or most of them are equal.
@@ -117,7 +117,7 @@ def events(
         noise: standard deviation of the noise of F_T/F_N, or of slip (m), >= 0; None means an
             estimate (`noise_of`).
         smooth: number of samples of a mean, less than half of those of the curve. None means 8, or
-            1 without noise. Falls within the time of so many usual steps are one event.
+            1 without noise. Falls within the time of that number of usual steps are one event.
         threshold: smallest drop of an event, over F_N, or its smallest slip, m. None means the
             smallest drop that noise does not cause.
         t_gap: longest pause between falls of one event, s, in runs and in curves without noise. The

@@ -1,6 +1,6 @@
 """Slip at a place of the interface in a run, as a sensor would measure it.
 
-Slip is the displacement of the block nearest to the sensor, along the drive, since the begin of the
+Slip is the displacement of the block nearest to the sensor, along the drive, since the start of the
 record. Runs that record motion have slip at all points of their curve. Other runs have slip only at
 times at which the block starts or stops. Between these times slip is interpolated, which is exact
 while the block sticks and approximate while it slips.

@@ -74,7 +74,7 @@ def text(path: Any, asked: Asked) -> Found:
     """Return the columns of a text.
 
     Raises:
-        SceneError: it cannot be read, or something in it is not understood.
+        SceneError: the file cannot be read, or something in it is not understood.
     """
     found = Found("text")
     content = read_at_most(path, MAX_BYTES + 1)
@@ -169,7 +169,7 @@ def _decoded(path: Any, content: bytes, found: Found) -> tuple[bytes, str]:
 def _layout(
     path: Any, content: bytes, encoding: str, start: int, first: int, asked: Asked
 ) -> tuple[Layout, int, list[Row], int, list[Row]]:
-    """Return the layout, the begin of the rows of numbers, rows above, their end, rows below."""
+    """Return the layout, the start of the rows of numbers, rows above, their end, rows below."""
     cut = max(start, content.rfind(b"\n", 0, max(len(content) - SAMPLE, 0)) + 1)
     late = content.count(b"\n", start, cut) + first
     tail = [row for row in rows_of(content, encoding, late, cut) if not is_comment(row.text)]

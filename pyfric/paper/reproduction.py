@@ -1,7 +1,7 @@
 """The paper's figures in one folder: `reproduce` makes their runs, figures and page.
 
-The page is made from the folder alone. It shows figures and captions, their tables, the cost of
-runs and, if ``claims.json`` exists (`pyfric claims`), the table of claims. ``page.html`` is its
+The page is made from the folder alone. The page shows figures and captions, their tables, the cost
+of runs and, if ``claims.json`` exists (`pyfric claims`), the table of claims. ``page.html`` is its
 template.
 """
 

@@ -31,7 +31,7 @@ TAKES: dict[str, tuple[Quantity, ...]] = {
     "system_size": (COUNT,),
     "slow": (Positive("m/s"), NotNegative("s")),
 }
-"""Name of a condition -> its values. The number of events is 1 if it is left out."""
+"""Name of a condition -> its values. If the number of events is left out, 1 is assumed."""
 
 
 def _names() -> str:

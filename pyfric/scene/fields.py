@@ -111,7 +111,7 @@ class Fields(Lattice):
     def k_f(self) -> float | np.ndarray:
         """Stiffness of the foundation per block in N/m, by default k.
 
-        A number, or an array from left to right, shape (N_x,). It is 0 under blocks without
+        A number, or an array from left to right, shape (N_x,). k_f is 0 under blocks without
         contact, and for a prescribed interface in two dimensions, which has no foundation.
         """
         if self.prescribed:

@@ -33,7 +33,7 @@ class Loads(Fields):
     def p_prescribed(self) -> np.ndarray:
         """Prescribed p of the bottom blocks, left to right, shape (N_x,), in N.
 
-        It is 0 without a `PrescribedLoad`. A half block at a side has half of p.
+        Without a `PrescribedLoad`, p is 0. A half block at a side has half of p.
         """
         if not isinstance(self.top, PrescribedLoad):
             return np.zeros(self.N_x)
@@ -43,7 +43,7 @@ class Loads(Fields):
     def load(self) -> np.ndarray:
         """Downward forces on the top blocks, left to right, shape (N_x,), in N.
 
-        They are 0 for a rod, and for a prescribed interface in two dimensions.
+        The forces are 0 for a rod, and for a prescribed interface in two dimensions.
         """
         if self.rigid or self.prescribed:
             return np.zeros(self.N_x)
@@ -57,8 +57,8 @@ class Loads(Fields):
     def shear(self) -> np.ndarray:
         """Forces in +x on blocks of row j_shear at t = 0, left to right, shape (N_x,), in N.
 
-        They are d tau_i for a `PrescribedLoad`, and d T/N_x for a `DistributedLoad`. A half block
-        at a side has half of this force.
+        The forces are d tau_i for a `PrescribedLoad`, and d T/N_x for a `DistributedLoad`. A half
+        block at a side has half of this force.
         """
         prescribed, columns = isinstance(self.top, PrescribedLoad), self.shares[1].sum()
         tau = self.top.tau if prescribed else self.top.T / columns

@@ -50,8 +50,9 @@ class Material:
 
     The lattice is a thin plate, in plane stress, with a fixed Poisson's ratio of 1/3. Then
     k = 3 B E/4, the shear modulus is 3 E/8, and waves have speeds sqrt(9 E/(8 rho)) and
-    sqrt(3 E/(8 rho)). With plane = "strain" it is a wide body with a ratio of 1/4: E is replaced by
-    E/(1 - nu^2) = 16 E/15. In a slab of few blocks waves are faster; see `Slider.of_material`.
+    sqrt(3 E/(8 rho)). With plane = "strain" the lattice is a wide body with a ratio of 1/4: E is
+    replaced by E/(1 - nu^2) = 16 E/15. In a slab of few blocks waves are faster; see
+    `Slider.of_material`.
 
     Nearly incompressible solids (rubber, gels) have a ratio near 1/2 and a shear modulus of E/3.
     For them use E from tension of a strip, or 8/3 of the shear modulus if shear matters. Their

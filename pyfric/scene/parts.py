@@ -79,10 +79,10 @@ class Slider:
             bond, so that rotation is free.
         edges: "whole", as in the paper: M/(N_x N_z) in each block and springs of full stiffness
             along the edges. "half": blocks along free edges are half blocks, quarters in corners,
-            with half of the mass, of the springs along the edge, and of what foundation and loads
-            give to a column. Mass and stiffness then converge to second order in l. In a chain both
-            end blocks are half blocks. "half" needs linear geometry, no driven top and no
-            junctions.
+            with half of the mass, half of the springs along the edge, and half of the foundation
+            and the loads of a column. Mass and stiffness then converge to second order in l. In a
+            chain both end blocks are half blocks. "half" needs linear geometry, no driven top and
+            no junctions.
         g: gravity, m/s^2, >= 0, downward on all blocks and the rod, in addition to F_N. In setup 1
             9.81 m/s^2 adds 4e-4 F_N, half of it the weight of the rod.
 
@@ -334,10 +334,10 @@ class Walls:
 
     "free": no forces. "mirrored": the slider continues half a bond further as its image, with the
     same u_x and the opposite u_z. On a side, the image is the other half of a shear crack that
-    starts there. On the top, it has a second interface under the same forces. "absorbing": dashpots
-    on half blocks, with the impedances of plane waves, rho c_P along the normal and rho c_S across
-    it. In a corner of two absorbing walls only rho c_P acts. At an absorbing side the end block has
-    half of p and tau. "held": the top row does not move.
+    starts there. On the top, the image has a second interface under the same forces. "absorbing":
+    dashpots on half blocks, with the impedances of plane waves, rho c_P along the normal and rho
+    c_S across it. In a corner of two absorbing walls only rho c_P acts. At an absorbing side the
+    end block has half of p and tau. "held": the top row does not move.
 
     Energies, work and heat are those of the blocks of the scene, without images. Energy absorbed by
     walls is part of the energy dissipated in bonds. The column `radiated` has the absorbed energy

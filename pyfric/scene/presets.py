@@ -172,7 +172,7 @@ def _waves(slider: Slider) -> tuple[float, ...]:
 
 
 def _made(base: Scene, given: Mapping[str, Any], **rules: Rule) -> Scene:
-    """Return a scene with changes; `rules`, by part_field, give values left out."""
+    """Return a scene with changes; `rules` give the values of fields left out, by part_field."""
     for part in given.keys() & PARTS:
         with naming(part):
             PARTS[part].check(given[part])

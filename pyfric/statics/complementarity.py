@@ -2,7 +2,8 @@
 
 `ContactProblem` holds the condensed slider of one scene. A `Contact` gives u_x, f, u_z and F_T as
 affine functions of the held u_x and of the driver, in a table. When a block is released or held, a
-column and a row of the table are exchanged. This is a rank-one change that takes microseconds.
+column and a row of the table are exchanged. The exchange is a rank-one change that takes
+microseconds.
 
 `Contact.exchange` changes the state of the block that violates a condition most, until all
 conditions are met. Loading, events, growing slip and static states differ only in the conditions.
@@ -52,7 +53,8 @@ BASES = 64
 """Number of stored tables with all blocks held. Each set of open blocks has its own table."""
 CHANGES = 10
 """Largest number of exchanges for one static state, over N_x; about 1.5 are needed. In the second
-half, the first block that violates a condition changes instead of the worst one. This ends cycles.
+half, the first block that violates a condition changes instead of the worst one. This rule ends
+cycles.
 """
 
 

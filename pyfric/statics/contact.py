@@ -164,7 +164,7 @@ def with_free(scene: Scene, closed: np.ndarray, free: np.ndarray) -> np.ndarray:
 
 
 def rounding(scene: Scene, force: float) -> float:
-    """Return the violation of contact or friction conditions below which it is rounding, in N.
+    """Return the violation of contact or friction conditions that rounding may cause, in N.
 
     Args:
         scene: the scene.

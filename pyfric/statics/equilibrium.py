@@ -293,8 +293,8 @@ class StaticSolver(System):
         residual force (N) and the number of steps.
 
         The iteration uses the factors of the reference state (chord iteration). If it converges
-        slowly, the factors are renewed. The iteration ends at the level of rounding. It also ends
-        below `ACCEPTED` if a renewed tangent does not help. Steps keep their leading bits
+        slowly, the factors are renewed. The iteration ends at the level of rounding. The iteration
+        also ends below `ACCEPTED` if a renewed tangent does not help. Steps keep their leading bits
         (`System.leading`), so that no kernel of LAPACK changes the state. Linear geometry takes
         three to six steps.
         """

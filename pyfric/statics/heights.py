@@ -42,7 +42,7 @@ def pressed(scene: SceneLike, *, p: Sequence[Number] | Callable[[float], float])
     Args:
         scene: the scene, the name of a preset, or the path of a scene file; its gaps are replaced.
         p: normal forces at t = 0: N_x numbers >= 0 in N from the trailing edge on, or a function of
-            x (m). x is the distance from the first block at the trailing edge. Their sum is F_N,
+            x (m). x is the distance from the first block at the trailing edge. The sum of p is F_N,
             plus the weight if there is gravity. The torque of p is that of the load. Under a rod a
             small difference is allowed, which the mattress bears.
 

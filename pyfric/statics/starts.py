@@ -1,9 +1,9 @@
 """Nucleation of ruptures at a chosen place, for any interface.
 
 There are three ways by forces on blocks (`push`): a patch stressed beyond its strength, a rupture
-forced to run at a given speed, and a growing force on one block. Their forces follow from the
-static state of the slider. The fourth way is friction that is forced to fall (`limit`), on a patch
-or behind a front. Each function returns the given scene with a start of a rupture.
+forced to run at a given speed, and a growing force on one block. The forces follow from the static
+state of the slider. The fourth way is friction that is forced to fall (`limit`), on a patch or
+behind a front. Each function returns the given scene with a start of a rupture.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def overstressed(
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
         x: centre of the patch from the trailing edge, in m.
-        length: length of the patch, in m; it contains blocks up to length/2 from x.
+        length: length of the patch, in m, which contains blocks up to length/2 from x.
         excess: stress beyond the strength, over the strength, > 0.
         begin: start time of the push, in s; nothing may slip before.
 
@@ -125,7 +125,7 @@ def forced(
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
         x: starting point from the trailing edge, in m.
-        length: length of the forced part, in m; it contains blocks up to length/2 from x.
+        length: length of the forced part, in m, which contains blocks up to length/2 from x.
         speed: speed of the two forced fronts, in m/s.
         excess: stress beyond the strength, over the strength, > 0.
         begin: start time, in s; nothing may slip before.
@@ -188,7 +188,7 @@ def weakened(
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
         x: centre of the patch from the trailing edge, in m.
-        length: length of the patch, in m; it contains blocks up to length/2 from x.
+        length: length of the patch, in m, which contains blocks up to length/2 from x.
         speed: speed of the two fronts, in m/s; None means that the whole patch weakens at once.
         mu: the last limit, >= 0; None means the smallest mu_k.
         over: time in which the limit falls, in s; 0 means at once.

@@ -90,7 +90,7 @@ def boundary(
     `along`. After a value without a line, the search begins again in the whole range.
 
     Args:
-        f: a function of a value of `along` and a value of `over`. It returns a label that can be
+        f: a function of a value of `along` and a value of `over`. f returns a label that can be
             compared, such as text or a truth value; NaN is a label, too. If it makes its runs with
             `run_all`, they are kept, and a line that was stopped goes on. Its runs may share one
             verification (`pyfric.Shared`).
@@ -102,8 +102,8 @@ def boundary(
         known: labels that are already known, such as those of a map: columns ``along``, ``over``
             and ``label``, and ``measure`` if it is given. Known labels within the range bracket the
             line.
-        measure: a function of the same values, called after f. It returns a number that passes zero
-            continuously where the label changes, or NaN if it is unknown.
+        measure: a function of the same values, called after f. `measure` returns a number that
+            passes zero continuously where the label changes, or NaN if it is unknown.
 
     Returns:
         One row for each value of `over`. Columns: ``over``; ``along``, the middle of the last

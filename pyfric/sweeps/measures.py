@@ -1,6 +1,6 @@
 """Numbers of many runs in one table, which is stored in parts.
 
-Quasi-static sequences run in the core, many at a time (`pyfric.engines.together`). Their numbers
+Quasi-static sequences run in the core, many at a time (`pyfric.engines.together`). Their results
 equal those of single runs, bit for bit. Runs of other engines are made as in `Sweep.run`.
 `pyfric.record.outlines` defines the numbers of a run.
 

@@ -65,7 +65,7 @@ def sharing(options: Options) -> Options:
 
 
 def measured(count: int) -> int:
-    """Return the number of points at which errors are measured, out of so many."""
+    """Return the number of points at which errors are measured, out of `count` points."""
     chosen = min(CALIBRATION, count)
     return chosen + _checks(count - chosen)
 

@@ -269,8 +269,9 @@ class Store:
         """Delete unfinished files of killed processes, and runs that exceed the given limits.
 
         Args:
-            max_bytes: delete the least recently used runs until the others fit into so many bytes.
-            older_than: delete runs not used for so many days.
+            max_bytes: delete the least recently used runs until the others fit into this number of
+                bytes.
+            older_than: delete runs not used for this number of days.
             damaged: delete files that are damaged, or records of another version.
 
         Returns:

@@ -330,7 +330,7 @@ class Sweep(Shown):
 
 
 def _cost(job: Job, share: float) -> np.ndarray:
-    """Return the expected time (s) and size (bytes) of a job, if this share of jobs is verified."""
+    """Return the expected time (s) and size (bytes) of a job, if a share of jobs is verified."""
     whole = np.array(expected_cost(job.scene, job.t_end, job.options))
     if job.options.verify != "shared":
         return whole

@@ -1,9 +1,9 @@
 """Worker processes. If a worker dies, only its job is lost; all workers end with this process.
 
 Each worker is a `ProcessPoolExecutor` of one spawned process, so that the job of a dead process is
-known. A worker inherits a mask that blocks the signals that end a command. It holds one end of a
-pipe; only this process has the other end. When this process ends, for any reason, the pipe closes
-and the worker ends, too.
+known. A worker inherits a mask that blocks the signals that end a command. Each worker holds one
+end of a pipe; only this process has the other end. When this process ends, for any reason, the pipe
+closes and the worker ends, too.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 Units: lattice constant l = 1, long-wave speed c = l sqrt(k/m) = 1. A block slips as soon as the
 force of its springs and dashpots reaches the static threshold. `eta` is the bond viscosity.
-`alpha` is the viscosity of a force -alpha v on every sliding block. Both are over sqrt(k m).
-tau_bar is the uniform scaled prestress (tau/p - mu_k)/(mu_s - mu_k).
+`alpha` is the viscosity of a force -alpha v on every sliding block. Both viscosities are over
+sqrt(k m). tau_bar is the uniform scaled prestress (tau/p - mu_k)/(mu_s - mu_k).
 
 In the frame of the front the Fourier transform leads to a Wiener-Hopf problem with the kernel
 

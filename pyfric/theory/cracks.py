@@ -75,7 +75,7 @@ def A_II(material: Material, v: ArrayLike) -> np.ndarray:
     """Return A_II = v^2 alpha_s/((1 - nu) c_S^2 D), with nu of plane strain.
 
     A_II is 1 at rest and infinite at c_R. 1/(1 - nu) is 2 (1 - c_S^2/c_P^2). With nu of plane
-    stress it is 1 + nu.
+    stress this factor is 1 + nu.
 
     Args:
         v: front speed, m/s, any shape, 0 to c_R (not included).
@@ -139,7 +139,7 @@ def stress_intensity(
         breaks: distances t > 0 at which the function jumps or has a kink, m.
 
     Returns:
-        K_II, in the shape of a. For uniform dtau it is dtau sqrt(pi a).
+        K_II, in the shape of a. For uniform dtau, K_II is dtau sqrt(pi a).
 
     Raises:
         ValueError: a value is out of range, the function returns a value that is not finite, or the

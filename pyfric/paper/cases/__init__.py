@@ -3,7 +3,7 @@
     for result in pyfric.cases.run(["chain_fronts"]):
         print(result)
 
-A case has a source, a number or trend with its target band, and a figure. It also has damages:
+A case has a source, a number or trend with its target band, and a figure. A case also has damages:
 changed scenes for which the number must be outside the band. Parts of a case are
 `pyfric.claims.Claim`. A new case is a function under `@case` in a module of its own, with an import
 below.

@@ -24,7 +24,8 @@ class Found(NamedTuple):
     """The result of a case.
 
     Attributes:
-        parts: the measured values. Their damages are other keywords of the case (`damage.given`).
+        parts: the measured values. Damages of parts are other keywords of the case
+            (`damage.given`).
         draw: function that draws the figure.
     """
 

@@ -63,7 +63,7 @@ def surface_grooves(run: Runner, *, grooves: Sequence[int] = GROOVES) -> Found:
 
 
 def _contact(grooves: int, N_x: int = 57) -> list[bool]:
-    """Which blocks touch the substrate: all but so many, evenly spread."""
+    """Which blocks touch the substrate: all but those at a number of evenly spread grooves."""
     touches = np.ones(N_x, bool)
     touches[[round((n + 1) * (N_x - 1) / (grooves + 1)) for n in range(grooves)]] = False
     return touches.tolist()

@@ -133,7 +133,7 @@ def fronts_backwards(record: Record) -> Record:
 
 
 def fronts_slower(factor: float) -> Change:
-    """Return a change by which all fronts take so many times as long."""
+    """Return a change by which all fronts take `factor` times as long."""
     return lambda record: _with_intervals(record, lambda intervals: factor * intervals)
 
 

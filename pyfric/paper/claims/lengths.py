@@ -207,7 +207,7 @@ def _steps(runs: Runs, name: str, L: int) -> tuple[np.ndarray, np.ndarray]:
     """Mean steps of L_p (mm) or F_T (F_N) below L/2 for small h, and their resolution.
 
     The error of a mean of n steps of L_p is 1/n of a block. The error of the mean step of force is
-    the change of force for such an advance.
+    the change of force while L_p grows by the error of its step.
     """
     tables = [short(growing(runs[name])) for name in SMALL[L]]
     ends = [table.iloc[-1] - table.iloc[0] for table in tables]

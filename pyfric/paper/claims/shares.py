@@ -10,8 +10,8 @@ Of the variance that the position x leaves, the prestress s explains the partial
 
     (R^2(s and x) - R^2(x)) / (1 - R^2(x)).
 
-This is more than a curve of s explains of y minus the curve of x. If s and x are correlated, the
-curve of x has already taken the part that both explain.
+The share is larger than what a curve of s explains of y minus the curve of x. If s and x are
+correlated, the curve of x has already taken the part that both explain.
 
 Speeds along a front are correlated. Intervals are therefore from a bootstrap over fronts.
 

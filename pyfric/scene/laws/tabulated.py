@@ -95,9 +95,9 @@ class TabulatedLaw(FrictionLaw):
         """Return a law with tables from files or functions.
 
         Args:
-            tables: hold, slide, speed or age. Each is the path of a CSV file of two columns (see
-                `from_csv`), or a pair of a function and the end of its table, a number in SI units
-                or text such as "3 um". slide may also be a `Measured` curve.
+            tables: hold, slide, speed or age. Each table is the path of a CSV file of two columns
+                (see `from_csv`), or a pair of a function and the end of its table, a number in SI
+                units or text such as "3 um". slide may also be a `Measured` curve.
 
         Raises:
             SceneError: a table is unknown, a file cannot be used, or a function is not a valid law.

@@ -291,7 +291,7 @@ class Counting:
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")  # of distributed, about dead workers
+@pytest.mark.filterwarnings("ignore")  # distributed warns of dead workers
 @pytest.mark.parametrize("accident", ["none", "worker killed", "scheduler restarted"])
 def test_dask_survives(tmp_path, accident):
     distributed = pytest.importorskip("distributed")

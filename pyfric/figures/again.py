@@ -29,8 +29,8 @@ def again(
 ) -> Iterator[tuple[Any, State]]:
     """Yield the core's model, and its state at the first step end from each time on.
 
-    The event is run again from a state shortly before it. A run of the hybrid engine up to this
-    state gives it. On junctions and on a prescribed interface this run needs full dynamics, and
+    The event is run again from a state shortly before it. The state comes from a run of the hybrid
+    engine up to it. On junctions and on a prescribed interface this run needs full dynamics, and
     takes as long as the original run.
 
     Args:

@@ -80,8 +80,8 @@ def record_page(record: Record) -> str:
     """Return a page about a record, as HTML of at most 2 MB that needs no other files.
 
     The page shows the loading curve, where the interface slips, and the method of the run. For a
-    selected event it shows when each block slips, and the stresses before and after. If there are
-    too many events for the size of the page, a line names the events left out.
+    selected event the page shows when each block slips, and the stresses before and after. If there
+    are too many events for the size of the page, a line names the events left out.
     """
     kept = np.argsort(-record.events["n_blocks"].to_numpy(), kind="stable")[:MOST_EVENTS] + 1
     rows = _event_rows(record, np.sort(kept))

@@ -109,7 +109,7 @@ class Fit(Shown):
     def profiled(
         self, level: float = 0.9, *, progress: Callable[[str], None] | None = None
     ) -> Self:
-        """Return the fit with profiles and intervals, at this confidence level.
+        """Return the fit with profiles and intervals, at the confidence `level`.
 
         Raises:
             SceneError: level is refused.

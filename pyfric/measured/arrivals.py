@@ -20,8 +20,8 @@ from pyfric.values import SceneError, check_number
 PART = 0.25
 """Part of the slip of an event up to which the rise is fitted by a line (a choice)."""
 FEWEST = 3
-"""Fewest samples of a rise from which its speed is fitted (a choice). With fewer, slip begins
-between two samples."""
+"""Fewest samples of a rise from which its speed is fitted (a choice). With fewer samples, slip is
+taken to begin between two samples."""
 
 
 def arrivals(

@@ -243,7 +243,7 @@ def is_look(start: bytes, size: int) -> bool:
 
 
 def _sizes(content: bytes, size: int) -> tuple[int, int] | None:
-    """Return the number of channels and of bytes of a value; None if it is no Look file."""
+    """Return the number of channels and of bytes of a value; None if this is no Look file."""
     for count, each in ((count, each) for count in CHANNELS for each in VALUES):
         begin = HEAD + count * _CHANNEL.itemsize
         if len(content) < begin:
@@ -259,7 +259,7 @@ def look(path: Any, asked: Asked) -> Found:
     """Return the channels of a Look file.
 
     Raises:
-        SceneError: the order of its bytes is not clear.
+        SceneError: the order of bytes in the file is not clear.
     """
     content = read_at_most(path)
     sizes = _sizes(content, len(content))

@@ -21,7 +21,7 @@ from pyfric.statics.lattice import DIRECTIONS, Bonds, assembled, bonds, spring_t
 from pyfric.statics.rows import ends
 
 INDEPENDENT = 1e-10
-"""Length and inertia that a shape of length 1 adds to a space; smaller ones are rounding."""
+"""Least length and inertia that a shape of length 1 adds to a space; less is rounding."""
 
 
 def coordinates(scene: Scene) -> sp.csr_array:

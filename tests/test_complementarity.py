@@ -132,7 +132,7 @@ def margins(contact: Contact) -> dict[int, np.ndarray]:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_the_next_change_is_the_first(name):
-    """On a fine scan no condition is violated before the change, and its own just beyond it."""
+    """On a fine scan no condition is violated before the change, and one is just beyond it."""
     i = interface(name)
     contact, unit, seen = i.loaded(), i.unit, 0
     contact.law = Law(*2 * [contact.law.mu_k])  # releases then do not change the state

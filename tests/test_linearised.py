@@ -72,7 +72,7 @@ def mass_of(scene):
 
 
 def test_viscosity_under_the_driver_is_that_of_full_dynamics():
-    """If all blocks stick and waves have decayed, friction is the static one plus this term."""
+    """If all blocks stick and waves have decayed, friction is static plus a viscous term."""
     scene = setup1({**SIZE, "mu_s": 9.0, "V": 2e-4})
     state = pyfric.simulate(
         scene, 0.03, fidelity="dynamic", geometry="linear", progress=False

@@ -347,7 +347,7 @@ def test_many_blocks_at_threshold_at_the_same_instant():
     assert sorted(made["block"]) == list(range(N))
     assert (made["new"] == 1).all()
     assert np.ptp(made["t"]) < 1e-9 * state.dt
-    made = advance(scene, state, 400)  # they stop together, too
+    made = advance(scene, state, 400)  # all blocks stop together, too
     assert sorted(made["block"]) == list(range(N))
     assert np.ptp(made["t"]) < 1e-9 * state.dt
     assert (made["new"] == STUCK).all()

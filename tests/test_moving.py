@@ -11,7 +11,7 @@ from pyfric.scene import chain, preset
 
 @pytest.fixture(autouse=True)
 def short(monkeypatch):
-    """Let parts of chains be shorter than pays."""
+    """Let parts of chains be shorter than those that save time."""
     monkeypatch.setattr(moving, "LEAST", 0)
 
 

@@ -116,7 +116,7 @@ class LoadSteps:
         p_0 = -self.P @ (self.stiff * h[self.z])
         C, x = self.C, self.x
         forward_0 = C[x, x] @ (-mu * p_0) + h[x] - d * u_x * k / unit
-        # Conditions of open blocks are degenerate: a perturbation removes this.
+        # Conditions of open blocks are degenerate: a perturbation removes the degeneracy.
         apart = 1e-12 * (1 + np.arange(N) % 5)
         found = lemke(self.M, np.concatenate([p_0 + apart, forward_0, 2 * mu * p_0 + 3 * apart]))
         p = self.p @ found + p_0

@@ -94,7 +94,7 @@ def test_energy_of_pushes(name, geometry):
 
 
 def test_the_same_bits_on_any_number_of_threads():
-    """25 x 13 blocks run on several threads, although this does not pay."""
+    """25 x 13 blocks run on several threads, although these save no time."""
     scene = small_rod(L=0.06, H=0.03, V=0.0)
     scene = pyfric.overstressed(scene, x=0.03, length=0.02)
     solver = pyfric.StaticSolver(scene.replace({"top.push": ()}), "finite")

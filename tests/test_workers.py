@@ -138,7 +138,7 @@ def test_workers_end_with_a_script_that_is_killed(tmp_path, sweeping):
     script.kill()
     _, errors = script.communicate(timeout=30)  # workers hold the other ends of pipes
     assert seconds_until_dead(script.pid) < 5
-    assert not errors or "leaked semaphore objects to clean up" in errors  # and they are
+    assert not errors or "leaked semaphore objects to clean up" in errors  # Python cleans these up
     assert len(list((tmp_path / "kept").glob("*.nc"))) == 1
 
 

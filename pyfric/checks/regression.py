@@ -79,7 +79,7 @@ class Check:
 
 
 def largest(error: np.ndarray | list[float]) -> float:
-    """Largest magnitude; NaN if one is missing or there are none."""
+    """Largest magnitude; NaN if a value is missing or no value is given."""
     return float(np.max(np.abs(error))) if len(error) else math.nan
 
 

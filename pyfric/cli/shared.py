@@ -176,7 +176,7 @@ def record_of(path: str) -> Record:
     """Return the record in this file.
 
     Raises:
-        RecordError: there is none.
+        RecordError: the file is not a record.
     """
     import pyfric
     from pyfric.scene import PRESETS

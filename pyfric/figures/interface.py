@@ -154,7 +154,7 @@ def longest_precursor(record: Record) -> int:
     """Return the longest main precursor of the first loading, the first of equal ones.
 
     Raises:
-        SceneError: there is none.
+        SceneError: the run has no main precursor.
     """
     found = precursor_lengths(record)
     if found.empty:

@@ -225,10 +225,10 @@ class _Line:
     ) -> tuple[float, float] | None:
         """Return a bracket narrowed to the wanted width; None if the range ends first.
 
-        Runs are made where the line is expected. With a measure, this is its root. Otherwise it is
-        the guess and then, until labels differ, points further and further away. In a known
-        bracket, runs are so near to its middle that at most one run beyond those of bisection is
-        needed.
+        Runs are made where the line is expected. With a measure, the place is its root. Otherwise
+        the first place is the guess, and further places are further away until labels differ. In a
+        known bracket, runs are so near to its middle that at most one run beyond those of bisection
+        is needed.
         """
         left, step, guess_is_below = math.inf, self.step, None
         while high - low > (1 + 1e-9) * self.width:

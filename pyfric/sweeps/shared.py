@@ -216,8 +216,8 @@ def _joined(parts: Iterable[dict[str, Point]]) -> dict[str, Point]:
 class Shared:
     """Levels found by verified runs, for other runs; see the module.
 
-    `run_all` makes a `Shared` for each call. If jobs come one by one, give it the same object each
-    time:
+    `run_all` makes a `Shared` for each call. If jobs come one by one, give `run_all` the same
+    object each time:
 
         shared = Shared()
 

@@ -1,6 +1,6 @@
 """A headless Chromium, controlled through pipes: no other library, no port, no network.
 
-The package does not need Chromium. Tests that use it are skipped without it.
+The package does not need Chromium. Without Chromium, tests that use it are skipped.
 """
 
 import base64

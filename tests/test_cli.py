@@ -593,7 +593,7 @@ def test_sigterm_is_left_as_it_was():
 
 @pytest.fixture
 def small_paper(monkeypatch):
-    """Use one small run for every figure, and only figures for which it is sufficient."""
+    """Use one small run for every figure, and only figures for which one run is enough."""
     pyf("reproduce", "--help")  # the command asks for all figures when it is loaded
     job = pyfric.Job(scene=tiny(), t_end=1.2e-3, options={"fidelity": "hybrid"})
     monkeypatch.setattr("pyfric.paper.reproduction.RUNS", {"fig1": job, "fig4b": (job,)})

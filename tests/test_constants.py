@@ -68,7 +68,7 @@ PLANS = {
     "levels.ROTATION": (0.01, "hybrid, linear", "hybrid, finite"),
     "levels.STEP_ERROR": (0.01, "hybrid, linear", "hybrid, linear"),
 }
-"""Number -> a tolerance, and the first levels of the Fig. 1 scene with it halved and doubled."""
+"""Number -> a tolerance, and the first levels of the Fig. 1 scene, number halved and doubled."""
 
 
 def rod(**changes):

@@ -56,8 +56,8 @@ def read(
     """Read a measured loading curve, or the curve of a slip sensor.
 
     The first bytes of a file decide its kind: {KINDS}. Some kinds need an extra. Units and meanings
-    come from the file or from the arguments. If one is missing, the file is refused, and the
-    message says what to add.
+    come from the file or from the arguments. If a unit or a meaning is missing, the file is
+    refused, and the message says what to add.
 
     Args:
         path: the file.

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from pyfric.scene import Law, OnDriven, Scene
 
 RATE_TOL = 1e-11
-"""Rate of a force, over stiffness times rate of displacement, below which it is rounding."""
+"""Rate of a force, over stiffness times rate of displacement, that counts as rounding."""
 LEAST = 1e-6
 """Normal force, over F_N/N_x, below which a block does not stick."""
 LOST = 1e-3

@@ -51,7 +51,7 @@ class Unmet(NamedTuple):
 
     Attributes:
         by: violation of the condition of each block, in N.
-        least: violation below which it is rounding, in N.
+        least: largest violation that counts as rounding, in N.
         mode: the new state of each block that violates its condition.
         u_x: position at which the block is held if its new state is STUCK, in m.
     """
@@ -69,14 +69,14 @@ class States:
         scene: the scene.
         mode: contact states as in the core: STUCK, +1 or -1 (slip), OPEN, or BARE, shape (N_x,).
         law: the friction law; slipping blocks have their final friction, mu_k.
-        driven: whether the driver's spring is attached. Without it F_T = 0.
+        driven: whether the driver's spring is attached. Without this spring F_T = 0.
 
     Attributes:
         gap: height of the blocks over the foundation at u_z = 0, a number or (N_x,), in m.
         closed: blocks that touch the foundation, shape (N_x,), bool.
         stuck: blocks that are closed and held, shape (N_x,), bool.
         slip: direction of the blocks that slip, 0 elsewhere, shape (N_x,), int8.
-        tol: violation of conditions below which it is rounding, in N.
+        tol: largest violation of conditions that counts as rounding, in N.
     """
 
     def __init__(self, scene: Scene, mode: np.ndarray, law: Law, *, driven: bool = True) -> None:
@@ -174,7 +174,7 @@ def rounding(scene: Scene, force: float) -> float:
 
 
 CONTACT_TOL = 1e-11
-"""Violation of conditions, over F_N/N_x, below which it is rounding at any displacement."""
+"""Violation of conditions, over F_N/N_x, that counts as rounding at any displacement."""
 BARE = 3
 """Contact state of a block that touches the foundation without friction; the core has none."""
 LEAST_DEFINITENESS = 0.01

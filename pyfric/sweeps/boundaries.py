@@ -277,7 +277,7 @@ def label_map(
     """Return labels in a rectangle, with more points where they differ.
 
     Triangles between points are divided: first those with different labels, and of these the
-    largest. This needs the package `adaptive`.
+    largest. The division needs the package `adaptive`.
 
     Args:
         f: a function of x and y that returns a label.

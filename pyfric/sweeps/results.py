@@ -127,7 +127,7 @@ class Results(Shown):
     def to_xarray(self) -> xr.Dataset:
         """The table as a dataset with units, on the axes of a grid or on the axis "point".
 
-        This needs the package xarray.
+        The conversion needs the package xarray.
         """
         import xarray as xr  # slow to import
 

@@ -210,7 +210,8 @@ def run_all(
             machines must see the folder of `cache`, through which a run that has begun can be
             stopped. Without a cache, runs that have begun continue to their end.
         shared: results of earlier jobs with the option verify = "shared". Such jobs of this call
-            share one verification with the earlier jobs. None means only among themselves.
+            share one verification with the earlier jobs. None means that only jobs of this call
+            share.
 
     Returns:
         The records, in the order of the jobs. `timings["processor"]` is the processor time of the

@@ -165,7 +165,7 @@ def test_open_blocks_are_not_fast(every):
 
 
 def test_slow_events_are_found_as_roots_of_slip_without_inertia(rated):
-    """Passages in the slow phase agree with points of the curve, 20 us apart."""
+    """Passages in the slow phase, beside the points of the curve, 20 us apart."""
     assert rated.counts["slow_steps"] > 100
     other = rated.with_events(1.0000001 * rated.method.threshold)
     assert any(SAMPLED in note for note in other.notes)

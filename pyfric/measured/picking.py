@@ -64,7 +64,7 @@ OF_SLIP = {
     "rate": ("m/s", "creep since the event before"),
     "recurrence": ("s", "time since the start of the event before"),
 }
-"""Columns of a table of steps of slip: unit and meaning."""
+"""The same of a table of steps of slip."""
 NAMES = {"peak": "before", "valley": "after", "drop": "slip"}
 """Names of columns of falls -> names for steps of slip."""
 SMOOTH = 8

@@ -80,7 +80,7 @@ def read(
         valid: meaning -> smallest and largest value of the sensor's range, in SI or with units.
             Samples at these values or beyond are gaps.
         restarts: what to do if times start anew. "join" continues the times, one median step after
-            the last. A number, from 1, takes only this part.
+            the last. A number selects one part, counted from 1.
 
     Returns:
         The curve in SI units. Samples without a time are left out; other gaps are NaN. Its notes

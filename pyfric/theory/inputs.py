@@ -84,7 +84,7 @@ def same_shape(**arrays: np.ndarray) -> list[np.ndarray]:
     """Return the arrays broadcast against each other.
 
     Raises:
-        ValueError: their shapes do not fit.
+        ValueError: the shapes of the arrays do not fit.
     """
     try:
         return list(np.broadcast_arrays(*arrays.values()))

@@ -1,9 +1,9 @@
 """Nucleation of ruptures at a chosen place, for any interface.
 
-There are three ways by forces on blocks (`push`): a patch stressed beyond its strength, a rupture
-forced to run at a given speed, and a growing force on one block. The forces follow from the static
-state of the slider. The fourth way is friction that is forced to fall (`limit`), on a patch or
-behind a front. Each function returns the given scene with a start of a rupture.
+Three ways use forces on blocks (`push`): a patch stressed beyond its strength, a rupture forced to
+run at a given speed, and a growing force on one block. The forces follow from the static state of
+the slider. The fourth way is friction that is forced to fall (`limit`), on a patch or behind a
+front. Each function returns the given scene with a start of a rupture.
 """
 
 from __future__ import annotations

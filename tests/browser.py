@@ -1,6 +1,6 @@
-"""A headless Chromium, spoken to through pipes: no other library, no port, no network.
+"""A headless Chromium, controlled through pipes: no other library, no port, no network.
 
-Chromium is not needed to use or to test the package; tests that want it are skipped without it.
+The package does not need Chromium. Without Chromium, tests that use it are skipped.
 """
 
 import base64
@@ -17,7 +17,7 @@ FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--rem
 
 
 class Browser:
-    """One page of a browser; `events` are what it told, such as requests and errors."""
+    """One page of a browser; `events` are its messages, such as requests and errors."""
 
     def __init__(self, profile):
         there, self._to = os.pipe()
@@ -65,7 +65,7 @@ class Browser:
             self.events.append(self._read())
 
     def js(self, expression):
-        """Return what an expression comes to on the page."""
+        """Return the value of an expression on the page."""
         told = self(
             "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
         )
@@ -73,7 +73,7 @@ class Browser:
         return told["result"].get("value")
 
     def press(self, key, text=""):
-        """Press a key and let it go."""
+        """Press and release a key."""
         self("Input.dispatchKeyEvent", type="keyDown", key=key, code=key, text=text)
         self("Input.dispatchKeyEvent", type="keyUp", key=key, code=key)
 

@@ -18,10 +18,10 @@ settings.register_profile(
 )
 settings.load_profile("pyfric")
 
-# All that is collected stays: to look through it again and again takes time.
+# Objects of the collection live until the end; searching them again and again takes time.
 gc.disable()
 
-# What is started in the background may ignore Ctrl-C, and under nohup SIGHUP; tests send both.
+# A background process may ignore Ctrl-C, and under nohup SIGHUP. Tests send both signals.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 if hasattr(signal, "SIGHUP"):
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
@@ -40,21 +40,21 @@ LAPACK = (
 """Files of tests that solve or factorise with LAPACK, and so depend on the kernel of BLAS."""
 LONGEST = ("studies", "slow_slip", "fits", "hybrid", "record", "rate_state", "workers", "protocol")
 LONGEST += ("signals", "steppers", "simulation", "quasistatic", "slipping", "junctions", "cases")
-"""Files that take longest; they start first, so that no worker is left with one of them."""
+"""Files that take longest. These start first, so that no worker ends up alone with one."""
 PORTABLE = ("complementarity", "condensation", "constants", "crossing", "relaxation")
-"""Those of them that are quick; single tests of others are marked where they are."""
+"""Files of `LAPACK` that are quick. Single tests of the other files carry a mark."""
 
 
 @pytest.fixture(autouse=True)
 def coarse_pictures():
-    """Pictures of few dots, which take a third of the time; once figures are there to be drawn."""
+    """Draw pictures at low resolution, in a third of the time, once figures are imported."""
     if style := sys.modules.get("pyfric.figures.style"):
         style.PNG_DPI = 60
 
 
 @pytest.fixture
 def coarse_curves(monkeypatch):
-    """Loading curves of 150 points instead of 5000, and so fewer calls of the core."""
+    """Use loading curves of 150 points in place of 5000, for fewer calls of the core."""
     from pyfric.engines import options
 
     monkeypatch.setattr(options, "POINTS", 150)
@@ -68,24 +68,24 @@ def _price(monkeypatch, steps):
 
 @pytest.fixture
 def cheap_attempts(monkeypatch):
-    """Attempts to jump at the price of 40 steps: more of them on small lattices."""
+    """Price an attempt to jump at 40 steps, so that small lattices have more attempts."""
     _price(monkeypatch, 40.0)
 
 
 @pytest.fixture
 def free_attempts(monkeypatch):
-    """Attempts to jump at the price of six steps: as many as there can be, which takes long."""
+    """Set the price of an attempt to jump to six steps, for as many attempts as possible; slow."""
     _price(monkeypatch, 6.0)
 
 
 def pytest_collection_finish():
     gc.freeze()
-    gc.set_threshold(20_000, 20, 20)  # records and figures leave little to find
+    gc.set_threshold(20_000, 20, 20)  # records and figures leave few cycles to collect
     gc.enable()
 
 
 def pytest_configure(config):
-    config.option.loadscopereorder = False  # else files with many tests start first
+    config.option.loadscopereorder = False  # otherwise files with many tests start first
 
 
 def pytest_collection_modifyitems(items):

@@ -1,4 +1,4 @@
-"""Files damaged by chance, and loaders that have to notice."""
+"""Files with random damage, and loaders that have to notice it."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ PAGE = 4096
 
 
 def damaged(content, *, seed, flips=1000, pages=200, cuts=200):
-    """Yield what was done and the content with one bit flipped, one page zeroed, or the end cut."""
+    """Yield descriptions and damaged contents: a bit flipped, a page zeroed, or the end cut."""
     rng = np.random.default_rng(seed)
     for bit in rng.integers(8 * len(content), size=flips):
         changed = bytearray(content)
@@ -22,9 +22,9 @@ def damaged(content, *, seed, flips=1000, pages=200, cuts=200):
 
 
 def unnoticed(path, load, error, **how):
-    """Return what was done to the file that load did not answer with this error.
+    """Return the damages of a file for which `load` did not raise this error.
 
-    The file is as before afterwards.
+    The file is restored afterwards.
     """
     content = path.read_bytes()
     missed = []

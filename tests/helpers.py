@@ -1,4 +1,4 @@
-"""What tests of several modules share: small scenes, short calls of the core, comparisons."""
+"""Helpers for tests of several modules: small scenes, short calls of the core, comparisons."""
 
 import contextlib
 import dataclasses
@@ -43,7 +43,7 @@ STUDIES = runpy.run_path(str(Path(__file__).parents[1] / "studies"))["main"]
 
 
 def peer(name):
-    """Return another program's module; without it skip the test, but not in `make test-peers`."""
+    """Return another program's module; without it skip the test, except in `make test-peers`."""
     there = "PYFRIC_PEERS" in os.environ
     return importlib.import_module(name) if there else pytest.importorskip(name)
 
@@ -75,7 +75,7 @@ def mirrored_scene(scene):
 
 
 def scaled(scene, factor):
-    """The scene with F_N and V multiplied."""
+    """Return the scene with F_N and V multiplied by `factor`."""
     top = dataclasses.replace(scene.top, F_N=factor * scene.F_N)
     driver = dataclasses.replace(scene.driver, V=factor * scene.driver.V)
     return dataclasses.replace(scene, top=top, driver=driver)
@@ -85,7 +85,7 @@ def scaled(scene, factor):
 
 
 def advance(scene, geometry, state, n, **options):
-    """Make n steps; return the log, which has room for all that happens."""
+    """Make n steps; return the log, which is large enough for all switches."""
     log = core.Log(scene.N_x, 200_000, 20_000)
     model = core.model(scene, geometry, state.u_drv0)
     assert core.advance(model, state, log, n, **options) == core.Status.DONE
@@ -129,20 +129,20 @@ def log_bits(log):
 
 
 def budget_error(record):
-    """Return the largest energy that the budget of a record misses, in J."""
+    """Return the largest error of the energy budget of a record, in J."""
     return budget_left(record.curve).abs().max()
 
 
 def same_run(one, other, **apart):
-    """The records hold the same run; how long it took may differ, and what `apart` names."""
+    """Check that records hold the same run; timings, and entries named in `apart`, may differ."""
     drop = {"timings": {}} | apart
     return dataclasses.replace(one, **drop) == dataclasses.replace(other, **drop)
 
 
 def refused(call, field, *texts, value=None, unit=None, within=()):
-    """Check that a call refuses this field, and that its message holds the texts.
+    """Check that a call refuses this field, with a message that contains these texts.
 
-    Also that the error has this value and unit, and that these numbers stand in what it allows.
+    Value and unit of the error are checked, too, and numbers in its allowed range.
     """
     with pytest.raises(SceneError) as caught:
         call()
@@ -179,7 +179,7 @@ def edited(path):
 
 
 def seal_again(path):
-    """Seal a record file whose content was changed; one that cannot be read stays as it is."""
+    """Seal a record file after a change of its content; an unreadable file stays as it is."""
     with contextlib.suppress(ValueError, OSError):
         attributes, values = read_image(path.read_bytes())
         with h5py.File(path, "a") as file:
@@ -198,6 +198,6 @@ def dynamic(scene, t_end, **options):
 
 
 def first_slips(record):
-    """Times of the first slips, from the trailing edge on, NaN where there is none."""
+    """Return times of first slips, from the trailing edge on; NaN for blocks that never slip."""
     first = record.episodes.groupby("n")["t_start"].min()
     return first.reindex(range(1, record.scene.N_x + 1)).to_numpy()

@@ -1,4 +1,4 @@
-"""What tests let other processes do, which know no tests."""
+"""Functions that tests call in other processes, which cannot import tests."""
 
 import os
 import signal
@@ -11,7 +11,7 @@ from pyfric.sweeps import runs
 
 
 def counted(log, function, *arguments):
-    """Call a function of `run_all` in a process that notes each simulation in a file."""
+    """Call a function of `run_all` in a process that logs each simulation in a file."""
     simulate = runs.simulate
 
     def noting(scene, *rest, **options):

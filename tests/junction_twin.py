@@ -1,7 +1,8 @@
-"""An interface of junctions once more, in plain NumPy: the oracle that the core is compared with.
+"""An interface of junctions in plain NumPy, as an oracle for the core.
 
-Written from the law's description, junction by junction; lattice forces are those of `twin`.
-Arrays are (N_x, n_s), blocks from left to right. Only a free or prescribed top row, no rod.
+The oracle follows the description of the law, junction by junction. `twin` gives the lattice
+forces. Arrays are (N_x, n_s), with blocks from left to right. The top row is free or prescribed;
+there is no rod.
 """
 
 from typing import Any
@@ -11,12 +12,12 @@ import twin
 
 
 class Junctions:
-    """Anchors of all junctions, and what becomes of them.
+    """Anchors of all junctions, and their changes.
 
     Args:
         of: the `pyfric.laws.Junctions` of a scene, with numbers for its fields and C given.
         mu_s, mu_d: coefficients.
-        numbers: of the blocks from the trailing edge, left to right.
+        numbers: numbers of the blocks, counted from the trailing edge, in the order left to right.
         u_x: displacements at which all junctions are pinned, shape (N_x,), m.
     """
 
@@ -30,7 +31,7 @@ class Junctions:
         self.breaks = np.zeros(self.anchor.shape, dtype=int)
 
     def stretches(self, u_x: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return k_j (N_x, 1), N/m, and the stretches d (N_x, n_s), m, of which k_j d is borne."""
+        """Return k_j (N_x, 1), N/m, and the stretches d (N_x, n_s), m; a junction bears k_j d."""
         k = np.sqrt(self.of.C * p / self.of.n_s)[:, None]
         d, u_d = u_x[:, None] - self.anchor, self.mu_d * k / self.of.C
         return k, np.where(self.pinned, d, np.clip(d, -u_d, u_d))
@@ -41,12 +42,12 @@ class Junctions:
         return -(k * d).sum(axis=1)
 
     def energy(self, u_x: np.ndarray, p: np.ndarray) -> float:
-        """Return what the junctions store, J."""
+        """Return the elastic energy of the junctions, J."""
         k, d = self.stretches(u_x, p)
         return float((k * d**2).sum() / 2)
 
     def settle(self, t: float, u_x: np.ndarray, p: np.ndarray) -> None:
-        """Take anchors along, break and pin, at the end of a step."""
+        """Drag anchors, break and pin junctions, at the end of a step."""
         k, d = self.stretches(u_x, p)
         self.anchor = np.where(self.pinned, self.anchor, u_x[:, None] - d)
         for i in range(len(u_x)):
@@ -77,7 +78,7 @@ def rk4_step(
     scene: Any, geometry: str, t: float, y: np.ndarray, junctions: Junctions, u_drv0: float,
     dt: float,
 ) -> np.ndarray:  # fmt: skip
-    """Return y after classical RK4 with the anchors as they are; then these settle."""
+    """Return y after a step of classical RK4 with fixed anchors; then settle the anchors."""
 
     def slope(t: float, y: np.ndarray) -> np.ndarray:
         F, p, _ = twin.all_but_friction(scene, geometry, t, y, u_drv0)

@@ -1,4 +1,4 @@
-"""Scenes with rate-and-state friction, its literature form, slip without inertia by the core."""
+"""Helpers for rate-and-state friction: scenes, the law as published, slip without inertia."""
 
 import numpy as np
 
@@ -8,14 +8,14 @@ from pyfric.statics import loaded_state
 
 EVOLUTIONS = tuple(laws.EVOLUTIONS)
 OWN = {"nagata": {"c": 2.0}}
-"""Parameters that only one law has."""
+"""Parameters of single laws."""
 RATES = {
     "ageing": lambda x: 1 - x,
     "slip": lambda x: -x * np.log(x),
     "prz": lambda x: 1 - (x / 2) ** 2,
     "nagata": lambda x: 1 - x,
 }
-"""dtheta/dt over x = |v| theta/D_c, without a rate of stress."""
+"""dtheta/dt as a function of x = |v| theta/D_c, without stress rate."""
 LAW = {"a": 0.01, "b": 0.015, "D_c": 1e-5, "f_star": 0.6}
 
 
@@ -41,7 +41,7 @@ def sliding(scene, dt, speeds):
 
 
 def coefficient(law, v, theta):
-    """Return f/p from the literature form, in long double."""
+    """Return f/p by the published formula, in long double."""
     v, theta = np.longdouble(v), np.longdouble(theta)
     cut = 0 if law.V_c is None else np.longdouble(law.V_star) / np.longdouble(law.V_c)
     psi = np.log(np.longdouble(law.V_star) * theta / np.longdouble(law.D_c) + cut)
@@ -54,7 +54,7 @@ def coefficient(law, v, theta):
 
 
 def slow(scene, start, load, *, load_1=0.0, spring=0.0, variant=None, **how):
-    """Return slip without inertia of blocks that do not touch, each on a spring (N/m)."""
+    """Return slip without inertia of uncoupled blocks, each on a spring (N/m)."""
     n, state = scene.N_x, loaded_state(scene).state(scene, 1e-7)
     none, p = np.zeros(n), np.where(how.get("closed", np.full(n, True)), 20.0, -20.0)
     limits = {"end": 1.0, "dt": 1e-7, "relative": 1e-10, "u": 1e-18, "log_theta": 1e-10}

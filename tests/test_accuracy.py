@@ -1,4 +1,4 @@
-"""The chart of cost and error: records compared, frontiers, plans beside their tolerances."""
+"""The chart of cost and error: comparison of records, frontiers, plans against their tolerances."""
 
 import dataclasses
 import functools

@@ -234,7 +234,7 @@ def test_friction_of_the_whole_slider(record):
 
 
 def test_kinetic_friction_is_the_mean_of_the_whole_curve(record):
-    """Triangles of 20 N and, before and after, of other heights on a straight line."""
+    """The curve is a line with triangles of 20 N, and of other heights before and after."""
     t = record.curve["t"]
     bent = record.curve["F_T"] + np.select([t < 4, t <= 6], [7.0, 20.0], -30.0) * (
         1 - abs(t % 2 - 1)
@@ -245,7 +245,7 @@ def test_kinetic_friction_is_the_mean_of_the_whole_curve(record):
 
 
 def test_friction_coefficients_take_the_load_of_the_time():
-    """Under twice the load, from before the first event on, twice the force is the same."""
+    """Twice the load and twice the force, from before the first event on, change nothing."""
     record = made_up()
     events = record.events.assign(F_T_start=2 * record.events["F_T_start"])
     curve = record.curve.assign(F_T=2 * record.curve["F_T"])
@@ -292,7 +292,7 @@ def test_a_file_or_a_table_is_no_curve(given):
 
 
 def test_every_energy_counts_in_the_budget():
-    """What came in is stored or lost, 1 J of each kind at first and other amounts at the end."""
+    """Energy that enters is stored or lost: initially 1 J of each kind, finally other amounts."""
     stored, came = core.ENERGIES, ("work_driver", "work_load")
     lost = ("dissipated_bonds", "friction_heat", "switching_loss")
     end = {name: 1.0 + 0.5**n for n, name in enumerate((*stored, *lost))}
@@ -323,9 +323,9 @@ def test_sliding_that_goes_on_has_the_peak_of_the_force():
         analysis.friction_coefficients(going)
     curve = going.curve
     fallen = curve["F_T"].where(curve["t"] <= 5.0, 240.0)
-    fallen[curve["t"] < 2.0] += 500.0  # before it began
+    fallen[curve["t"] < 2.0] += 500.0  # before the last event
     found = analysis.friction_coefficients(going.replace(curve=curve.assign(F_T=fallen)))
-    assert found.mu_s_macro == pytest.approx(0.3, rel=1e-12)  # of an event before
+    assert found.mu_s_macro == pytest.approx(0.3, rel=1e-12)  # force of an earlier event
     higher = curve["F_T"].where(curve["t"] <= 5.0, 240.0).where(curve["t"] < 4.0, lambda f: 2 * f)
     found = analysis.friction_coefficients(going.replace(curve=curve.assign(F_T=higher)))
     assert found.mu_s_macro == pytest.approx(0.5, rel=1e-12)
@@ -342,7 +342,7 @@ def test_points_on_steps_have_no_spread_and_noise_has_its_own():
     sign = np.tile([1, -1], 20)
     assert analysis.collapse_spread(x, np.exp(x + 0.1 * sign), bins=4).rms == pytest.approx(0.1)
     assert analysis.collapse_spread(x, x + 0.1 * sign, bins=4, log=False).rms == pytest.approx(0.1)
-    two = np.concatenate([np.exp(x), 2 * np.exp(x)])  # two curves, ln 2 apart: not one
+    two = np.concatenate([np.exp(x), 2 * np.exp(x)])  # two curves, ln 2 apart
     found = analysis.collapse_spread(np.tile(x, 2), two, bins=4)
     assert found.rms == pytest.approx(np.log(2) / 2)
 
@@ -357,7 +357,7 @@ def test_missing_points_are_left_out():
 
 
 def test_bins_end_between_points():
-    """So that the last digit of a point does not take it to another bin of a stored curve."""
+    """The last digit of a point must not move it to another bin of a stored curve."""
     x = np.arange(101.0)  # every quantile is a point
     found = analysis.collapse_spread(x, 1 + x, bins=5)
     assert (np.abs(found.edges[1:-1, None] - x).min(axis=1) == 0.5).all()
@@ -423,7 +423,7 @@ def test_a_curve_that_is_shifted_is_found(shift):
 
 
 def test_masked_points_are_gaps():
-    """As netCDF4 returns them: what the mask hides is 1e36."""
+    """netCDF4 returns such arrays; the masked values are 1e36."""
     record = pyfric.simulate("fig1", 0.1, fidelity="quasistatic", progress=False)
     t, F_T = np.ma.masked_array(np.linspace(0, 0.1, 9)), np.ma.masked_array(np.arange(9.0))
     F_T[3], t[5] = np.ma.masked, np.ma.masked

@@ -1,4 +1,4 @@
-"""Slip sensors: events of slip are those of the run, arrivals are its first slips."""
+"""Slip sensors: their events are those of the run, their arrivals are its first slips."""
 
 import functools
 
@@ -17,7 +17,7 @@ from pyfric.values import SceneError
 
 NOISE, STEP, T_END = 1e-6, 5e-4, 1.3
 FINE = 1e-6
-"""Time between samples of a sensor that sees fronts, s."""
+"""Time between samples of a sensor that resolves fronts, s."""
 
 
 @functools.cache
@@ -109,7 +109,7 @@ def test_slow_steps_have_a_speed_and_creep_a_rate():
 
 
 def test_slip_is_the_displacement_of_the_block():
-    """By the states in which nothing slips, which no episode knows."""
+    """Slip is compared with states at rest, which do not come from episodes."""
     record = run()
     t, u = displacement(record, 2 * record.scene.slider.l)
     quiet = record.quiet
@@ -118,7 +118,7 @@ def test_slip_is_the_displacement_of_the_block():
 
 
 def test_slip_of_a_run_that_records_motion():
-    """Motion at points of the curve, against the slip episodes."""
+    """Recorded motion at points of the curve agrees with the slip episodes."""
     scene = pyfric.preset("chain", V=0.05, d_c=1e-8, alpha=0.05)
     how = {"sample": 1e-6, "threshold": "1 um/s", "t_gap": 1e-5, "dt": 1e-7, "progress": False}
     record = pyfric.simulate(scene, 2e-3, fidelity="dynamic", **how).with_events()
@@ -170,10 +170,10 @@ def test_a_curve_has_forces_or_slip_or_both(tmp_path):
 
 
 def recorded(event, noise, seed, frames, phase=0.0):
-    """Return the table of forces and the curves of sensors that an event triggers.
+    """Return the table of forces, and the curves of sensors that an event triggers.
 
-    The phase is that of the first slip between two samples.
-    Slip in the event is that of frames of the motion, or straight from its start to its stop.
+    `phase` is the position of the first slip between two samples. Slip in the event is that of the
+    recorded motion, or linear from its start to its stop.
     """
     record = run("hybrid", 0.5)
     rng, sensors = np.random.default_rng(seed), {}
@@ -207,21 +207,21 @@ def late(record, event, found):
 
 @pytest.mark.parametrize("noise", [1e-8, 1e-7])
 def test_arrivals_are_first_slips_within_their_errors(noise):
-    """Where slip is a broken line."""
+    """Slip is a line with one corner here."""
     off = []
     for seed in range(6):
         record, table, sensors = recorded(5, noise, seed, frames=False, phase=seed / 6)
         found = arrivals(table, sensors)
         assert list(found) == list(ARRIVALS)
         checked("arrivals", found, ARRIVALS)
-        assert set(found["event"]) == {4}  # in noise, one of the events before is not seen
+        assert set(found["event"]) == {4}  # noise hides one of the earlier events
         assert len(found) == np.isfinite(record.rupture_times[4]).sum() == 8
         off += (late(record, 5, found) / found["error"]).tolist()
     assert np.mean(np.square(off)) == pytest.approx(1, abs=0.5)
 
 
 def test_arrivals_of_slip_that_begins_smoothly_are_late_together():
-    """By the motion of full dynamics; the first block begins slowest."""
+    """The motion is that of full dynamics. The first block begins most slowly."""
     record, table, sensors = recorded(5, 2e-8, 0, frames=True)
     off = late(record, 5, arrivals(table, sensors))
     assert np.abs(off[1:] - off[1:].mean()).max() < FINE
@@ -231,7 +231,7 @@ def test_arrivals_of_slip_that_begins_smoothly_are_late_together():
 
 
 def test_arrivals_are_residuals_of_a_fit():
-    """At the truth they are those of noise."""
+    """At the true parameters the residuals are as small as noise."""
     record, table, sensors = recorded(5, 1e-8, 0, frames=False)
     own = Events(table, "all")
     data = Arrivals(arrivals(table, sensors), own)

@@ -1,4 +1,4 @@
-"""The memory that there is: of the machine, of its container, of the process."""
+"""Available memory: of the machine, of its container, of the process."""
 
 import pytest
 from helpers import run_python
@@ -8,7 +8,7 @@ from pyfric.core import memory
 
 @pytest.fixture(scope="module")
 def said():
-    """What each part of one process prints, whose memory is limited again and again."""
+    """The output of one process whose memory limit changes repeatedly."""
     found = run_python('print("---")'.join((LIMITED, WITHOUT, REFUSED)))
     assert found.returncode == 0, found.stderr
     return dict(zip(("limited", "without", "refused"), found.stdout.split("---\n"), strict=True))

@@ -1,4 +1,4 @@
-"""What slip of an event comes to: extent, onset of its fast part, potency, energies."""
+"""Integral quantities of events: extent, onset of the fast part, potency, energies."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def record():
 
 @pytest.fixture(scope="module")
 def chain():
-    """Blocks under given p whose friction weakens: heat follows from slip alone."""
+    """Return a chain with slip weakening and given p: heat follows from slip alone."""
     scene = pyfric.preset("chain", V=0.05, d_c=1e-8, alpha=0.05)
     how = {"sample": 1e-6, "threshold": "1 um/s", "t_gap": 1e-5, "dt": 1e-7}
     return pyfric.simulate(scene, 2e-3, fidelity="dynamic", **how, **QUIET).with_events()
@@ -31,7 +31,7 @@ def chain():
 
 
 def test_potency_by_contact_is_all_slip(chain):
-    """Without corner slip blocks move in events alone."""
+    """Without corner slip, blocks move only in events."""
     assert len(chain.events) > 2
     assert not chain.episodes["corner"].any()
     moved = chain.final_state.y[0, 0] - chain.motion["u_x"][0]
@@ -87,7 +87,7 @@ def test_potency_rate_is_the_slope_of_potency(record):
 
 @pytest.mark.parametrize("threshold", [None, "1 mm/s", "3 mm/s"])
 def test_energies_of_events_balance(record, threshold):
-    """Within what the budget of the run misses, which comes from steps."""
+    """The energies balance within the budget error of the run, which is due to steps."""
     events = record.events(threshold=threshold)
     left = events["work"] - events[list(PARTS)].sum(axis=1)
     assert np.abs(left).max() <= 2 * analysis.budget_left(record.curve).abs().max()
@@ -95,7 +95,7 @@ def test_energies_of_events_balance(record, threshold):
 
 
 def test_heat_in_a_chain_follows_from_slip(chain):
-    """mu_k p for each slip, (mu_s - mu_k) p d_c/2 for each block that slips beyond d_c."""
+    """Heat is mu_k p times slip, plus (mu_s - mu_k) p d_c/2 for each slip beyond d_c."""
     scene, law = chain.scene, chain.scene.law
     assert len(chain.events) > 2
     assert chain.curve["friction_heat"].is_monotonic_increasing
@@ -113,7 +113,7 @@ def test_heat_in_a_chain_follows_from_slip(chain):
 
 
 def test_walls_take_what_is_radiated():
-    """Without viscosity they are all that takes energy of waves."""
+    """Without viscosity only the walls take energy from waves."""
     how = {"L": 0.02, "H": 0.01, "l": 1e-3}
     made = pyfric.preset("slab", **how) if "slab" in pyfric.PRESETS else None
     scene = made or pyfric.preset("tpv3", L=3000.0, H=1500.0, l=150.0)
@@ -178,7 +178,7 @@ def test_the_fast_part_begins_where_speeds_stay_high(record):
 
 
 def test_of_two_fast_stretches_the_longer_one_counts(record):
-    """Blocks follow at 2, 0.5 and 2 times the least fast speed, from either end."""
+    """The front passes at 2, 0.5 and 2 times the limit of fast speeds, from either end."""
     l, fast = record.scene.slider.l, SLOW * pace_limits(record.scene)[0]
     pace = np.concatenate([np.full(5, 2.0), np.full(5, 0.5), np.full(8, 2.0)]) * fast
     t = np.concatenate([[0.0], np.cumsum(l / pace)])

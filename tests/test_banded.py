@@ -1,4 +1,4 @@
-"""Cholesky factors of banded matrices with a border, against dense NumPy."""
+"""Cholesky factors of banded matrices with a border, compared with dense NumPy."""
 
 from unittest import mock
 
@@ -13,7 +13,7 @@ from pyfric.statics.banded import BandedCholesky
 
 
 def bordered(n, width, n_border, seed):
-    """A positive definite matrix: a band, whose unknowns are out of order, and a border."""
+    """Return a positive definite matrix with a band, whose unknowns are shuffled, and a border."""
     rng = np.random.default_rng(seed)
     size = n + n_border
     A = rng.uniform(-1, 1, (size, size))
@@ -34,13 +34,13 @@ def bordered(n, width, n_border, seed):
     seed=st.integers(0, 100),
 )
 def test_solutions_are_those_of_numpy(n, width, n_border, columns, together, seed):
-    """Of the unknown rows and columns of a larger matrix; the right-hand side stays."""
+    """The unknowns are part of a larger matrix; the right-hand side is not changed."""
     A, order = bordered(n, width, n_border, seed)
     rng = np.random.default_rng(seed)
     unknown = np.sort(rng.choice(2 * len(A), len(A), replace=False))
     K = np.zeros((2 * len(A), 2 * len(A)))
     K[np.ix_(unknown, unknown)] = A
-    K[np.setdiff1d(np.arange(len(K)), unknown)] = 7.0  # not looked at
+    K[np.setdiff1d(np.arange(len(K)), unknown)] = 7.0  # must not be read
     b = rng.standard_normal(len(A) if columns is None else (len(A), columns))
     given_b = b.copy()
     with mock.patch.object(banded, "TOGETHER", together):

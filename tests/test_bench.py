@@ -1,4 +1,4 @@
-"""The benchmark: what it times and how it reports, not how fast anything is."""
+"""The benchmark: what it times, and how it reports."""
 
 from types import SimpleNamespace
 
@@ -64,7 +64,7 @@ def test_threads_compares_with_one():
 @pytest.mark.parametrize("study", [bench.kernel, bench.threads])
 @pytest.mark.usefixtures("tiny", "no_peers")
 def test_large_lattices_start_unstrained(study, monkeypatch):
-    """Beyond 10^4 blocks nothing is solved before the first step."""
+    """Beyond 10^4 blocks no static state is solved before the first step."""
     monkeypatch.setattr(bench, "LATTICES", ((3, 3340),))
     monkeypatch.setattr(bench, "REPEATS", 1)
     frame = study()
@@ -73,8 +73,8 @@ def test_large_lattices_start_unstrained(study, monkeypatch):
 
 @pytest.mark.usefixtures("tiny")
 def test_limit_is_below_what_is_measured(monkeypatch):
-    """No kernel makes its additions faster than they can be made."""
-    monkeypatch.setattr(bench, "REPEATS", 40)  # short turns: some of each are undisturbed
+    """No kernel is faster than the measured limit of additions."""
+    monkeypatch.setattr(bench, "REPEATS", 40)  # short repeats: some of each are undisturbed
     frame = bench.limit()
     assert set(frame["what"]) == {"pyfric", "pyfric, forces only"}
     assert frame.attrs["peak"] > 0
@@ -97,7 +97,7 @@ def test_scenes_compares_processes_with_one(monkeypatch):
 
 
 def test_a_run_counts_force_evaluations():
-    """n evaluations are n/4 steps."""
+    """n evaluations of forces are n/4 steps."""
     scene = bench._scene(5, 4)
     state = bench._state(scene, "linear", loaded=True)
     made = []
@@ -114,7 +114,7 @@ def test_a_run_counts_force_evaluations():
 
 
 def test_steps_per_switch():
-    """130 steps of 4 x 20 evaluations were made for 100 steps and 10 switches."""
+    """A run of 100 steps with 10 switches took 130 steps of 4 x 20 evaluations."""
     counts = {"steps": 100, "block_evaluations": 130 * 4 * BLOCKS}
     scene = SimpleNamespace(N_x=5, N_z=4)
     record = SimpleNamespace(scene=scene, counts=counts, switches={"t": np.zeros(10)})
@@ -132,7 +132,7 @@ def test_a_large_lattice_is_run_in_a_process_of_its_own(monkeypatch):
 
 
 class Here:
-    """An executor that makes its runs at once."""
+    """An executor that makes its runs immediately."""
 
     def __init__(self, workers, mp_context):
         assert workers == 1

@@ -1,4 +1,4 @@
-"""Lines where a label changes are found within the tolerance, in few runs; maps are finer there."""
+"""Lines where a label changes are found in few runs; maps are refined at these lines."""
 
 import math
 
@@ -30,7 +30,7 @@ class Counted:
 
 
 def check_line(line, exact, tolerance=1e-3):
-    """The line is within its tolerance, in decades, and inside its brackets."""
+    """Check that the line is within its tolerance, in decades, and inside its brackets."""
     assert (line["low"] <= exact).all()
     assert (exact <= line["high"]).all()
     assert np.abs(np.log10(line["along"] / exact)).max() <= tolerance * (1 + 1e-6)
@@ -52,7 +52,7 @@ def test_a_point_takes_at_most_six_runs_on_average(name):
 
 @pytest.mark.parametrize("name", sorted(LINES.keys() - {"steep"}))
 def test_labels_that_are_known_bracket_the_line(name):
-    """Those of a map of 20 x 20 points: eight points to 1e-3 decades in six runs each or fewer."""
+    """With labels of 20 x 20 points, each point to 1e-3 decades takes at most six runs."""
     grid, over = np.logspace(-2, 2, 20), np.linspace(0, 1, 20)
     points = [(x, y, Counted(LINES[name])(x, y)) for y in over for x in grid]
     known = pd.DataFrame(points, columns=["along", "over", "label"])
@@ -85,7 +85,7 @@ def test_how_much_prestress_lets_the_first_slip_run_through():
     assert np.log10(line["high"] / line["low"]).max() <= 2e-3 * (1 + 1e-6)
     assert set(line["below"]) == {"arrests"}
     assert set(line["above"]) == {"runs through"}
-    # Through the whole chain slips only what carries more than mu_k p at rest, on average.
+    # Slip crosses the whole chain only if the mean force at rest exceeds mu_k p.
     assert (line["along"] > line["over"]).all()
     assert (line["along"] < line["over"] + 0.05).all()
 
@@ -191,7 +191,7 @@ def test_a_map_without_room_is_refused():
 @pytest.mark.parametrize("name", sorted(LINES.keys() - {"steep"}))
 @pytest.mark.parametrize("power", [1.0, 3.0])
 def test_roots_are_found_in_few_runs(name, power):
-    """By interpolation in a number of known sign, from brackets of a map: two or three runs."""
+    """Interpolation of the measure, from brackets of a map, takes two or three runs."""
     line, grid, over = LINES[name], np.logspace(-2, 2, 20), np.linspace(0, 1, 20)
 
     def measure(x, y):
@@ -207,7 +207,7 @@ def test_roots_are_found_in_few_runs(name, power):
     if power == 1:
         assert found["runs"].max() <= 4
         assert found["runs"].mean() < 3
-    else:  # a triple root, where interpolation does badly: two runs more than halves take
+    else:  # at a triple root interpolation is poor: two runs more than bisection
         assert found["runs"].max() <= 2 + 7
 
 
@@ -222,7 +222,7 @@ def test_a_measure_that_says_nothing_costs_nothing():
 
 @pytest.mark.parametrize("jump", [0.03, 0.3, 0.7, 0.97])
 def test_no_point_needs_more_than_one_run_beyond_bisection(jump):
-    """The second line is anywhere in a cell that is known, wherever the first one was."""
+    """The second point lies anywhere in a known cell, for any position of the first point."""
     cell = 0.16
     for first in (0.05, 0.5, 0.95):
         known = pd.DataFrame(

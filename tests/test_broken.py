@@ -1,6 +1,6 @@
-"""Broken scenes, options, calls and command lines: each ends in the error that is documented.
+"""Broken scenes, options, calls and command lines all end in a documented error.
 
-No traceback from below, no warning, no hang, no file. `make test-broken` makes 10 000 of them.
+No other traceback, no warning, no hang and no file occurs. `make test-broken` tries 10 000 of them.
 """
 
 import dataclasses
@@ -25,9 +25,9 @@ from pyfric.figures import sketch
 from pyfric.scene import settings as scene_settings
 
 MANY = int(os.environ.get("PYFRIC_BROKEN", "0"))
-"""Examples in all; 0 means the few, always the same, of the suite."""
+"""Number of examples; 0 means the few fixed examples of the suite."""
 SECONDS = 60
-"""Processor time after which an example hangs."""
+"""Processor time after which an example counts as hanging, s."""
 DOCUMENTED = (
     pyfric.SceneError,
     pyfric.StateError,
@@ -68,7 +68,7 @@ odd = st.one_of(
 
 @pytest.fixture(autouse=True)
 def nowhere(tmp_path, monkeypatch):
-    """An empty folder that stays empty."""
+    """Return an empty folder, and check that it stays empty."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PYFRIC_CACHE", str(tmp_path / "cache"))
     yield
@@ -90,7 +90,7 @@ def in_time():
 
 
 def tried(call):
-    """Return what a call gives, None where it ends in an error that is documented."""
+    """Return the result of a call, or None if it ends in a documented error."""
     with in_time(), warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.filterwarnings("ignore", "(?s).*(not be|not) (the only|unique)", RuntimeWarning)
@@ -117,9 +117,9 @@ def small(name, changes):
 )
 @example("setup2", {"F_N": 1.0, "V": 1.0, "d_c": 1.0}, "auto", "linear")  # blocks lift off at once
 def test_scenes(name, changes, fidelity, geometry):
-    """A scene is refused, or else a few steps of it are made or refused.
+    """A scene is refused, or a few of its steps are made or refused.
 
-    Steps of heavy blocks are long: the driver goes no farther than ten times what F_N takes.
+    Heavy blocks have long steps, so the driver's path is limited to ten times that of F_N.
     """
     scene = tried(lambda: small(name, changes))
     if scene is None or scene.N_x * scene.N_z > 2000:
@@ -220,7 +220,7 @@ WORDS = [
     st.lists(st.sampled_from(WORDS) | st.text(max_size=6), max_size=7),
 )
 def test_command_lines(command, words):
-    """One word that is wrong makes it a broken line, which writes nothing and starts nothing."""
+    """A single wrong word makes the line broken; such a line writes nothing and starts nothing."""
     done = CliRunner()
     with in_time():
         result = done.invoke(main, [command, *words, "--set", "h=3 kg"])

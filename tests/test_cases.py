@@ -1,4 +1,4 @@
-"""Cases: the frame, stored results with their page, and each case in its shortest form."""
+"""Cases: their framework, stored results with the page, and each case in a short form."""
 
 import json
 import math
@@ -25,7 +25,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "cases.md"
 
 
 def find(name, **short):
-    """The parts of a case by number, with these keywords, and its figure."""
+    """Return the parts of a case by number, for these keywords, and its figure."""
     found = CASES[name].find(lambda jobs: run_all(jobs, 1, False, False), **short)
     return {part.number.removeprefix(name).strip(): part for part in found.parts}, found.draw()
 
@@ -34,7 +34,7 @@ def find(name, **short):
 
 
 def falls(run, *, height=1.0):
-    """Case of the tests: one run, and a value in its band if the height is 1."""
+    """A case for tests: one run, with its value in the band if the height is 1."""
     run([Job("fig1", 1e-6, {"fidelity": "dynamic"})])
     figure = DataFigure()
     figure.caption = "What falls."
@@ -129,7 +129,7 @@ def test_every_case_says_where_it_is_from():
 
 @pytest.mark.parametrize("name", CASES)
 def test_stored_results(name):
-    """Verdicts follow from values and bands; damaged scenes miss; none takes too long."""
+    """Verdicts follow from values and bands, damaged scenes miss, and no case takes too long."""
     stored = json.loads((STORED / f"{name}.json").read_text())
     assert stored["seconds"] <= LIMIT
     made = tomllib.loads((STORED / f"{name}_provenance.toml").read_text())
@@ -186,7 +186,7 @@ def test_chain_fronts():
 
 
 def test_patch():
-    """A smaller slab; a patch of eight blocks at half the distance of sides and top."""
+    """The slab is smaller: a patch of eight blocks at half the distance from sides and top."""
     short = {"shape": (96, 48), "n": 8, "beta": (1.1, 1.2)}
     parts, figure = find("patch", **short)
     assert parts["a"].holds
@@ -196,17 +196,17 @@ def test_patch():
 
 
 def test_stiffness_of_the_interface_is_that_of_a_strip_when_all_slips():
-    """Under a held top a uniform slip u shears the slab: G u/H, G = k/2 per unit length."""
+    """Under a held top uniform slip u causes the stress G u/H, G = k/2 per unit length."""
     K = interface.stiffness_of(interface.half_space(120, 6))
     np.testing.assert_allclose(K, K.T, atol=1e-13)
     middle = (K @ np.ones(120))[55:65]
     np.testing.assert_allclose(middle, 0.5 / 5, rtol=1e-3)
-    assert interface.slipping(K, slice(120), 0.1) > 1  # free sides make it softer
+    assert interface.slipping(K, slice(120), 0.1) > 1  # free sides make the slab softer
     assert interface.slipping(K, slice(50, 70), 0.1) < 1
 
 
 def test_heterogeneous_weakening():
-    """Half the blocks, fewer interfaces."""
+    """The case has half the blocks and fewer interfaces."""
     short = {"sizes": (1, 16), "seeds": 12, "shape": (96, 48), "length": 16}
     parts, figure = find("heterogeneous_weakening", **short)
     assert parts["a"].value == pytest.approx(0.96, abs=0.06)
@@ -217,7 +217,7 @@ def test_heterogeneous_weakening():
 
 
 def test_slow_fronts():
-    """One front, until it is slow; with short slip of junctions it stays fast."""
+    """One front becomes slow; with a short slip time of junctions it stays fast."""
     parts, _ = find("slow_fronts", shear=(0.135,), t_end=10e-3)
     assert parts["b"].holds
     fast, _ = find("slow_fronts", shear=(0.135,), t_end=2e-3, t_R=2e-5)
@@ -239,7 +239,7 @@ def test_precursor_lengths():
 
 
 def test_strip():
-    """The bracket of its default, by its two fronts; a top twice as high."""
+    """Two fronts bracket the default result; a top twice as high changes it."""
     parts, figure = find("strip", ratios=(0.8, 1.3), rows=13, columns=120)
     assert parts[""].value == pytest.approx(1.05)
     assert len(figure.tables["fronts"]) == 2
@@ -247,7 +247,7 @@ def test_strip():
 
 
 def test_random_strength():
-    """Half the slab; hardly any disorder."""
+    """The slab has half the size, and is tried with little disorder, too."""
     short = {"lengths": (0.125, 1.0), "seeds": 15, "shape": (120, 30), "L_c": 12}
     parts, _ = find("random_strength", **short)
     assert parts["a"].holds
@@ -256,13 +256,13 @@ def test_random_strength():
 
 
 def test_strength_is_that_of_slow_loading():
-    """Uniform shear in small steps, and slips that grow until all blocks are in equilibrium."""
+    """The oracle loads in small steps, and lets slip grow until all blocks are in equilibrium."""
     n, w = 24, 0.35
     K = interface.stiffness_of(interface.half_space(n, 12))
     tau_p = 0.7 + 0.1 * np.sin(np.arange(n) ** 2)
     tau, slipping = interface.strength(K, tau_p, w)
     u, load = np.zeros(n), tau_p.min() - 1e-3
-    while u.max() < 10:  # beyond, nothing holds it
+    while u.max() < 10:  # beyond this slip nothing holds the slider
         excess = np.where(u > 0, load - K @ u - tau_p + w * u, load - K @ u - tau_p)
         if (excess < 1e-7).all():
             rest, load = u.copy(), load + 1e-4
@@ -273,7 +273,7 @@ def test_strength_is_that_of_slow_loading():
 
 
 def test_periodic_strength():
-    """A shorter strip; a uniform one."""
+    """The strip is shorter; a uniform strip has no period."""
     parts, _ = find("periodic_strength", columns=200)
     assert parts["a"].value == pytest.approx(1.0, abs=0.1)
     uniform, _ = find("periodic_strength", columns=200, contrast=0.0)
@@ -281,7 +281,7 @@ def test_periodic_strength():
 
 
 def test_surface_grooves():
-    """A miss: one groove lowers nothing."""
+    """The case misses: one groove does not lower the force."""
     parts, _ = find("surface_grooves", grooves=(0, 1, 14))
     assert not parts["a"].holds
     assert parts["b"].value == pytest.approx(0.0074, abs=1e-3)
@@ -295,7 +295,7 @@ def test_pressure_and_length():
 
 
 def test_weak_patch():
-    """On 25 blocks the patch takes less from the largest force than on 51."""
+    """With 25 blocks the patch lowers the largest force less than with 51."""
     parts, figure = find("weak_patch", l=4e-3)
     assert -0.05 < parts["a"].value < -0.03
     assert parts["b"].holds
@@ -304,7 +304,7 @@ def test_weak_patch():
 
 
 def test_loading_place():
-    """Two of the places have two modes; one place at two speeds has one."""
+    """Two different places have two modes; one place at two speeds has one mode."""
     places = {"pushed": {"side": "left"}, "sheared": {"side": "top", "h": "20 mm"}}
     assert find("loading_place", places=places)[0][""].value == 2
     assert find("loading_place", places={"pushed": {}})[0][""].value == 1

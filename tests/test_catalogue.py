@@ -1,4 +1,4 @@
-"""Definitions of the event catalogue on logs small enough to work out by hand."""
+"""Definitions of the event catalogue, on logs small enough to work out by hand."""
 
 import dataclasses
 from types import SimpleNamespace
@@ -21,7 +21,7 @@ STUCK, RIGHT, LEFT, OPEN = 0, 1, -1, 2
 
 
 def make_scene(N_x=8, d=1, j_h=2, l=2.5e-3):
-    """The attributes of a scene that the catalogue reads."""
+    """Return an object with the attributes of a scene that the catalogue reads."""
     i = np.arange(N_x)
     return SimpleNamespace(
         N_x=N_x,
@@ -41,7 +41,7 @@ def make_scene(N_x=8, d=1, j_h=2, l=2.5e-3):
 
 
 def columns(rows, kinds, N_x=None):
-    """A log as the engines write it."""
+    """Return a log as the engines write it."""
     values = zip(*rows, strict=True) if rows else [[]] * len(kinds)
     found = {
         name: np.array(column, dtype=kind)
@@ -52,7 +52,7 @@ def columns(rows, kinds, N_x=None):
 
 
 class Run:
-    """Writes the two logs as an engine would; blocks are columns i from the left."""
+    """A run that writes the two logs like an engine; blocks are columns i from the left."""
 
     def __init__(self, N_x=8, opened=()):
         self.mode = np.zeros(N_x, dtype=np.int32)
@@ -199,11 +199,11 @@ def test_gap_counts_from_the_end_of_all_activity():
 
 def test_corner_episodes_do_not_start_join_or_end_events():
     run = Run()
-    run.slip(0, 0.5 * MS, 0.9 * MS, corner=True)  # just before: does not start the event
+    run.slip(0, 0.5 * MS, 0.9 * MS, corner=True)  # just before the event: does not start it
     run.slip(1, 1 * MS, 2 * MS)
     run.slip(0, 2.5 * MS, 2.6 * MS, corner=True)  # bridges the gap: does not join
     run.slip(1, 3.3 * MS, 4 * MS)
-    run.slip(0, 4.1 * MS, 9 * MS, corner=True)  # goes on: does not end the event
+    run.slip(0, 4.1 * MS, 9 * MS, corner=True)  # outlasts the event: does not end it
     catalogue = run.catalogue()
     assert list(catalogue.events["t_start"]) == [1 * MS, 3.3 * MS]
     assert list(catalogue.events["t_stop"]) == [2 * MS, 4 * MS]
@@ -279,7 +279,7 @@ def test_open_and_corner_blocks_fill_the_gap(how):
 
 @pytest.mark.parametrize("opened", [[1], []])
 def test_a_block_that_lands_in_an_event_does_not_end_it(opened):
-    """It did not hold the slider: with inertia it would slip as it lands."""
+    """The block did not hold the slider: with inertia, a landing block would slip."""
     run = Run(opened=opened).slip(0, 1 * MS, 2 * MS)
     if not opened:
         run.set(1.2 * MS, 1, OPEN)
@@ -334,7 +334,7 @@ def test_main_events_have_four_blocks(n_slipped, is_main):
 
 @pytest.mark.parametrize(("n_slipped", "main"), [(2, False), (3, True)])
 def test_of_fewer_blocks_all_make_a_main_event(n_slipped, main):
-    """One mass as three blocks."""
+    """In a scene of three blocks, a main event needs all three."""
     scene = pyfric.preset("chain", L=5e-3)
     run = Run(scene.N_x)
     for i in range(n_slipped):
@@ -395,7 +395,7 @@ def test_fronts_of_few_blocks_have_speeds_from_five_on(N_x):
 
 
 def test_merged_event_gives_the_longer_front_and_no_slow_speed():
-    """Blocks 1-3 slip, 0.8 ms later a front runs over blocks 4-12: one event, two ruptures."""
+    """Blocks 1-3 slip. 0.8 ms later a front runs over blocks 4-12, in the same event."""
     run = Run(12)
     for i in range(3):
         run.slip(i, (1 + 0.002 * i) * MS, 1.1 * MS)
@@ -433,7 +433,7 @@ def test_front_links_only_neighbours_within_the_limit():
 
 
 def test_one_pause_at_the_link_limit_is_not_a_slow_front():
-    """Speed over one such pause stays above the limit of slow fronts, 0.05 c_s."""
+    """The speed over such a pause stays above the limit of slow fronts, 0.05 c_s."""
     scene = make_scene()
     c_s = scene.slider.l * np.sqrt(scene.slider.k / (2 * scene.m))
     step = scene.slider.l / c_s
@@ -471,7 +471,7 @@ def test_front_speed_of_short_interfaces_is_nan():
 
 
 class Solver:
-    """Stand-in: echoes what it was asked."""
+    """A stand-in for the solver, which returns its arguments."""
 
     def solve(self, u_x_bottom, drive, *, free):
         return SimpleNamespace(F_T=drive, tau=u_x_bottom.copy(), p=free.astype(float))
@@ -495,7 +495,7 @@ def test_static_states_hold_the_interface_of_first_slip_and_last_stick():
 
 @pytest.mark.parametrize(("side", "d"), [("left", 1), ("right", -1)])
 def test_static_states_are_in_balance(side, d):
-    """With the real solver: sum of tau = F_T, sum of p = F_N, and slip lowers F_T."""
+    """With the real solver the sum of tau is F_T, the sum of p is F_N, and slip lowers F_T."""
     equilibrium = pytest.importorskip("pyfric.statics.equilibrium")
     scene = setup1(L=0.05, H=0.02, h=5e-3)
     scene = dataclasses.replace(scene, driver=dataclasses.replace(scene.driver, side=side))
@@ -545,7 +545,7 @@ def test_negative_t_gap_is_refused():
 
 
 def test_random_logs_agree_with_a_plain_loop():
-    """Vectorised events against the definition applied one episode at a time."""
+    """Vectorised events agree with the definition applied one episode at a time."""
     rng = np.random.default_rng(1)
     for _ in range(20):
         run = Run(8)
@@ -593,7 +593,7 @@ def test_many_switches_take_little_time():
 
 
 def test_a_static_state_that_is_not_found_is_nan_and_said():
-    """The rest of the catalogue stands."""
+    """The rest of the catalogue is complete."""
 
     class Solver:
         def solve(self, u_x_bottom, drive, *, free):
@@ -610,7 +610,7 @@ def test_a_static_state_that_is_not_found_is_nan_and_said():
 
 
 def test_blocks_that_slip_throughout_count():
-    """They are not in the logs; their rupture times are not known."""
+    """Such blocks are not in the logs, and their rupture times are unknown."""
     logs, scene = Run().slip(3, 1 * MS, 2 * MS).logs(), make_scene()
     last = SimpleNamespace(mode=np.array([1, 1, 1, 0, 0, 0, 0, 0]), corner=np.zeros(8, dtype=bool))
     how = {"t_begin": 0.5 * MS, "t_end": 9 * MS}

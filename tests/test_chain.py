@@ -37,7 +37,7 @@ P = tuple(60 + 10 * np.sin(np.arange(N)))
 
 
 def small(factor=1.0, **changes):
-    """Return a chain with uneven forces that slips within a millisecond; factor scales forces."""
+    """Return a chain with uneven forces that slips within a millisecond; `factor` scales forces."""
     forces = {"p": tuple(factor * p for p in P), "tau": tuple(factor * tau for tau in TAU)}
     rest = {"L": (N - 1) * 2.5e-3, "k_top": 2e7, "V": factor * 0.02}
     return chain(**forces | rest | changes)
@@ -317,7 +317,7 @@ def test_the_stiffness_is_tridiagonal(driver):
 @pytest.mark.parametrize("eta", [0.0, None, 5e3])
 @pytest.mark.parametrize("k_top", [0.0, 2e7, 5e9])
 def test_stability_limit(eta, k_top, k_f, K):
-    """Of a chain of 40 blocks, from all its eigenvalues: never above, and at most 3 % below."""
+    """The limit is at most 3 % below, and never above, that of 40 blocks by all eigenvalues."""
     scene = chain(L=39 * 2.5e-3, eta=eta, k_top=k_top, k_f=k_f, K=K)
     exact = np.inf
     for closed in (True, False):
@@ -367,7 +367,7 @@ def test_blocks_without_friction_are_the_tridiagonal_solve(side):
 
 
 def test_the_top_screens_the_driver():
-    """Without friction u falls by r from block to block, r + 1/r = 2 + k_top/k."""
+    """Without friction u falls by a factor r from block to block, r + 1/r = 2 + k_top/k."""
     scene = chain(k_top=54e6, L=0.25)
     rest = StaticSolver(scene).solve(np.zeros(101), 1e-5, free=np.ones(101, dtype=bool))
     u = rest.u[0, 0]
@@ -384,11 +384,10 @@ def front_speed(taubar, eta, share, switching="located"):
 
     The first 20 of 300 blocks are released at once: the run starts from the loaded state with
     their contacts at "slips to the right", so that at t = 0 their friction falls from tau to
-    mu_k p. K and V are so small that the driver does nothing. The speed is the slope of a straight
-    line through block number against rupture time over blocks 150 to 300. `share` is the step over
-    the time from block to block. Where contacts switch at step ends, up to one step late for each
-    block, the front locks to a whole number of steps per block: it is slower than with steps of
-    no length, by at most `share`.
+    mu_k p. K and V are negligible. The speed is the slope of a straight line through block number
+    against rupture time over blocks 150 to 300. `share` is the step over the time from block to
+    block. If contacts switch at step ends, a block is released up to one step late. The front then
+    takes a whole number of steps per block, and is slower than the exact front by at most `share`.
     """
     mu_s, mu_k, p, n, released = 0.7, 0.45, 10.0, 300, 20
     tau = p * (mu_k + taubar * (mu_s - mu_k))
@@ -410,7 +409,7 @@ def front_speed(taubar, eta, share, switching="located"):
     )
     assert record.events["first_block"].tolist() == [1]
     times = record.rupture_times[0]
-    assert np.isnan(times[:released]).all()  # no front passed them
+    assert np.isnan(times[:released]).all()  # no front has passed these blocks
     assert np.isfinite(times[released:]).all()
     return np.polyfit(times[n // 2 :], np.arange(n // 2, n), 1)[0] * unit, record
 
@@ -449,7 +448,7 @@ def record():
 
 
 def test_energy_budget_closes():
-    """At the order of the stepper, with every term in it."""
+    """The error has the order of the stepper, with all terms of the budget present."""
     errors = []
     for share in (0.3, 0.15, 0.075):
         dt = share * stability_limit(small())[0]
@@ -511,7 +510,7 @@ BY_COLUMN += ["dissipated_bonds"]
 
 
 def test_a_run_in_parts_is_the_whole_run(record, tmp_path):
-    """Bit for bit, also through a file, on more threads and in every variant."""
+    """Parts give the same bits, also through a file, on more threads and in every variant."""
     sample = record.method.sample * record.method.dt
     part = simulate(small(), 1.3e-3, t_gap=2e-5, sample=sample, threads=3, progress=False)
     part = Record.load(part.save(tmp_path / "part.nc"))
@@ -565,7 +564,7 @@ def test_command_line(tmp_path):
 
 @pytest.mark.parametrize(("blocks", "runs", "side"), [(3, False, "left"), (5, True, "right")])
 def test_a_front_without_inertia_needs_so_many_blocks(blocks, runs, side):
-    """At tau_bar = 0.2 it is 1/tau_bar - 1 = 4 blocks that just bring the next one to mu_s p."""
+    """At tau_bar = 0.2, 1/tau_bar - 1 = 4 blocks just load the next block to mu_s p."""
     scene = chain(L=14 * 2.5e-3, p=10.0, tau=10 * (0.45 + 0.2 * 0.25), K=0.0, V=0.0, side=side)
     viscous = 10 * math.sqrt(scene.slider.k * scene.m)
     scene = scene.replace({"interface.alpha": viscous, "slider.eta": 0.0})
@@ -583,7 +582,7 @@ def test_a_front_without_inertia_needs_so_many_blocks(blocks, runs, side):
 
 @pytest.mark.parametrize("law", [pyfric.laws.LinearWeakening(), pyfric.laws.ExponentialWeakening()])
 def test_released_blocks_have_weakened(law):
-    """They begin with the acceleration (tau - mu_k p)/m, apart from the last one."""
+    """All but the last block start with the acceleration (tau - mu_k p)/m."""
     scene = chain(L=29 * 2.5e-3, p=10.0, tau=5.0, K=0.0, V=0.0, d_c=1e-5, law=law)
     state = pyfric.released(scene, 4)
     how = {"fidelity": "dynamic", "initial": state, "progress": False}

@@ -1,4 +1,4 @@
-"""Error against cost, and stability, of any scene: what runs, what refuses and why."""
+"""Error against cost, and stability, of any scene: methods that run, and reasons of refusals."""
 
 import functools
 import math
@@ -50,7 +50,7 @@ def test_errors_fall_with_the_step_and_geometry_shows():
 
 
 def test_what_a_run_lacks_is_its_error():
-    """Twice the reference against itself, changed by a known amount."""
+    """Errors are those of the reference changed by a known amount."""
     record = pyfric.simulate(small(), 0.02, fidelity="hybrid", progress=False)
     same = chart._errors(record, record, 0.02)
     assert same["precursors"] == same["loading_curve"] == same["stress"] == 0
@@ -60,7 +60,7 @@ def test_what_a_run_lacks_is_its_error():
 
 
 def test_what_refuses_a_scene_says_why(tmp_path):
-    """A prescribed interface has rupture times only, from full dynamics only."""
+    """A prescribed interface has only rupture times, and only from full dynamics."""
     scene = preset("tpv3", l=1000.0)
     found = chart.chart(scene, 1.5, budget=30.0)
     other = found[found["fidelity"] != "dynamic"]
@@ -101,7 +101,7 @@ def test_disturbances_grow_beyond_the_limit_only(scene):
 
 
 def test_rk4_grows_as_its_polynomial_says():
-    """The shortest wave of a free chain without dashpots: omega = 2 sqrt(k/m)."""
+    """The shortest wave of a free chain without dashpots has omega = 2 sqrt(k/m)."""
     scene = chain(L=63 * 2.5e-3, eta=0.0)
     dt = 1.1 * math.sqrt(2) * math.sqrt(scene.m / scene.slider.k)
     z = 2j * dt * math.sqrt(scene.slider.k / scene.m)

@@ -1,4 +1,4 @@
-"""The claims: verdicts, table and files; cheap ones for real; what damage makes of each of them."""
+"""The claims: verdicts, table, files; measurement of cheap ones; effects of all damages."""
 
 import dataclasses
 import json
@@ -149,7 +149,7 @@ def test_curves_are_compared_at_equal_length():
     base = pd.DataFrame({"force": [0.1, 0.2, 0.4], "L_p_over_L": [0.1, 0.3, 0.5]})
     other = pd.DataFrame({"force": [0.16, 0.31, 0.5], "L_p_over_L": [0.2, 0.4, 0.6]})
     other["force"] += [0.0, 0.005, 0.0]
-    value, apart = furthest([base, other], base)  # 0.6 is outside
+    value, apart = furthest([base, other], base)  # 0.6 is outside the base
     assert apart == pytest.approx([0.0, 0.015], abs=1e-12)
     assert force_step(base) == pytest.approx(0.15)
     assert value == pytest.approx(0.1)
@@ -167,7 +167,7 @@ def test_straightness_is_in_blocks():
 
 
 def check_damage(found):
-    """Damaged, every claim misses, and lies further outside its band than it did."""
+    """Check that every damaged claim misses, further outside its band than before."""
     for one in found:
         outside = one.band.outside
         assert math.isfinite(one.damaged), one.number
@@ -181,7 +181,7 @@ def test_a_claim_without_damage_is_no_claim():
 
 
 def test_damage_stands_beside_the_value():
-    """Of several damages, the one that is nearest to the band."""
+    """Of several damages, the claim shows the one nearest to the band."""
     twice = Damage("twice", lambda runs: {name: 2 * one for name, one in runs.items()})
     ten = damage.given("ten times", factor=10.0)
 
@@ -219,7 +219,7 @@ def test_a_claim_gets_its_runs(monkeypatch, tmp_path):
 
 
 def run(t_end=0.76, scene=None, **changes):
-    """The Fig. 1 scene with changed parameters; `scene` is what the record then claims to be."""
+    """Run the Fig. 1 scene with changed parameters, and store `scene` in its record."""
     record = pyfric.simulate(pyfric.preset("fig1", **changes), t_end, progress=False, **LINEAR)
     return dataclasses.replace(record, scene=scene or record.scene)
 
@@ -254,7 +254,7 @@ def test_claims_on_the_fig1_scene_hold(fig1):
     "number", ["1", "3", "4", "5", "6", "7", "8", "11", "12", "13", "15", "16"]
 )
 def test_damage_asks_for_no_other_runs_and_keeps_them_all(fig1, number):
-    """On one run under all its names, each damage leads to the same runs."""
+    """With one run under all names, each damage leads to the same runs."""
     one = CLAIMS[number]
     runs = dict.fromkeys(one.runs, fig1)
     for claim in one(runs):
@@ -289,7 +289,7 @@ def test_damaged_fronts_take_their_time_over_the_same_blocks(fig1):
 
 @pytest.mark.parametrize("mu_k", [0.40, 0.50])
 def test_other_kinetic_friction_is_noticed(fig1, mu_k):
-    """A run with another mu_k, taken for the Fig. 1 scene."""
+    """A run with another mu_k, presented as the Fig. 1 scene, makes the claim miss."""
     disturbed = run(mu_k=mu_k, scene=fig1.scene)
     ((one,), (good,)) = (CLAIMS["8"]({"fig1": record}) for record in (disturbed, fig1))
     assert not one.holds
@@ -313,7 +313,7 @@ def test_a_short_run_of_few_precursors_misses():
 
 @pytest.mark.slow
 def test_the_scorecard():
-    """All claims, for real, three minutes of processor time: what misses, and nothing else."""
+    """All claims are measured, in three minutes of processor time; only known misses occur."""
     found = claims.measure(cache=False)
     assert len(found) == 61
     assert {one.number for one in found if not one.holds} == MISSES

@@ -40,7 +40,7 @@ def pushed(*push, **changes):
 
 
 def test_a_push_is_a_force_on_a_block():
-    """For ever it does what the same force in tau does, bit for bit, in the core."""
+    """In the core a permanent push equals the same force in tau, bit for bit."""
     push, there = pushed((1, 13.0), K=1e-3), [30.0] * 20
     there[0] = 43.0  # above mu_s p = 42 N, which tau may not exceed: mu_s is higher there
     strong = chain(L=19 * 2.5e-3, p=60.0, tau=there, K=1e-3, V=0.0, mu_s=0.72)
@@ -64,7 +64,7 @@ def test_a_push_over_a_time_ends():
 
 
 def test_energy_of_a_push():
-    """Its work is that of the forces from outside: the budget closes."""
+    """With the work of the push among outer forces, the budget closes."""
     scene = pushed((1, 30.0, 0.0, 2e-5))
     record = pyfric.simulate(scene, 1e-4, fidelity="dynamic", energies=True)
     assert pyfric.record.budget_error(record.curve) < 1e-5
@@ -122,7 +122,7 @@ def test_speeds_are_those_of_steady_fronts(alpha, tau_bar):
 
 
 def test_damaged_chains_are_noticed():
-    """Without its viscosity a chain is another one; without its push it is refused or rests."""
+    """A chain without viscosity has another class; without its push it is refused or rests."""
     record = made(0.3, 0.05)
     loose = record.scene.replace({"interface.alpha": 0.0})
     t_end = record.curve["t"].iloc[-1]
@@ -168,7 +168,7 @@ def test_a_phase_diagram_of_the_chain(tmp_path):
 
 
 def test_the_two_numbers_of_the_chain_go_by_their_names():
-    """They were taken in their order: alpha for tau_bar."""
+    """Names decide which number is alpha and which is tau_bar, in any order."""
     axes = ("tau_bar", [0.2, 0.3]), ("alpha", [2.0, 3.0])
     job, *_ = phases._jobs(None, *axes, None, None, None)
     assert job(0.2, 3.0).scene == chain_job(alpha=3.0, tau_bar=0.2).scene
@@ -206,7 +206,7 @@ def test_a_phase_diagram_of_any_scene(tmp_path):
 
 @pytest.mark.slow
 def test_a_phase_diagram_of_a_named_preset(monkeypatch, tmp_path):
-    """Each point is the preset with these values, so that k follows from l; so by command."""
+    """Each point is the preset with these values, in Python and by command: k follows from l."""
     asked = []
     monkeypatch.setattr(phases, "run_all", lambda jobs, **_: asked.append(jobs) or 1 / 0)
     values, given = [2.5e-3, 5e-3], {"mu_s": 0.6}
@@ -248,7 +248,7 @@ def test_a_phase_diagram_with_points_at_which_nothing_slips(tmp_path):
 
 
 def diagram(labels, alpha=(1.0, 20.0)):
-    """A diagram of so many labels over alpha and tau_bar, without runs or lines."""
+    """Return a diagram with a number of labels over alpha and tau_bar, without runs or lines."""
     tau_bar = np.linspace(0.1, 0.9, labels)
     points = [(a, b, f"label {n:02}") for a in alpha for n, b in enumerate(tau_bar)]
     table = pd.DataFrame(points, columns=["alpha", "tau_bar", "kind"])
@@ -322,4 +322,4 @@ def test_the_command(tmp_path, monkeypatch):
     for option in (("--set", "mu_s=3"), ("--t-end", "1"), ("--stop-when", "arrested")):
         done = CliRunner().invoke(main, ["phase-diagram", *option, "--out", tmp_path])
         assert done.exit_code == 2
-        assert "need a SCENE" in done.output  # they would change nothing
+        assert "need a SCENE" in done.output  # options without a SCENE would have no effect

@@ -24,7 +24,7 @@ from pyfric.paper.reproduction import mathematical
 from pyfric.sweeps import runs
 
 SMALL = ("--set", "L=20 mm", "--set", "H=12.5 mm", "--set", "V=500 mm/s")
-"""Changes of fig1 that slip after 1.1 ms."""
+"""Changes of fig1 with which it slips after 1.1 ms."""
 DYNAMIC = ("--fidelity", "dynamic")
 
 tiny = functools.partial(small, name="fig1")
@@ -47,7 +47,7 @@ def simulate(scene, t_end, *, fidelity="dynamic", **options):
 
 
 def refused(result, *texts):
-    """The command ended with code 2, a message that holds the texts, and no traceback."""
+    """Check that the command ended with code 2, a message with these texts, and no traceback."""
     assert result.exit_code == Exit.BAD_INPUT, result.output
     assert result.stdout == ""
     assert "Traceback" not in result.stderr
@@ -307,7 +307,7 @@ def test_quiet():
 def test_refused_runs(arguments, texts, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").touch()
-    monkeypatch.setattr(core, "advance", None)  # nothing starts
+    monkeypatch.setattr(core, "advance", None)  # nothing may start
     assert refused(pyf("run", "fig1", *SMALL, *arguments), *texts)
 
 
@@ -323,7 +323,7 @@ def test_files_are_not_replaced(tmp_path):
 
 @pytest.fixture(scope="module")
 def record_file(tmp_path_factory):
-    """The record of `run`, not to be changed."""
+    """Return the record of `run`, which tests must not change."""
     out = tmp_path_factory.mktemp("record") / "a.nc"
     simulate(tiny(), 1.2e-3, sample=1e-5).save(out)
     return out
@@ -471,7 +471,7 @@ def test_plan():
         result = pyf(*arguments, "--tolerance", tolerance)
         assert result.exit_code == Exit.COMPLETE
         lines = result.stdout.splitlines()
-        assert len(lines) == len(str(found).splitlines())  # they hold measured times
+        assert len(lines) == len(str(found).splitlines())  # the lines hold measured times
         told = json.loads(pyf(*arguments, "--tolerance", tolerance, "--json").stdout)
         for name in ("want", "tolerance", "t_end", "lattice"):
             assert told[name] == getattr(found, name)
@@ -525,7 +525,7 @@ def test_a_plan_without_a_loaded_state(monkeypatch):
 
 @pytest.fixture
 def broken(monkeypatch):
-    """Runs fail in their first event."""
+    """Make runs fail in their first event."""
     advance = core.advance
 
     def fails(model, state, *rest, **options):
@@ -593,7 +593,7 @@ def test_sigterm_is_left_as_it_was():
 
 @pytest.fixture
 def small_paper(monkeypatch):
-    """One small run behind every figure, and only the figures that it is enough for."""
+    """Use one small run for every figure, and only figures for which one run is enough."""
     pyf("reproduce", "--help")  # the command asks for all figures when it is loaded
     job = pyfric.Job(scene=tiny(), t_end=1.2e-3, options={"fidelity": "hybrid"})
     monkeypatch.setattr("pyfric.paper.reproduction.RUNS", {"fig1": job, "fig4b": (job,)})
@@ -890,7 +890,7 @@ def test_an_output_that_another_command_makes_is_refused(tmp_path):
         assert refused(pyf("reproduce", "fig1a", "--out", out), f"--out {out}: process")
         assert refused(pyf("claims", "E1", "--out", out), f"--out {out}: process")
     with claimed(file / "sweep.toml", "in no folder"):
-        pass  # where nothing can be locked, nobody is refused
+        pass  # without locks nobody is refused
     assert {path.name for path in tmp_path.iterdir()} == {"sweep.toml"}
 
 

@@ -36,7 +36,7 @@ def test_viscosity_of_slip_stays_per_length():
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_fields_of_the_friction_law_are_interpolated(side):
-    """A list of each block's junctions fits the larger blocks, from the trailing edge on."""
+    """A list of values for each block fits the larger blocks, from the trailing edge on."""
     t_R = [1e-3 * (1 + n / 300) for n in range(301)]
     scene = setup2(L=0.3, H=0.004, side=side, law=Junctions(u_s=[1e-6] * 301, t_R=t_R))
     less = coarser(scene)

@@ -1,4 +1,4 @@
-"""The study of the collapse: which fronts it compares, and that its stored table is theirs."""
+"""The study of the collapse: which fronts it compares, and its stored table."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ STORED = Path(__file__).parents[1] / "reference_data" / "fronts"
 
 
 def front(n_first, level, noise=0.0, **about):
-    """A front of 40 blocks whose speed follows the prestress, which falls along it."""
+    """Return a front of 40 blocks whose speed follows a prestress that falls along it."""
     n = np.arange(n_first, n_first + 40)
     scaled = level - (n - n_first) / 39
     rng = np.random.default_rng(n_first)
@@ -36,20 +36,20 @@ def test_all_precursors_and_the_last_of_each_run():
     assert found["fronts"].tolist() == [20, 8]
     assert found["points"].tolist() == [800, 320]
     assert (found["X_c0"] == 1).all()
-    assert found["X_c"].between(0.45, 0.5).all()  # a front without a zone is not resolved
+    assert found["X_c"].between(0.45, 0.5).all()  # a front without a zone counts as unresolved
     assert (found["prestress_low"] > 0.9).all()
     every, last = found.to_dict("records")
     assert every["beyond_low"] > every["beyond_null"]
-    assert last["beyond_null"] > every["beyond_null"]  # fewer fronts leave more room to chance
+    assert last["beyond_null"] > every["beyond_null"]  # fewer fronts leave more to chance
     assert "0 " in collapse.report(found)
 
 
 def test_fronts_that_began_from_a_coarser_lattice_are_told_apart():
-    """Each is the first event of its own run."""
+    """Each front from a coarser lattice is the first event of its own run."""
     about = {"d_c": 1e-6, "l": 5e-4, "begun": 1e-3, "event": 1}
     runs = [front(2, 0.2 * i, 0.05, scene=f"run{run}", **about) for run in (1, 2) for i in (1, 2)]
     (row,) = collapse.collapse(pd.concat(runs)).to_dict("records")
-    assert row["precursors"] == "last"  # there are no others
+    assert row["precursors"] == "last"  # there are no other fronts
     assert row["fronts"] == 4
 
 
@@ -61,7 +61,7 @@ def test_the_stored_table_is_that_of_the_stored_fronts():
 
 
 def test_what_is_said_of_speeds_without_weakening():
-    """The docs say it: the prestress explains more than the position does."""
+    """As the docs say, the prestress explains more than the position."""
     stored = pd.read_csv(STORED / "collapse.csv").set_index(["d_c", "l", "precursors"])
     for l in (2.5e-3, 1.25e-3):
         coulomb = stored.loc[0, l, "all"]

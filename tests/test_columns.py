@@ -1,4 +1,4 @@
-"""CSV files of friction: units in heads, refusals that do not show a file, measured curves."""
+"""CSV files of friction: units in heads, refusals without contents of the file, measured curves."""
 
 import os
 
@@ -16,7 +16,7 @@ FALL = ((0.0, 0.65), (8.0, 0.453))
 
 
 def table(folder, content, name="slide"):
-    """The law of a scene file that names a CSV file in a folder beside it."""
+    """Return the law of a scene file that names a CSV file in a folder beside it."""
     (folder / "laws").mkdir(exist_ok=True)
     (folder / "laws" / "friction.csv").write_text(content)
     file = folder / "scene.toml"
@@ -156,7 +156,7 @@ SLIPS = st.sampled_from(["slip", "s", "d", "u_x", "Slip", "displacement", "x_1",
     st.booleans(),
 )
 def test_any_head_is_read_with_its_factor_or_refused(name, unit, power, form, times, before):
-    """`before`: the power of ten is with the name; else it is with the unit."""
+    """`before` puts the power of ten with the name; otherwise it is with the unit."""
     before = before and "{0}" in form
     what = times.format(name, power) if power and before else name
     of = f"{power} {unit}".strip() if power and not before else unit
@@ -188,7 +188,7 @@ def test_a_friction_coefficient_has_no_unit_but_per_cent(name, unit, form):
         ("hold", "t (ms),gain", 8e-3),
         ("hold", "hold/h,gain", 8 * 3600.0),
         ("hold", "t_s,gain", 8.0),
-        ("hold", "t_h,gain", None),  # a time of hold, or hours
+        ("hold", "t_h,gain", None),  # t_h may be a hold time, or hours
         ("hold", "h,gain", None),
         ("speed", "v_mm/s,factor", 8e-3),
         ("speed", "v (mm s^-1),factor", 8e-3),

@@ -1,4 +1,4 @@
-"""The same words mean the same in all commands; help, completion, output into pipes."""
+"""Words have the same meaning in all commands; help, completion, output into pipes."""
 
 import io
 import json
@@ -20,7 +20,7 @@ from pyfric.cli.shared import Tell
 from pyfric.scene import PRESETS
 
 PRINTS = {"scene", "completion"}
-"""Commands that print a text which is no result: a scene in TOML, a script."""
+"""Commands that print a text in place of a result: a scene in TOML, a script."""
 
 
 def leaves(command=main, name=()):
@@ -42,7 +42,7 @@ def test_words_mean_the_same(command):
     if out is not None:
         assert out.metavar in ("FILE", "STEM", "DIR")
         replaces = option(command, "--overwrite") is not None
-        assert replaces == (out.metavar != "DIR")  # a folder is made anew
+        assert replaces == (out.metavar != "DIR")  # a folder may exist
         assert command.name in PRINTS or option(command, "--quiet")
     for name, said in (
         ("--json", "Print the result as JSON."),
@@ -74,7 +74,7 @@ def completed(words, incomplete):
 
 def test_shells_complete_scenes_and_fields():
     presets = [name for name in PRESETS if name.startswith("setup2")]
-    assert completed(["run"], "setup2") == [*presets, "setup2"]  # and files
+    assert completed(["run"], "setup2") == [*presets, "setup2"]  # presets and files
     assert completed(["run", "fig1", "--set"], "mu") == ["mu_s=", "mu_k="]
     assert completed(["draw", "setup2", "--set"], "th") == ["theta="]
     assert completed(["plan", "mine.toml", "--set"], "h") == ["h=", "h_top="]

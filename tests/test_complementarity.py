@@ -1,4 +1,4 @@
-"""Tables of contact states, the next change, and static states, against direct dense solves."""
+"""Tables of contact states, the next change, and static states, compared with dense solves."""
 
 import dataclasses
 import functools
@@ -29,7 +29,7 @@ def interface(name: str) -> ContactProblem:
 
 
 def direct(i: ContactProblem, held: np.ndarray, X: float, slip: np.ndarray, closed: np.ndarray):
-    """u_x, f, u_z, p and F_T from one dense solve; held blocks have the given u_x."""
+    """Return u_x, f, u_z, p and F_T from one dense solve; held blocks have the given u_x."""
     scene, s, N = i.scene, i.slider, i.scene.N_x
     mu, k_f = scene.interface.mu_k, scene.k_f
     A = s.S.copy()
@@ -118,7 +118,7 @@ def test_rates_are_differences(name):
 
 
 def margins(contact: Contact) -> dict[int, np.ndarray]:
-    """What must stay positive, by the kind of change that follows when it does not, in N."""
+    """Return the gap functions, in N, by the kind of change at their zero."""
     now, inf = contact.values(), np.inf
     stuck, closed = contact.stuck, contact.closed
     gap = np.where(closed, now.p, contact.k_f * now.u_z)
@@ -132,10 +132,10 @@ def margins(contact: Contact) -> dict[int, np.ndarray]:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_the_next_change_is_the_first(name):
-    """Nothing is violated on a fine scan up to it; just beyond it, that condition is."""
+    """On a fine scan no condition is violated before the change, and one is just beyond it."""
     i = interface(name)
     contact, unit, seen = i.loaded(), i.unit, 0
-    contact.law = Law(*2 * [contact.law.mu_k])  # so that releases do not change the state
+    contact.law = Law(*2 * [contact.law.mu_k])  # releases then do not change the state
     for n in range(12):
         X, b, what = contact.next_change()
         if not np.isfinite(X):
@@ -152,13 +152,13 @@ def test_the_next_change_is_the_first(name):
         contact.drive = X
         seen += 1
         contact.change(b, what)
-        if abs(what) == 1 and n % 3 == 2:  # or it is left to carry less, in turns
+        if abs(what) == 1 and n % 3 == 2:  # every third such block carries less
             contact.hold_all()
     assert seen >= 5
 
 
 def test_nothing_changes_in_a_driver_that_cannot_pull_further():
-    """All blocks slip: whatever the driver does, forces stay."""
+    """If all blocks slip, forces stay the same, whatever the driver does."""
     contact = interface("rod").loaded()
     for b in range(contact.N_x):
         contact.change(b, 1)
@@ -167,7 +167,7 @@ def test_nothing_changes_in_a_driver_that_cannot_pull_further():
 
 
 def test_the_slip_operator_loses_definiteness_near_mu_1():
-    """Positive definite at mu <= 0.7 for random directions in setup 1, not for all at mu = 1.1."""
+    """In setup 1, it is positive definite for random slip at mu <= 0.7, but not at mu = 1.1."""
     rng, i = np.random.default_rng(0), ContactProblem(preset("fig1"))
     found = {0.45: 0, 0.7: 0, 1.1: 0, 2.0: 0}
     contact = i.loaded()
@@ -184,7 +184,7 @@ def test_the_slip_operator_loses_definiteness_near_mu_1():
 
 
 def test_definiteness_falls_linearly_with_friction():
-    """From 1 without friction; the value for all sliding one way bounds that of fewer blocks."""
+    """Definiteness is 1 without friction; with fewer slipping blocks it is larger."""
     contact = interface("rod").loaded()
     found = []
     for mu in (0.0, 0.5, 1.0):
@@ -206,7 +206,7 @@ def test_definiteness_falls_linearly_with_friction():
 
 @pytest.mark.parametrize("name", ["rod", "free"])
 def test_the_slip_operator_is_the_inverse_of_the_table(name):
-    """Also with open blocks, which follow."""
+    """The operators agree with open blocks, too, which move freely."""
     contact = interface(name).loaded()
     for i in (0, 3):
         contact.change(i, OPEN)
@@ -233,7 +233,7 @@ LOADED = {
 
 @pytest.mark.parametrize("name", LOADED)
 def test_the_loaded_state(name):
-    """The same as `loaded_state`, also where blocks slip or lift off while F_N is applied."""
+    """The state is that of `loaded_state`, also if blocks slip or lift off under F_N."""
     scene = LOADED[name]
     rest, i = loaded_state(scene), ContactProblem(scene)
     contact = i.loaded()
@@ -262,7 +262,7 @@ def compare(scene: Scene, u_x: np.ndarray, drive: float, free: np.ndarray, known
 
 @pytest.mark.parametrize("name", SCENES)
 def test_static_states(name):
-    """As from `StaticSolver`: random interfaces, open blocks, blocks that lift off."""
+    """States are those of `StaticSolver`: random interfaces, open blocks, blocks lifting off."""
     scene = SCENES[name]
     known, rng = StaticSolver(scene, "linear"), np.random.default_rng(5)
     size, N = scene.F_N / scene.N_x / scene.slider.k, scene.N_x

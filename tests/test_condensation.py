@@ -1,4 +1,4 @@
-"""The slider condensed onto its interface, against the full matrix and the static solver."""
+"""The slider condensed onto its interface, compared with the full matrix and the static solver."""
 
 import dataclasses
 
@@ -37,7 +37,7 @@ def name(scene: Scene) -> str:
 
 
 def full(scene: Scene, v: np.ndarray, X: float) -> tuple[np.ndarray, float]:
-    """Forces the interface has to carry and F_T, from one sparse solve for all other unknowns."""
+    """Return forces on the interface and F_T, from one sparse solve for all other unknowns."""
     N_x, n = scene.N_x, 2 * scene.N_x * scene.N_z
     K = stiffness(scene, closed=np.zeros(N_x, dtype=bool)).tocsc()
     load = np.zeros(n)
@@ -58,7 +58,7 @@ def full(scene: Scene, v: np.ndarray, X: float) -> tuple[np.ndarray, float]:
 
 
 def outside(scene: Scene, X: float) -> np.ndarray:
-    """The driver at X, loads as at t = 0."""
+    """Return driver and loads: the driver at X, loads as at t = 0."""
     return np.array([X, 1.0, scene.F_N, scene.top.T])
 
 
@@ -67,7 +67,7 @@ def force(scene: Scene, slider: Condensed, v: np.ndarray, X: float) -> float:
 
 
 def states(scene: Scene, seed: int):
-    """Random interfaces and drivers, of the size F_N gives them."""
+    """Return random interfaces and drivers, of the size of displacements under F_N."""
     rng, N_x = np.random.default_rng(seed), scene.N_x
     size = scene.F_N / N_x / scene.slider.k
     for scale in (0.0, 1.0, 100.0):
@@ -89,7 +89,7 @@ def test_forces_are_those_of_the_full_matrix(scene):
 
 @pytest.mark.parametrize("scene", SCENES, ids=name)
 def test_the_potential_is_symmetric(scene):
-    """S = S^T; the driver pushes the interface as the interface pushes the driver."""
+    """S is symmetric, and the coupling of driver and interface is reciprocal."""
     slider, N_x = condense(scene).driven(scene), scene.N_x
     np.testing.assert_allclose(slider.S, slider.S.T, rtol=0, atol=1e-14 * np.abs(slider.S).max())
     zero = np.zeros(2 * N_x)
@@ -112,7 +112,7 @@ def test_the_potential_is_symmetric(scene):
         return quadratic - v @ slider.G @ outside(scene, X) + at_0 * X
 
     v, X = next(s for s in states(scene, 2) if s[1])
-    slope = (U(v, X * 1.5) - U(v, X * 0.5)) / X  # exact: U is quadratic
+    slope = (U(v, X * 1.5) - U(v, X * 0.5)) / X  # exact, because U is quadratic
     size = max(abs(force(scene, slider, v, X)), scene.driver.K * abs(X), scene.F_N)
     assert slope == pytest.approx(force(scene, slider, v, X), abs=1e-9 * size)
 
@@ -168,7 +168,7 @@ def test_loads_at_the_start_are_those_of_F_N_and_T(scene):
 
 @pytest.mark.parametrize("scene", [small_rod(h=0.01), small_free(K=1e9), small_chain()], ids=name)
 def test_without_the_driver_no_force_moves_it(scene):
-    """The driver is where F_T = 0: the interface then carries what it does without it."""
+    """At F_T = 0 the forces on the interface are those without a driver."""
     free = condense(scene)
     slider = free.driven(scene)
     for v, _ in states(scene, 5):
@@ -209,7 +209,7 @@ def counted(scene):
 )
 @pytest.mark.parametrize("make", [small_rod, small_free])
 def test_bonds_are_eliminated_once_for_scenes_with_the_same_lattice(make, change, monkeypatch):
-    """What is shared has the same bits as if it was made anew."""
+    """Shared results have the same bits as new ones."""
     monkeypatch.setattr("pyfric.statics.condensation._condensed", counted)
     scene = make(F_N=2e3, **({"theta": 0.3} if make is small_free else {}))
     if "mattress" in change and make is small_free:

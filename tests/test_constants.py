@@ -1,4 +1,4 @@
-"""Fitted numbers, doubled and halved: forces and promises hold.
+"""Fitted numbers, doubled and halved: forces and error estimates hold.
 
 The table of these numbers is in `docs/explanation/numbers.md`.
 """
@@ -22,12 +22,12 @@ from pyfric.scene import friction, preset, setup1
 from pyfric.statics import sequences
 
 ACCURACY = 1e-6
-"""Of start and arrest forces of every event, over F_N."""
+"""Tolerance of start and arrest forces of every event, over F_N."""
 SETS = {
     "protocol_linear": ("space.N_MODES", "ring_down.AMPLIFIED"),
     "viscosity_10_light_finite": ("jump.SAMPLED",),
 }
-"""Stored runs off the paper's box -> numbers that matter there."""
+"""Stored runs with other parameters than the paper's -> numbers that matter in them."""
 FITTED = [(name, constant) for name, constants in SETS.items() for constant in constants]
 SLOW = [
     pytest.param("light_finite", constant, marks=pytest.mark.slow)
@@ -68,7 +68,7 @@ PLANS = {
     "levels.ROTATION": (0.01, "hybrid, linear", "hybrid, finite"),
     "levels.STEP_ERROR": (0.01, "hybrid, linear", "hybrid, linear"),
 }
-"""Number -> a tolerance, and the first levels of the Fig. 1 scene if it is halved and doubled."""
+"""Number -> a tolerance, and the first levels of the Fig. 1 scene, number halved and doubled."""
 
 
 def rod(**changes):
@@ -120,12 +120,12 @@ PRICES = (
 )
 RATED = ("cost.RATED", "cost.SLOW_STEP", "slow_slip.SPENT", "slow_slip.SLIPPED")
 RATED += ("slow_slip.WAVES", "slow_slip.INERTIA", "slow_slip.BENT")
-"""Prices and shares that matter with rate-and-state friction alone."""
+"""Prices and shares that matter only with rate-and-state friction."""
 
 
 @pytest.fixture
 def priced(monkeypatch):
-    """A function that multiplies a price, and takes back the one before."""
+    """Return a function that multiplies a price, and restores the previous one."""
     cost.machine_speed()
 
     def change(name, factor):
@@ -140,7 +140,7 @@ def priced(monkeypatch):
 
 @pytest.mark.slow
 def test_plans_keep_their_promise_whatever_work_costs(priced):
-    """Hybrid engine and full dynamics cost about the same here, so that prices choose."""
+    """Hybrid engine and full dynamics cost about the same here, so that prices decide."""
     scene, t_end, tolerance = preset("fig1", l=5e-3, V=0.01), 0.05, 1e-3
     how = {"fidelity": "dynamic", "geometry": "finite", "energies": False, "progress": False}
     known, made = pyfric.simulate(scene, t_end, dt=2e-7, **how), {}
@@ -203,13 +203,13 @@ ADVISE = {
     "record.zones.RESOLVED_ERROR": {"d_c": 1.5e-6},
     "record.zones.VISCOUS": {"d_c": 1.5e-6},
 }
-"""Number -> changes of `rod` with which it decides what is advised."""
+"""Number -> changes of `rod` for which it decides the advice."""
 COUNTS = ["share_X_c0", "share_X_c"]
 """Columns of events that count blocks with a resolved zone, and so depend on `RESOLVED`."""
 
 
 def advised(**changes):
-    """Return a planned run, and the advice that comes with it and its plan."""
+    """Return a planned run, and the advice in its notes and its plan."""
     scene, how = rod(**changes), {"want": "front_speed", "tolerance": 0.02}
     record = pyfric.simulate(scene, 0.06, **how, geometry="linear", progress=False, verify="none")
     return record, (record.notes, pyfric.plan(scene, **how, t_end=0.06).lattice)

@@ -1,6 +1,6 @@
-"""Contact states of tiny sliders: against all states that blocks can be in, and minima of energy.
+"""Contact states of tiny sliders, compared with all possible states and with minima of energy.
 
-The oracle is the whole lattice as one dense matrix, summed bond by bond in plain loops.
+The oracle is the lattice as one dense matrix, summed bond by bond in plain loops.
 """
 
 import itertools
@@ -17,12 +17,12 @@ from pyfric.scene import setup1, setup2
 from pyfric.statics import ContactProblem, EquilibriumError, StaticSolver, loaded_state
 
 ROUNDED = 1e-9
-"""What conditions may be off by, over F_N/N_x: the oracle's own error is up to 1e-11."""
+"""Tolerance of conditions, over F_N/N_x. The error of the oracle is up to 1e-11."""
 
 
 @st.composite
 def sliders(draw, **friction):
-    """Scenes of 3 or 4 columns and 2 or 3 rows, under a rod or a load, loads far apart."""
+    """Return scenes of 3 or 4 columns and 2 or 3 rows, under a rod or a load of any size."""
     n_x, n_z = draw(st.integers(2, 3)), draw(st.integers(1, 2))
     soft, side = draw(st.sampled_from([1e-2, 1.0, 10.0])), draw(st.sampled_from(["left", "right"]))
     F_N = draw(st.sampled_from([1.0, 100.0, 4e3]))
@@ -70,9 +70,9 @@ class Dense:
         self.driven = T[at(scene.j_h, scene.i_h, 0)]
 
     def rest(self, mode, u_x, mu_k, drive=None):
-        """Return u_x, u_z, f, p and q in these contact states, None if they carry nothing.
+        """Return u_x, u_z, f, p and q in these contact states; None without support.
 
-        `drive` is where the driver's end is, None without it; stuck blocks are at u_x.
+        `drive` is the position of the driver's end, None without a driver; stuck blocks are at u_x.
         """
         scene, N, K, load = self.scene, self.scene.N_x, self.K.copy(), self.load.copy()
         if drive is not None:
@@ -97,13 +97,13 @@ class Dense:
 
 
 def same_forces(state, found, scene):
-    """The forces on the interface are those of the oracle."""
+    """Check that the forces on the interface are those of the oracle."""
     unit = scene.F_N / scene.N_x
     return max(np.abs(state.f - found[2]).max(), np.abs(state.p - found[3]).max()) < 1e-7 * unit
 
 
 def same(state, found, scene):
-    """So are the displacements."""
+    """Check that forces and displacements are those of the oracle."""
     apart, size = np.abs(state.u[0, 0] - found[0]).max(), np.abs(np.stack(found[:2])).max()
     return same_forces(state, found, scene) and apart < 1e-7 * size
 
@@ -129,7 +129,7 @@ def all_loaded(scene):
 @settings(max_examples=25)
 @given(data=st.data(), mu=st.sampled_from([0.01, 0.1, 0.2, 0.3, 0.7]))
 def test_the_loaded_state_is_the_only_one_that_meets_its_conditions(data, mu):
-    """Its forces, that is: where all blocks slip, they may have gone together some way more."""
+    """Its forces are unique; if all blocks slip, their common displacement is not."""
     scene = data.draw(sliders(mu_s=mu, mu_k=mu))
     found, state = all_loaded(scene), loaded_state(scene)
     assert any(same(state, one, scene) for one in found)
@@ -145,7 +145,7 @@ def test_the_loaded_state_is_the_only_one_that_meets_its_conditions(data, mu):
     share=st.sampled_from([0.0, 0.3, 0.7, 0.95]),
 )
 def test_the_loaded_state_is_one_of_those_that_meet_their_conditions(data, mu_s, share):
-    """With mu_s > mu_k there can be several."""
+    """With mu_s > mu_k there can be several such states."""
     scene = data.draw(sliders(mu_s=mu_s, mu_k=share * mu_s))
     state = loaded_state(scene)
     assert any(same(state, one, scene) for one in all_loaded(scene))
@@ -159,7 +159,7 @@ def test_the_loaded_state_is_one_of_those_that_meet_their_conditions(data, mu_s,
     mask=st.integers(0, 15),
 )
 def test_held_blocks_touch_where_no_other_set_would_do(data, push, shape, mask):
-    """Against each set of open blocks: both static solvers; free blocks have no friction."""
+    """Both static solvers are compared with all sets of open blocks; free blocks lack friction."""
     scene = data.draw(sliders())
     N, unit, dense = scene.N_x, scene.F_N / scene.N_x, Dense(scene)
     free = (mask >> np.arange(N)) % 2 == 1
@@ -170,7 +170,7 @@ def test_held_blocks_touch_where_no_other_set_would_do(data, push, shape, mask):
     try:
         state = solver.solve(u_x, drive, free=free)
     except EquilibriumError:
-        return  # it tips over
+        return  # the slider tips over
     tol, found = ROUNDED * max(unit, abs(state.F_T)), []
     for closed in itertools.product((True, False), repeat=N):
         mode = np.where(closed, np.where(free, 1, STUCK), OPEN)
@@ -194,7 +194,7 @@ def test_held_blocks_touch_where_no_other_set_would_do(data, push, shape, mask):
 @settings(max_examples=20)
 @given(data=st.data(), push=st.floats(-0.5, 0.5))
 def test_without_friction_energy_is_least(data, push):
-    """Of lattice, foundation and driver: as SciPy finds, which knows nothing of contact states."""
+    """SciPy minimises the energy of lattice, foundation and driver, without contact states."""
     scene = data.draw(sliders(mu_s=0.0, mu_k=0.0))
     N, dense, unit = scene.N_x, Dense(scene), scene.F_N / scene.N_x
     solver = StaticSolver(scene)
@@ -234,7 +234,7 @@ def test_without_friction_energy_is_least(data, push):
     geometry=st.sampled_from(["linear", "finite"]),
 )
 def test_states_of_rest_are_in_balance(data, push, seed, geometry):
-    """Sums of p and tau; in linear geometry sum p x = sum load x + d F_T h + kappa phi, too."""
+    """Forces balance; in linear geometry also sum p x = sum load x + d F_T h + kappa phi."""
     scene, rng = data.draw(sliders()), np.random.default_rng(seed)
     try:
         solver = StaticSolver(scene, geometry)

@@ -1,4 +1,4 @@
-"""The Fortran core against the twin, against itself, and against exact results."""
+"""The Fortran core, compared with the twin, with itself, and with exact results."""
 
 import dataclasses
 import os
@@ -53,7 +53,7 @@ IDS = [
 
 
 def on_rod(scene, state):
-    """Put the top row where the rod carries it."""
+    """Set the top row to the motion of the rod."""
     if scene.rigid:
         X, Z, phi, dX, dZ, dphi = state.rod
         one = np.ones(scene.N_x)
@@ -80,7 +80,7 @@ def random_state(scene, geometry, strain=1e-4, speed=1.0, dt=None, seed=0):
 
 
 def with_slip(scene, state, rng):
-    """Let the blocks that do not stick have slipped, by up to 1.5 d_c."""
+    """Give blocks that do not stick a slip of up to 1.5 d_c."""
     state.s_0[:] = 0.0
     slipped = 1.5 * scene.interface.d_c * rng.random(scene.N_x)
     state.s_0[:] = np.where(state.mode == STUCK, 0.0, slipped - state.slip)
@@ -122,7 +122,7 @@ def test_right_hand_side_is_that_of_the_twin(scene, geometry, strain, variant):
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 @pytest.mark.parametrize("scene", SCENES, ids=IDS)
 def test_bond_forces_are_those_of_the_twin(scene, geometry):
-    """Springs alone: no foundation, no load, no viscosity, no rod."""
+    """The scene has springs only: no foundation, load, viscosity or rod."""
     y = random_state(scene, geometry).y
     here = core.bond_forces(scene, geometry)(y[:, :2])
     y[:, 2:] = 0
@@ -147,7 +147,7 @@ def test_energies_are_those_of_the_twin(scene, geometry):
 
 STEPS = 40
 LEGS = ((10, 5), (STEPS, 2000))
-"""Steps from the start, and the growth of rounding that they allow."""
+"""Numbers of steps from the start, and the allowed growth of rounding."""
 
 
 @pytest.mark.parametrize(
@@ -156,9 +156,9 @@ LEGS = ((10, 5), (STEPS, 2000))
     ids=IDS,
 )
 def test_runs_make_the_switches_of_the_twin(scene, geometry):
-    """From a shaken state: the same switches, and the same state to (growing) rounding.
+    """From a shaken state both make the same switches, and the same state up to growing rounding.
 
-    Forces are those of the twin in both geometries; here each scene has one.
+    Another test compares forces in both geometries; here each scene has one geometry.
     """
     state = random_state(scene, geometry)
     there = twin.Run(*(a.copy() for a in (state.y, state.rod, state.mode, state.slip)))
@@ -292,7 +292,7 @@ def test_budget_does_not_change_the_motion():
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 @pytest.mark.parametrize("kind", ["rod", "free"])
 def test_mirror_image(kind, geometry, d_c):
-    """The mirrored scene gives the mirrored bits (0 and -0 are equal)."""
+    """The mirrored scene gives the mirrored bits (0 and -0 count as equal)."""
     left, right = (small(kind, side=side, d_c=d_c) for side in ("left", "right"))
     state = random_state(left, geometry)
     image = mirrored_state(state)
@@ -358,7 +358,7 @@ def test_rigid_rotation_has_no_force_in_finite_geometry():
 
 
 def test_release_is_located_inside_the_step():
-    """A driver that pulls steadily releases blocks at times that hardly depend on the step."""
+    """A steady driver releases blocks at times that hardly depend on the step."""
     scene = small(V=0.5)
     limit = stability_limit(scene)[0]
     first = []
@@ -375,7 +375,7 @@ def test_release_is_located_inside_the_step():
 
 
 def test_a_block_slips_back():
-    """tau is antisymmetric at the start: where it helps the driver, a block can slip backwards."""
+    """The initial tau is antisymmetric; where it helps the driver, a block can slip back."""
     scene = small(V=0.1)
     state = loaded_state(scene).state(scene, 0.5e-6)
     made = advance(scene, "linear", state, 20_000).switches()
@@ -451,7 +451,7 @@ def test_wrong_calls_are_refused():
 
 
 def components(name):
-    """Return the components of a derived type in Fortran, in order, those of its parts in place."""
+    """Return the components of a derived type in Fortran, in order, parts expanded."""
     folder = Path(__file__).parents[1] / "fortran"
     source = (folder / "law.f90").read_text() + (folder / "model.f90").read_text()
     pattern = rf"type(?:, bind\(c\))? :: {name}\n(.*?)end type {name}"
@@ -495,7 +495,7 @@ def test_codes_of_laws_are_those_of_the_core(file, first, known):
 
 
 def test_status_codes_are_those_of_the_core():
-    """The list in Fortran and the one in Python are the same."""
+    """The lists in Fortran and in Python are the same."""
     source = Path(__file__).parents[1] / "fortran" / "status.f90"
     lines = [s for s in source.read_text().splitlines() if "parameter ::" in s]
     codes = {s.split("::")[1].split("=")[0].strip(): int(s.split("=")[1].split()[0]) for s in lines}
@@ -506,7 +506,7 @@ def test_status_codes_are_those_of_the_core():
 
 
 def test_the_core_needs_no_fortran_library():
-    """It has no I/O and no stop, so that a wheel carries OpenMP only."""
+    """The core has no I/O and no stop, so that a wheel contains only OpenMP."""
     files = list(Path(core.__file__).parent.glob("_core_*"))
     assert files
     assert not any(b"libgfortran" in file.read_bytes() for file in files)
@@ -544,7 +544,7 @@ def test_a_build_says_what_it_lacks(openmp, names, monkeypatch):
 
 @pytest.mark.skipif(core.processors() < 2, reason="needs two processors")
 def test_bound_threads_leave_processors_to_the_process():
-    """With OMP_PROC_BIND, which clusters set, libgomp leaves its first thread one processor."""
+    """With OMP_PROC_BIND, as on clusters, libgomp binds its first thread to one processor."""
     code = "import os; from pyfric import core; print(core.processors(), os.sched_getaffinity(0))"
     done = run_python(code, OMP_PROC_BIND="true")
     assert done.stdout.strip() == f"{core.processors()} {os.sched_getaffinity(0)}", done.stderr

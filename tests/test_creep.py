@@ -1,4 +1,4 @@
-"""Stable slip as static states, against minimisers of the energy and closed forms."""
+"""Stable slip as static states, compared with minima of the energy and closed forms."""
 
 import numpy as np
 import pytest
@@ -34,9 +34,9 @@ def stiffness(scene):
 
 
 def settled(A, push, u, start):
-    """Return the state that slip from u, at rest since `start`, comes to under these forces.
+    """Return the state of rest that slip from u, at rest since `start`, reaches.
 
-    One block at a time goes to its nearest minimum of energy, forward only.
+    One block at a time moves forward to its nearest minimum of energy.
     """
     for _ in range(200_000):
         before = u.copy()
@@ -58,7 +58,7 @@ def settled(A, push, u, start):
 
 @pytest.mark.parametrize("K", [1e6, 2.7e6, 2.8e6, 8e6])
 def test_one_block_is_unstable_below_the_stiffness_of_its_weakening(K):
-    """k_eff = K + k < (mu_s - mu_k) p/d_c; its neighbours are held by a strength of 10 p."""
+    """The condition is K + k < (mu_s - mu_k) p/d_c; neighbours with strength 10 p hold."""
     k, end = 1e6, 80e-6
     creep, drive = at_rest(links(2, K=K, k=k, mu_s=[MU_S, 10.0, 10.0], mu_k=[MU_K, 9.0, 9.0]))
     path, changes = creep.nucleate(drive, drive + end)
@@ -75,7 +75,7 @@ def test_one_block_is_unstable_below_the_stiffness_of_its_weakening(K):
 
 @pytest.mark.parametrize(("K", "k"), [(3e6, 2e6), (8e6, 8e6)])
 def test_two_blocks_are_unstable_where_the_condensed_stiffness_says(K, k):
-    """The first one has reached mu_k where the second one starts to slip, at k u = mu_s p."""
+    """The first block is at mu_k when the second one starts to slip, at k u = mu_s p."""
     creep, drive = at_rest(links(2, K=K, k=k, mu_s=[MU_S, MU_S, 10.0], mu_k=[MU_K, MU_K, 9.0]))
     path, changes = creep.nucleate(drive, drive + 80e-6)
     stable = np.linalg.eigvalsh([[K + k, -k], [-k, 2 * k - SLOPE]])[0] > 0
@@ -109,11 +109,11 @@ def test_six_blocks_follow_minima_of_energy_until_one_vanishes(K):
 
 
 def test_the_length_of_nucleation_tends_to_that_of_a_weakening_crack():
-    """A long patch is stable up to 2 h = 1.158 mu*/W, whatever loads it (Uenishi and Rice 2003).
+    """A long patch is stable up to 2 h = 1.158 mu*/W for any load (Uenishi and Rice 2003).
 
-    One body on a rigid plane under a load that stays is half of a crack between two: mu* = E'/2,
-    W = (mu_s - mu_k) p/(2 d_c). E B = 4 k/3, so that a patch of n blocks holds a weakening of
-    1.158 (4/3) k/n, but for an error in 1/n.
+    One body on a rigid plane under a constant load is half of a crack between two bodies: mu* =
+    E'/2, W = (mu_s - mu_k) p/(2 d_c). With E B = 4 k/3, a patch of n blocks is stable up to a
+    weakening of 1.158 (4/3) k/n, with an error of order 1/n.
     """
     n, l = 121, 1e-3
     scene = setup2(L=(n - 1) * l, H=60 * l, l=l, h=30 * l, k_f=1e3)
@@ -135,7 +135,7 @@ def test_a_block_without_a_length_of_weakening_is_unstable_at_once():
 
 
 def test_a_margin_that_rounding_has_used_up_does_not_stop_a_path(monkeypatch):
-    """The drive went on by rounding only, 39 000 times, until the first block slipped."""
+    """The path must not go on in steps of the size of rounding."""
     p = (4.3, 1.0, 2.4, 24.3, 2.8, 4.5, 3.7, 4.8, 1.4, 2.9, 4.4, 2.1)
     how = {"mu_s": 0.28, "mu_k": 0.14, "d_c": 1.8e-9, "K": 1e5, "k_top": 6e4, "V": 8.75e-3}
     scene = chain(L=11 * 2.5e-3, p=p, eta=42.9, **how)

@@ -1,4 +1,4 @@
-"""First crossings: against fine scans."""
+"""First crossings, compared with fine scans."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ def value(c, rate, modal, rates, s):
 
 
 def check_first_crossing(c, rate, modal, rates, s_end, ds):
-    """Against a fine scan: not late, and not early without a margin close to zero."""
+    """Check on a fine scan that a crossing is not late, and early only if a margin is near zero."""
     found = first_crossing(c, rate, modal, rates, s_end, ds)
     assert 0 <= found <= s_end
     grid = np.linspace(0, s_end, 8 * round(s_end / ds) + 1)
@@ -73,7 +73,7 @@ def test_first_crossing_is_that_of_a_fine_scan(motion):
 )
 @example(depth=1e-6, omega=300.0, phase=3.0, decay=0.0)
 def test_no_dip_is_missed(depth, omega, phase, decay):
-    """A margin that dips below zero, by little and for a short time, and comes back."""
+    """A margin falls slightly below zero for a short time, and comes back."""
     ds = 1e-4
     modal, rates = np.array([[np.exp(1j * phase)]]), np.array([-decay + 1j * omega])
     grid = np.linspace(0, 0.5, 100_001)
@@ -97,7 +97,7 @@ def test_first_crossing_without_modes_is_that_of_the_drift():
 
 
 def test_first_crossing_after_a_long_wait_is_cheap(monkeypatch):
-    """Ten thousand decay times: leaps, not a scan."""
+    """Ten thousand decay times take few evaluations."""
     count = [0]
     exp = np.exp
 

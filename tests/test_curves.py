@@ -1,4 +1,4 @@
-"""The study of public curves, with curves that are made in closed form."""
+"""The study of public curves, on curves in closed form."""
 
 import curves
 import numpy as np
@@ -23,13 +23,13 @@ def test_population_of_a_made_curve():
     assert row["large"] == 60
     assert row["peak"] == pytest.approx(0.38, abs=3 * row["peak_error"])
     assert row["peak_std"] == pytest.approx(0.015, rel=0.3)
-    assert row["peak_valley"] < -0.9  # it swings as far beyond mu_k as it was before
+    assert row["peak_valley"] < -0.9  # slip overshoots mu_k symmetrically
     assert abs(row["follow"]) < 0.3
     assert 0.5 < row["half_drop_error"] / row["peak_error"] < 2
 
 
 def test_errors_of_means_of_numbers_that_follow_each_other():
-    """Against the scatter of means of many sequences."""
+    """Errors are compared with the scatter of means of many sequences."""
     noise = 0.1 * np.random.default_rng(1).standard_normal((200, 450))
     values = signal.lfilter([1.0], [1.0, -0.5], noise)[:, 50:]
     told = np.mean([curves.error_of_mean(each) for each in values])

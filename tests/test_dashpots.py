@@ -68,7 +68,7 @@ def test_powers_over_mirrored_walls_are_those_of_the_forces():
 
 @pytest.mark.parametrize("dashpots", ["full", "along"])
 def test_a_turning_lattice_is_not_held_back_along_the_bonds(dashpots):
-    """Finite geometry, turned by 0.3 rad and turning: "full" resists, "along" does not."""
+    """In finite geometry, at 0.3 rad and turning, "full" resists and "along" does not."""
     scene = small("free")
     scene = along(scene) if dashpots == "along" else scene
     j, i = np.mgrid[: scene.N_z, : scene.N_x]

@@ -1,4 +1,4 @@
-"""The study of disorder, on two draws, and on a damaged twin in which nothing is drawn."""
+"""The study of disorder, on two draws, and on a damaged copy without disorder."""
 
 import disorder
 

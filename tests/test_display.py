@@ -1,4 +1,4 @@
-"""Objects in a few lines, and with a drawing in a notebook; scenes with other values."""
+"""Objects as a few lines of text and as notebook pictures; scenes with changed values."""
 
 import base64
 import html
@@ -25,7 +25,7 @@ def record():
 
 
 def drawing(shown):
-    """Return the bytes of the picture, its text for those who do not see, and the lines below."""
+    """Return the bytes of the picture, its alternative text, and the lines below it."""
     parts = r'<img alt="(.*?)" src="data:image/png;base64,(.*?)".*?><pre style=".*?">(.*)</pre>'
     alt, data, lines = re.fullmatch(parts, shown._repr_html_(), re.DOTALL).groups()
     return base64.b64decode(data), html.unescape(alt), html.unescape(lines)

@@ -1,4 +1,4 @@
-"""What names things by their text: pages in docs/, the mutations, the law that alone says mu."""
+"""Names in texts: pages in docs/, mutations, and mu, which only the law may name."""
 
 import ast
 import dataclasses
@@ -53,7 +53,7 @@ def test_a_name_that_does_not_exist_is_noticed():
 
 
 def test_only_the_law_says_mu():
-    """Laws are modules that no other module than `law.f90` uses, but for evolution of states."""
+    """Only `law.f90` uses the modules of laws, except for the evolution of states."""
     paths = list((ROOT / "fortran").glob("*.f90"))
     assert {"law.f90", "junctions.f90", "sweep.f90"} <= {path.name for path in paths}
     for path in paths:
@@ -91,7 +91,7 @@ def test_contributing_draws_the_rooms_in_the_order_of_the_contract():
 
 @pytest.mark.parametrize("folder", ["pyfric", "studies", "fortran"])
 def test_every_module_says_what_it_is(folder):
-    """The site lists these lines."""
+    """The site lists the first lines of modules."""
     paths = [*(ROOT / folder).rglob("*.py"), *(ROOT / folder).rglob("*.f90")]
     assert len(paths) > 10
     for path in paths:
@@ -179,7 +179,7 @@ def test_tests_that_somebody_killed_say_nothing_about_a_mutant(tmp_path, monkeyp
 
 
 def test_options_are_typed_by_their_names():
-    """Editors complete the keywords of `simulate` from a class of their own."""
+    """Editors complete the keywords of `simulate` from the class `Keywords`."""
     keywords = pyfric.engines.options.Keywords.__annotations__
     assert list(keywords) == [one.name for one in dataclasses.fields(pyfric.Options)]
     assert get_args(pyfric.engines.options.StepperName) == tuple(pyfric.core.STEPPERS)
@@ -243,7 +243,7 @@ def test_texts_beside_the_charts_say_what_is_stored():
 
 
 def test_findings_are_listed_and_stand_apart():
-    """One script each, with exact versions, without pyfric."""
+    """Each finding is one script, with exact versions, without pyfric."""
     folder = ROOT / "findings"
     if not folder.is_dir():
         pytest.skip("they are not in a source distribution")

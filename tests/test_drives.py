@@ -15,13 +15,13 @@ MU_S, MU_K, P, K_P, V = 0.5, 0.3, 20.0, 2e5, 1e-3
 
 
 def spring_chain(**changes):
-    """Eleven blocks, of which only the driver's springs hold each one: bonds hardly count."""
+    """Return eleven blocks with negligible bonds, held by the driver's springs."""
     own = {"L": 0.01, "l": 1e-3, "p": P, "k": 1e-3, "eta": 0.0, "M": 11e-4, "side": "top"}
     return chain(**own, mu_s=MU_S, mu_k=MU_K, K=11 * K_P, V=V, **changes)
 
 
 def test_a_single_block_sticks_and_slips_as_in_its_formula():
-    """It slips by 2 (mu_s - mu_k) p/K in half a period, plus what the driver adds meanwhile."""
+    """Slip is 2 (mu_s - mu_k) p/K in half a period, plus a part due to the driver's motion."""
     m, drop, omega = 1e-4, (MU_S - MU_K) * P, math.sqrt(K_P / 1e-4)
     record = pyfric.simulate(spring_chain(), 0.25, fidelity="hybrid", dt=5e-7)
     found = record.episodes[record.episodes["n"] == 6]
@@ -40,14 +40,14 @@ def test_a_single_block_sticks_and_slips_as_in_its_formula():
 
 
 def burridge_knopoff(**changes):
-    """Twenty blocks of different strengths; the driver's springs have k/4."""
+    """Return twenty blocks of different strengths; the driver's springs have k/4."""
     own = {"L": 0.0475, "side": "top", "k": 5.4e8, "K": 20 * 1.35e8}
     mu_s = [0.5 + 0.02 * (n * 7 % 20) for n in range(20)]
     return chain(**own | {"V": 8e-6, "mu_s": mu_s, "mu_k": 0.4} | changes)
 
 
 def test_jumps_make_the_events_of_full_dynamics():
-    """The first thirty, block by block."""
+    """The first thirty events agree block by block."""
     scene = burridge_knopoff(tau=0.499 * 3500 / 20)
     runs = [
         pyfric.simulate(scene, 0.25, fidelity=fidelity, t_gap=1e-5, dt=4e-7, energies=False)
@@ -128,7 +128,7 @@ def test_refusals():
 
 
 def test_a_moving_top_is_the_plate_of_a_driven_top():
-    """Springs k_top to a plate move blocks as a driver on the top does: F_T is then in T."""
+    """Springs k_top to a plate move blocks like a driver on the top; their force is in T."""
     mu_s = [0.5 + 0.02 * (n * 7 % 20) for n in range(20)]
     own = {"L": 0.0475, "k": 5.4e8, "mu_s": mu_s, "mu_k": 0.4}
     by_driver = chain(side="top", K=20 * 1.35e8, V=1e-5, **own)

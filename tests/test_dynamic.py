@@ -1,4 +1,4 @@
-"""Full dynamics: waves, order, stability, budgets, runs that stop and go on, the paper's scene."""
+"""Full dynamics: waves, order, stability, budgets, continued runs, the paper's scene."""
 
 import dataclasses
 import errno
@@ -44,8 +44,8 @@ simulate = functools.partial(pyfric.simulate, fidelity="dynamic", sample=1e-5)  
 def test_wave_speeds(polarisation, speed, geometry):
     """A standing wave along a free slider moves at sqrt(1.5) or sqrt(0.5) l sqrt(k/m).
 
-    With the shape exp(i q x) of the infinite lattice in the middle of a long, free slider; the
-    frequency there is measured before anything arrives from its ends.
+    The wave has the shape exp(i q x) of the infinite lattice, in the middle of a long, free slider.
+    Its frequency is measured before waves from the ends arrive.
     """
     scene = setup2(L=0.2, H=0.004, l=1e-3, eta=1e-12, h=1e-3)
     c = speed * scene.slider.l * np.sqrt(scene.slider.k / scene.m)
@@ -64,7 +64,7 @@ def test_wave_speeds(polarisation, speed, geometry):
 
 
 def test_wave_speeds_of_the_paper():
-    """1720 and 993 m/s on the lattice with m = M/N; 1677 and 968 m/s in the continuum."""
+    """Waves have 1720 and 993 m/s on the lattice with m = M/N, 1677 and 968 m/s in a continuum."""
     scene = preset("fig1")
     unit = scene.slider.l * np.sqrt(scene.slider.k / scene.m)
     lattice = np.sqrt([1.5, 0.5]) * unit
@@ -75,7 +75,7 @@ def test_wave_speeds_of_the_paper():
 
 
 def test_a_pulse_travels_at_the_longitudinal_speed():
-    """In a wide lattice, a plane pulse in u_x moves at sqrt(1.5) l sqrt(k/m)."""
+    """In a wide lattice a plane pulse in u_x moves at sqrt(1.5) l sqrt(k/m)."""
     scene = setup2(L=0.3, H=0.06, l=1e-3, eta=1e-12, h=1e-3, M=0.108)
     c = np.sqrt(1.5) * scene.slider.l * np.sqrt(scene.slider.k / scene.m)
     dt, n = 0.2 * stability_limit(scene)[0], 100
@@ -122,7 +122,7 @@ def test_order_is_four_while_nothing_switches(kind, geometry):
 
 @pytest.mark.parametrize("kind", ["rod", "free"])
 def test_blow_up_is_where_theory_puts_it(kind):
-    """Just below the limit a shaken slider calms down, just above it explodes."""
+    """Just below the limit a shaken slider calms down; just above it the motion blows up."""
     scene = preset("fig1" if kind == "rod" else "setup2")
     limit, _ = stability_limit(scene)
     size = {}
@@ -136,7 +136,7 @@ def test_blow_up_is_where_theory_puts_it(kind):
 
 
 def test_the_limit_of_the_paper_s_scenes():
-    """Measured: 1.57 us is stable and 1.60 us is not; setup 2: 0.68 us."""
+    """In setup 1, 1.57 us is stable and 1.60 us is not; the limit of setup 2 is 0.68 us."""
     assert stability_limit(preset("fig1"))[0] == pytest.approx(1.57e-6, rel=0.01)
     assert stability_limit(preset("setup2"))[0] == pytest.approx(0.68e-6, rel=0.01)
 
@@ -147,7 +147,7 @@ def test_the_limit_of_the_paper_s_scenes():
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 @pytest.mark.parametrize("kind", ["rod", "free"])
 def test_energy_budget_closes(kind, geometry):
-    """At the order of the stepper, through slip, reversal and lift-off."""
+    """The error has the order of the stepper, through slip, reversal and lift-off."""
     scene = small(kind)
     errors, switches = [], []
     for share in (0.5, 0.125):
@@ -190,7 +190,7 @@ def test_a_stuck_slider_follows_the_static_solution():
         record = simulate(scene, 0.01, geometry=geometry, progress=False)
         assert len(record.events) == 0
         state = record.final_state
-        # The driver drags the slider a little behind: compare at the drive a drift time earlier.
+        # The slider lags a little behind the driver: compare at the drive a drift time earlier.
         rest = solver.solve(state.y[0, 0], scene.driver.V * state.t)
         F_T = record.curve["F_T"].iloc[-1]
         assert F_T == pytest.approx(rest.F_T, abs=1e-4 * scene.F_N)
@@ -203,7 +203,7 @@ def test_a_stuck_slider_follows_the_static_solution():
 
 
 def test_blocks_open_and_land():
-    """A high driver lifts the trailing edge: its block opens, and lands again in later events."""
+    """A high driver lifts the trailing edge: the first block opens, and lands in later events."""
     scene = setup1(L=0.02, H=0.0125, h=0.0125, V=0.5, mattress=1e3)
     record = simulate(scene, 6e-3, geometry="linear", progress=False)
     assert record.status == "complete"
@@ -215,7 +215,7 @@ def test_blocks_open_and_land():
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_static_values_of_events_balance(side):
-    """Sum tau = F_T and the moment balance at rest, before and after every event."""
+    """At rest, before and after every event, sum tau = F_T and moments balance."""
     scene = small(side=side)
     record = simulate(scene, 3e-3, geometry="linear", t_gap=2e-5, progress=False)
     done = record.events["finished"].to_numpy()
@@ -235,7 +235,7 @@ def test_static_values_of_events_balance(side):
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 @pytest.mark.parametrize("kind", ["rod", "free"])
 def test_a_run_in_parts_is_the_whole_run(kind, geometry, tmp_path):
-    """Bit for bit: curve, catalogue, logs and state; also through a file."""
+    """Curve, catalogue, logs and state agree bit for bit, also through a file."""
     scene = small(kind)
     whole = simulate(scene, 3e-3, geometry=geometry, sample=1e-5, progress=False)
     part = simulate(scene, 1.3e-3, geometry=geometry, sample=1e-5, progress=False)
@@ -267,7 +267,7 @@ def test_points_of_the_curve_are_those_of_the_state(kind):
 
 
 def test_doubling_load_and_speed_doubles_a_whole_run():
-    """From the loaded state to the catalogue, in linear geometry, bit for bit."""
+    """In linear geometry all results double bit for bit."""
     one, two = small(), small(F_N=7000.0, V=1.0)
     records = [simulate(s, 3e-3, geometry="linear", t_gap=2e-5, progress=False) for s in (one, two)]
     assert records[0].events["finished"].any()
@@ -290,7 +290,7 @@ def test_doubling_load_and_speed_doubles_a_whole_run():
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 @pytest.mark.parametrize("kind", ["rod", "free"])
 def test_a_run_driven_from_the_right_is_the_mirror_image(kind, geometry):
-    """The same events; forces to rounding, because the sparse solve at the start has no mirror."""
+    """Events agree; forces agree to rounding, because the first sparse solve is not symmetric."""
     left, right = (
         simulate(small(kind, side=side), 3e-3, geometry=geometry, progress=False)
         for side in ("left", "right")
@@ -351,7 +351,7 @@ def test_a_run_of_no_length():
 
 
 def test_ctrl_c_leaves_a_valid_record():
-    """Within half a second, and the run goes on from there."""
+    """The run stops within half a second, and can be continued."""
     scene = preset("fig1")
     started, pressed = threading.Event(), []
 
@@ -499,8 +499,7 @@ def test_auto_step_is_a_share_of_the_limit():
     ],
 )
 def fig1_record(request):
-    """Fig. 1 of the paper up to 0.9 s at the paper's V, in linear geometry, at 0.9 of the stability
-    limit."""
+    """Run Fig. 1 of the paper up to 0.9 s, in linear geometry, at 0.9 of the stability limit."""
     scene = preset("fig1", **request.param)
     dt = 0.9 * stability_limit(scene)[0]
     t_end = 0.85 * preset("fig1").driver.V / scene.driver.V
@@ -510,7 +509,7 @@ def fig1_record(request):
 
 
 def test_fig1_has_precursors_of_increasing_length(fig1_record):
-    """At least 11 main precursors from the trailing edge, each longer than the one before."""
+    """At least 11 main precursors start at the trailing edge, each longer than the previous one."""
     events = fig1_record.events
     main = events[events["is_main"]]
     assert main["is_precursor"].all()
@@ -523,14 +522,14 @@ def test_fig1_has_precursors_of_increasing_length(fig1_record):
 
 
 def test_fig1_slips_from_stuck_blocks_only(fig1_record):
-    """Every episode of the record is one slip between two sticks, or opens."""
+    """Every episode of the record is a slip between two sticks, or opens."""
     assert (fig1_record.episodes["slip"].abs() > 0).all()
     assert STUCK in fig1_record.quiet["mode"]
 
 
 @pytest.mark.slow
 def test_fig1_does_not_hang_on_the_step():
-    """At a quarter of the stability limit: the same ladder of main precursors."""
+    """A quarter of the stability limit gives the same sequence of main precursors."""
     scene = preset("fig1")
     limit = stability_limit(scene)[0]
     ladders = []
@@ -603,7 +602,7 @@ print(found.hexdigest())
 
 
 def test_no_kernel_of_blas_changes_a_bit_of_full_dynamics():
-    """Runs from loaded states that differed in their last bits: free top, rod, slip, junctions."""
+    """Loaded states must agree in their last bits: free top, rod, slip, junctions."""
     found = set()
     for kernel in ("Prescott", "Haswell"):
         env = os.environ | {"OPENBLAS_CORETYPE": kernel, "PYTHONPATH": os.path.dirname(__file__)}

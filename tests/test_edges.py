@@ -16,7 +16,7 @@ EACH = pytest.mark.parametrize("name", SCENES)
 
 
 def frequencies(edges, n):
-    """The first three elastic frequencies of a free body of 2 n x n bonds, in rad/s."""
+    """Return the first three elastic frequencies of a free body of 2 n x n bonds, in rad/s."""
     scene = setup2(L=0.1, H=0.05, l=0.05 / n, h=0.05 / n).replace({"slider.edges": edges})
     M, _, _ = operators(scene)
     K = stiffness(scene, closed=np.zeros(scene.N_x, bool), driver=False).toarray()
@@ -27,7 +27,7 @@ def frequencies(edges, n):
 
 
 def test_frequencies_converge_to_second_order():
-    """Successive errors fall by four with half blocks, and by two at most with whole ones."""
+    """Halving l divides errors by four with half blocks, by at most two with whole blocks."""
     half, whole = ([frequencies(edges, n) for n in (4, 8, 16)] for edges in ("half", "whole"))
     falls = (half[0] - half[1]) / (half[1] - half[2])
     assert (falls > 3.7).all()
@@ -39,7 +39,7 @@ def test_frequencies_converge_to_second_order():
 
 
 def test_a_strip_under_uniform_stress_is_exact():
-    """u_z = -z F_N/(E B L), u_x = -u_z' x/3, with E B = 4 k/3, at any l; whole blocks miss it."""
+    """u_z = -z F_N/(E B L), u_x = -u_z' x/3, E B = 4 k/3, at any l; whole blocks differ."""
     for edges, exact in (("half", True), ("whole", False)):
         scene = small_free(theta=0.0).replace({"slider.edges": edges})
         strain = scene.F_N / (4 / 3 * scene.slider.k * scene.slider.L)
@@ -64,7 +64,7 @@ def test_masses_are_those_of_the_material():
 
 @EACH
 def test_accelerations_are_those_of_the_operators(name):
-    """The core at a random state beside M, K, C: half blocks have half of mass and springs."""
+    """The core agrees with M, K, C at a random state: half blocks have half of all."""
     scene = SCENES[name]
     solver, rng = StaticSolver(scene, "linear"), np.random.default_rng(0)
     M, K, C = operators(scene)
@@ -90,7 +90,7 @@ def test_accelerations_are_those_of_the_operators(name):
 
 @EACH
 def test_loads_rest_on_the_interface(name):
-    """The corner blocks carry a half column; both static solvers agree; steps are stable."""
+    """Corner blocks carry a half column; both static solvers agree; steps are stable."""
     scene = SCENES[name]
     loaded, now = StaticSolver(scene, "linear").loaded, ContactProblem(scene).loaded().values()
     assert loaded.p.sum() == pytest.approx(scene.F_N, rel=1e-12)
@@ -125,7 +125,7 @@ def test_a_chain_ends_in_half_blocks_in_both_engines():
     how = {"progress": False, "geometry": "linear"}
     runs = [pyfric.simulate(scene, 1e-3, fidelity=f, **how) for f in ("dynamic", "hybrid")]
     start = [record.events["F_T_start"].to_numpy() for record in runs]
-    assert start[0][0] == pytest.approx(0.7 * 5.0, rel=1e-6)  # of a block with half of p
+    assert start[0][0] == pytest.approx(0.7 * 5.0, rel=1e-6)  # force of a block with half of p
     assert runs[1].events["n_blocks"].tolist() == runs[0].events["n_blocks"].tolist()
     np.testing.assert_allclose(start[1], start[0], atol=1e-2)
     whole = pyfric.simulate(chain(L=0.2, p=10.0, tau=0.0, V=2e-2), 1e-3, fidelity="hybrid", **how)
@@ -150,7 +150,7 @@ def test_half_blocks_are_refused_where_forces_count_by_block():
     [{}, {"left": "absorbing"}, {"right": "mirrored"}, {"top": "mirrored"}, {"top": "absorbing"}],
 )
 def test_slabs_have_half_blocks_beside_other_walls(walls):
-    """Random states of the core beside the matrices; a mirrored wall has whole blocks."""
+    """The core agrees with the matrices at random states; a mirrored wall has whole blocks."""
     scene = slab(p=60.0, tau=0.0, L=0.03, H=0.015, l=2.5e-3)
     scene = scene.replace(HALF | {f"walls.{side}": of for side, of in walls.items()})
     M, K, C = operators(scene)

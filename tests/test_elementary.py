@@ -1,4 +1,4 @@
-"""exp and log of the core against long double, and their bits with each instruction set."""
+"""exp and log of the core, compared with long double; their bits with each instruction set."""
 
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def test_exp_has_its_error():
 
 
 def test_exp_ends_at_its_limits():
-    """0 below -700, where no result is subnormal, and the value at 700 above."""
+    """exp is 0 below -700, so that no result is subnormal, and constant above 700."""
     smallest, largest = of_core(EXP, [-700.0, 700.0])
     beyond = [np.nextafter(-700, -np.inf), -701.0, -745.0, -1e300, -np.inf]
     assert smallest > np.finfo(float).tiny
@@ -82,7 +82,7 @@ def test_log_of_1_plus_has_its_error():
 
 @pytest.mark.parametrize("which", [EXP, LOG])
 def test_they_grow_across_their_joins(which):
-    """Neighbours on both sides of a join, as far apart as errors are large."""
+    """Neighbours on both sides of a join differ by more than the errors."""
     if which == EXP:
         joins = ((np.arange(-1009, 1009) + 0.5) * LN_2).astype(float)
         joins = joins[np.abs(joins) < 699]

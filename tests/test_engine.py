@@ -1,4 +1,4 @@
-"""Engines as values: what they have, what they refuse, and one that is only known here."""
+"""Engines as objects: their options, their refusals, and an engine of the tests."""
 
 import dataclasses
 import functools

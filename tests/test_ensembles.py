@@ -1,4 +1,4 @@
-"""Ensembles: numbers of many runs are those of their records, and are kept in parts."""
+"""Ensembles: numbers of many runs are those of their records, and are stored in parts."""
 
 import functools
 import signal
@@ -70,7 +70,7 @@ def together(threads):
 
 @pytest.mark.parametrize("name", BATCH)
 def test_a_run_of_a_batch_is_that_of_its_record(name):
-    """Bit for bit, also among scenes that differ in all else, for any number of threads."""
+    """Bits agree, also among different scenes, for any number of threads."""
     record = simulate(*BATCH[name])
     alone = Outline.of_record(record)
     for found in (together(1)[name], together(3)[name]):
@@ -83,7 +83,7 @@ def test_a_run_of_a_batch_is_that_of_its_record(name):
 
 
 def test_numbers_are_what_they_say():
-    """From the tables of a record, by other means."""
+    """Numbers follow from the tables of a record in another way."""
     record = simulate(SCENE, 2.5)
     events, run = record.events, Outline.of_record(record)
     main, done = events[events["is_main"]], events["is_main"] & events["finished"]
@@ -184,13 +184,13 @@ def test_numbers_and_lists_vary_too():
 
 
 def test_what_follows_from_l_in_a_preset_follows():
-    """The driver of fig1 is two blocks above the interface."""
+    """The driver of fig1 is two blocks above the interface for any l."""
     found = made(2, "fig1", {"mu_s": FIELD, "l": [2.5e-3, 5e-3]}, columns=["F_first"])
     assert [found.record(n).scene.N_x for n in (0, 1)] == [57, 29]
 
 
 def test_runs_that_fail_or_are_refused_are_said():
-    """A draw of mu_s below mu_k is no scene; the others are made."""
+    """A draw of mu_s below mu_k is refused; the other runs are made."""
     found = made(4, vary={"mu_k": [0.4, 0.9, 0.5, 0.3]}, columns=["F_max"])
     assert list(found.table["status"]) == ["complete", "refused", "complete", "complete"]
     assert "mu_k" in found.failed["reason"].iloc[0]
@@ -239,7 +239,7 @@ def test_unknown_numbers_and_runs_are_refused():
 
 
 def test_other_runs_go_through_records(monkeypatch):
-    """Conditions for the end, and other engines."""
+    """Runs with conditions for the end, and with other engines, have records."""
     in_this_process = functools.partial(pyfric.run_all, workers=1)
     monkeypatch.setattr(measures, "run_all", in_this_process)
     options = {"fidelity": "quasistatic", "stop_when": "main_events = 1"}
@@ -276,7 +276,7 @@ def test_tables_are_written(tmp_path):
 
 @pytest.fixture
 def counted(monkeypatch):
-    """How many runs were made, in parts of four."""
+    """Count the runs that are made, in parts of four."""
     made_now = []
 
     def counting(asked, threads):
@@ -290,7 +290,7 @@ def counted(monkeypatch):
 
 
 def test_parts_are_kept(tmp_path, counted):
-    """A larger ensemble begins with what a smaller one had; other numbers are made anew."""
+    """A larger ensemble reuses the parts of a smaller one; other columns need new runs."""
     columns = ["F_max", "t_slide"]
     first = made(8, cache=tmp_path, columns=columns, events=["n_blocks"])
     assert len(counted) == 8
@@ -320,7 +320,7 @@ def test_a_damaged_part_is_made_again(tmp_path, counted):
 
 
 def test_a_stopped_ensemble_goes_on(tmp_path, counted):
-    """Ctrl-C after the second part."""
+    """Ctrl-C comes after the second part."""
 
     def stop(done, _):
         if done == 9:
@@ -355,7 +355,7 @@ def test_the_store_knows_parts(tmp_path, counted, monkeypatch):
 
 
 def test_batches_are_bounded(monkeypatch):
-    """Scenes are taken a batch ahead, however many there are."""
+    """Scenes are made at most one batch ahead."""
     taken = []
 
     def asked():

@@ -28,10 +28,10 @@ ARRAYS = ("u", "rod", "f", "tau", "p")
 
 
 def direct(scene, held, closed, u_x, push, K_driver):
-    """Linear equilibrium from one matrix, with Lagrange multipliers for everything imposed.
+    """Return the linear equilibrium by one matrix with Lagrange multipliers for constraints.
 
-    Unknowns: u of all blocks, X, Z, phi, and one force per condition (rod, held blocks). `push`
-    is K times the position of the driver's end; held blocks have the given u_x.
+    The unknowns are u of all blocks, X, Z, phi, and one force for each constraint (rod, held
+    blocks). `push` is K times the position of the driver's end. Held blocks have the given u_x.
 
     Returns u (N_z, 2, N_x), phi, f (N_x,).
     """
@@ -106,7 +106,7 @@ def assert_matches_direct(state, scene, held, closed, u_x, driven):
 
 
 def moment_error(state, scene):
-    """sum p x - sum load x - d F_T h - kappa phi, as a part of F_N L."""
+    """Return sum p x - sum load x - d F_T h - kappa phi, over F_N L."""
     moment = np.sum((state.p - scene.load) * scene.x)
     moment -= scene.d * state.F_T * scene.driver.h + scene.kappa * state.rod[2]
     return abs(moment) / (scene.F_N * scene.slider.L)
@@ -164,7 +164,7 @@ def test_p_is_symmetric_and_tau_antisymmetric(scene, geometry):
     [(setup1(), 0.25), (setup2(), 0.25), (preset("setup2+"), 0.375), (preset("setup2-"), 0.375)],
 )
 def test_frustrated_expansion_is_that_of_the_paper_scenes(scene, expected, geometry):
-    """max |tau|/p as measured with another program (model.md)."""
+    """max |tau|/p agrees with another program (model.md)."""
     state = loaded_state(scene, geometry)
     assert np.max(np.abs(state.tau) / state.p) == pytest.approx(expected, rel=0.015)
 
@@ -178,7 +178,7 @@ def test_states_are_read_only():
 
 
 def a_held_interface(scene, seed=1):
-    """Slip of a micrometre at the trailing edge, with some noise, and F_T near 0.3 F_N."""
+    """Return an interface with 1 um slip at the trailing edge, noise, and F_T near 0.3 F_N."""
     n, N_x = scene.n_of_i, scene.N_x
     noise = np.random.default_rng(seed).uniform(0.9, 1.1, N_x)
     u_x = scene.d * noise * 0.05 * scene.F_N / scene.driver.K * np.exp(-4 * n / N_x)
@@ -200,7 +200,7 @@ def test_held_interface_is_that_of_a_direct_solve(scene):
     [setup1(), setup1(side="right"), preset("setup2-"), setup2(theta=0.4, side="right")],
 )
 def test_held_interface_is_in_balance(scene, geometry):
-    """Forces and, in linear geometry, moments: sum p x = sum load x + d F_T h + kappa phi."""
+    """Forces balance and, in linear geometry, sum p x = sum load x + d F_T h + kappa phi."""
     u_x, drive = a_held_interface(scene)
     state = solve_static(scene, u_x, drive, geometry=geometry)
     assert state.F_T > 0.1 * scene.F_N
@@ -217,7 +217,7 @@ def test_held_interface_is_in_balance(scene, geometry):
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_finite_state_is_in_balance_about_any_point(side):
-    """Moments of all outer forces at the places where the blocks are now."""
+    """Moments of all outer forces are taken at the present positions of the blocks."""
     scene = setup2(theta=0.4, side=side)
     u_x, drive = a_held_interface(scene)
     state = solve_static(scene, u_x, drive, geometry="finite")
@@ -253,7 +253,7 @@ def test_a_run_starts_at_rest(scene, geometry):
 
 @pytest.mark.parametrize("scene", [small_rod(), small_free()])
 def test_finite_state_is_at_rest_in_absolute_coordinates(scene):
-    """The paper's k_ij (r_ij - l_ij) dx_ij / r_ij from positions, bond by bond."""
+    """Forces are the paper's k_ij (r_ij - l_ij) dx_ij / r_ij, from positions, bond by bond."""
     u_x, drive = a_held_interface(scene)
     state = solve_static(scene, u_x, drive, geometry="finite")
     l, k, N_x, N_z = scene.slider.l, scene.slider.k, scene.N_x, scene.N_z
@@ -286,7 +286,7 @@ def test_finite_state_is_at_rest_in_absolute_coordinates(scene):
 
 @pytest.mark.parametrize("scene", [small_rod(), small_free(theta=0.3)])
 def test_finite_geometry_becomes_linear_at_small_loads(scene):
-    """Halving the loads quarters the difference."""
+    """Halving the loads divides the difference by four."""
     difference = []
     for factor in (1.0, 0.5, 0.25, 0.125):
         one = scaled(scene, factor)
@@ -401,7 +401,7 @@ def test_trailing_edge_lifts_off(scene, geometry):
 
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
 def test_interior_gap_opens(geometry):
-    """Setup 2 with little load on the trailing edge: a gap away from the edge."""
+    """In setup 2 with little load on the trailing edge, a gap opens away from the edge."""
     scene = setup2(theta=0.833, h=5e-3)
     drive = 0.4 * scene.F_N / scene.driver.K
     state = solve_static(scene, np.zeros(scene.N_x), drive, geometry=geometry)
@@ -415,7 +415,7 @@ def test_interior_gap_opens(geometry):
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
 @pytest.mark.parametrize("scene", [setup1(h=15e-3), setup1(h=15e-3, side="right")])
 def test_open_blocks_given_as_free_change_nothing(scene, geometry):
-    """As for the static values of an event, whose log says which blocks are open."""
+    """Static values of events are found in this way, because the log has the open blocks."""
     u_x = scene.d * 1e-6 * np.exp(-scene.n_of_i / 20)
     drive = 0.8 * scene.F_N / scene.driver.K
     found = solve_static(scene, u_x, drive, geometry=geometry)
@@ -431,7 +431,7 @@ def test_open_blocks_given_as_free_change_nothing(scene, geometry):
 @pytest.mark.parametrize("side", ["left", "right"])
 @pytest.mark.parametrize("make_scene", [small_rod, small_free])
 def test_states_with_open_and_free_blocks_are_at_rest_for_the_twin(make_scene, side, geometry):
-    """No block accelerates when the modes of the state enter the independent right-hand side."""
+    """With the modes of the state, no block accelerates in the independent right-hand side."""
     scene = make_scene(side=side, h=make_scene().slider.H)
     n, unit = scene.n_of_i, scene.F_N / scene.N_x
     solver = StaticSolver(scene, geometry)
@@ -470,7 +470,7 @@ def test_free_blocks_that_touch_carry_p_and_no_friction():
 
 
 def test_all_blocks_may_be_free():
-    """Without any friction the driver spring alone fixes the place: F_T = 0."""
+    """Without any friction only the driver spring fixes the position, where F_T = 0."""
     scene = small_rod()
     state = solve_static(scene, np.zeros(scene.N_x), 1e-5, free=np.ones(scene.N_x, dtype=bool))
     assert abs(state.F_T) < 1e-10 * scene.F_N
@@ -524,11 +524,11 @@ def test_friction_just_sufficient_prevents_slip():
 
 @pytest.mark.parametrize("mu", [0.02, 0.2])
 def test_proportional_loading_agrees_with_small_load_steps(mu):
-    """mu_s = mu_k: F_N in 40 steps, each with friction iterated block by block.
+    """With mu_s = mu_k, F_N is applied in 40 steps, with friction iterated block by block.
 
-    The increments follow the friction law with the whole history; nothing of the final
-    complementarity problem is assumed. In each step a block either stays where the step found it
-    or slips until |f| = mu p, so that what an iterate overshoots is taken back.
+    The increments follow the friction law and its history, without the final complementarity
+    problem. In each step a block either stays in place or slips until |f| = mu p, so that
+    overshoots of an iteration are undone.
     """
     scene = small_rod(mu_s=mu, mu_k=mu)
     N_x = scene.N_x
@@ -573,7 +573,7 @@ def test_loading_without_friction(scene, geometry):
 
 
 def test_strong_friction_warns_where_the_slip_operator_is_indefinite():
-    """The operator is that of the blocks that slip, in the directions in which they slip."""
+    """The operator belongs to the slipping blocks and their directions of slip."""
     scene = small_rod()
     contact = ContactProblem(scene).loaded()
     alternating = np.where(scene.n_of_i % 2, 1, -1)
@@ -597,12 +597,12 @@ def test_strong_friction_warns_where_the_slip_operator_is_indefinite():
 
 
 def tall_scene(side: str) -> Scene:
-    """11 x 11 almost rigid blocks, pushed high up and softly."""
+    """Return 11 x 11 almost rigid blocks, pushed by a soft spring high up."""
     return setup2(L=0.01, H=0.01, h=8e-3, F_N=50.0, K=1250.0, side=side)
 
 
 def tipping_drive(scene: Scene) -> float:
-    """Drive at which F_T h = F_N L/2, if nothing but the driver's spring gives way."""
+    """Return the drive at which F_T h = F_N L/2, if only the driver's spring yields."""
     return scene.F_N * scene.slider.L / (2 * scene.driver.h * scene.driver.K)
 
 
@@ -611,7 +611,7 @@ def tipping_drive(scene: Scene) -> float:
     [tall_scene("left"), tall_scene("right"), setup1(mattress=0.0, L=0.06, H=0.06, h=0.05, K=4e4)],
 )
 def test_linear_geometry_stands_on_its_far_corner(scene):
-    """Held there, it turns until the driver's spring has relaxed to F_T h = F_N L/2."""
+    """The slider turns about this corner until the driver's spring relaxes to F_T h = F_N L/2."""
     far = scene.n_of_i == scene.N_x
     for share in (2.0, 5.0):
         state = solve_static(scene, np.zeros(scene.N_x), share * tipping_drive(scene))
@@ -626,10 +626,10 @@ def test_linear_geometry_stands_on_its_far_corner(scene):
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_no_equilibrium_is_an_error_that_names_its_figures(side):
-    """In finite geometry the same push tips the slider over.
+    """In finite geometry a strong push tips the slider over.
 
-    When it turns by an angle about its far corner, the lever arm of F_N falls from L/2 faster than
-    the soft spring relaxes, so nothing balances the push any more.
+    When the slider turns about its far corner, the lever arm of F_N falls from L/2 faster than the
+    soft spring relaxes. Nothing then balances the push.
     """
     scene = tall_scene(side)
     F_N, L, H, h, K = scene.F_N, scene.slider.L, scene.slider.H, scene.driver.h, scene.driver.K
@@ -688,7 +688,7 @@ def test_what_is_not_known_of_a_failure_is_not_said():
 
 
 def test_a_search_that_starts_near_ends_at_the_same_state():
-    """Under a large load it needs fewer steps of Newton's method than from the loaded state."""
+    """Under a large load a near start needs fewer Newton steps than the loaded state."""
     scene = small_free(F_N=2e3)
     solver = StaticSolver(scene, "finite")
     free = np.zeros(scene.N_x, bool)

@@ -1,4 +1,4 @@
-"""Every error of the package survives the way between processes: message, attributes, notes."""
+"""Every error of the package keeps message, attributes and notes between processes."""
 
 import importlib
 import pickle
@@ -17,7 +17,7 @@ from pyfric.sweeps.runs import Unwanted
 def run_error():
     record = pyfric.simulate(pyfric.setup1(L=0.02, H=0.0125), 1e-5, progress=False)
     error = pyfric.RunError("the motion is not finite", record)
-    error.record = record  # the planner replaces it
+    error.record = record  # the planner replaces the record
     return error
 
 
@@ -40,7 +40,7 @@ EXAMPLES = {
 
 
 def all_errors():
-    """Every exception that a module of the package defines."""
+    """Return every exception that a module of the package defines."""
     found = set()
     for module in pkgutil.walk_packages(pyfric.__path__, "pyfric."):
         if "._core" in module.name or module.name.endswith("__main__"):

@@ -47,7 +47,7 @@ def test_draws_are_the_same_on_any_machine():
 
 
 def test_records_keep_what_was_drawn(tmp_path, monkeypatch):
-    """Stored numbers are those of a fresh draw, on either side; others are refused."""
+    """Stored numbers are those of a new draw, for either driven side; others are refused."""
     for side in ("left", "right"):
         scene = uneven(side, mu_s=Spread(mean=0.7, std=0.01, seed=7), d_c=0.0, alpha=0.0, k_f=None)
         fresh = scene.drawn["mu_s"]
@@ -93,14 +93,14 @@ def test_equal_seeds_of_two_fields_give_independent_numbers(how):
         mu_s=Spread(mean=0.7, **how), mu_k=Spread(mean=0.45, **how), d_c=Spread(mean=0.7, **how),
     )  # fmt: skip
     mu_s, mu_k, d_c = (np.array(scene.drawn[name]) for name in ("mu_s", "mu_k", "d_c"))
-    blocks = n / (4 if "correlation_length" in how else 1)  # independent ones
+    blocks = n / (4 if "correlation_length" in how else 1)  # number of independent values
     for a, b in ((mu_s, mu_k), (mu_s, d_c), (mu_k, d_c)):
         assert abs(np.corrcoef(a, b)[0, 1]) < 4 / np.sqrt(blocks)
     assert scene.drawn["mu_s"][:5] == tuple(Spread(mean=0.7, **how).draw(n, 2.5e-3)[:5])
 
 
 def test_finer_blocks_are_on_the_same_interface():
-    """So are those of a longer slider, and of any spacing."""
+    """Blocks of a longer slider, or of any spacing, are on the same interface, too."""
     spread = Spread(mean=0.7, std=0.03, correlation_length=0.0135, seed=5)
     coarse, fine = spread.draw(57, 2.5e-3), spread.draw(113, 1.25e-3)
     np.testing.assert_array_equal(fine[::2], coarse)
@@ -184,7 +184,7 @@ def test_a_uniform_field_gives_the_bits_of_the_number():
 
 
 def test_the_mirrored_field_gives_the_mirrored_run():
-    """Bit for bit, from the mirrored state."""
+    """Runs from the mirrored state agree bit for bit."""
     left, right = uneven(), uneven("right")
     dt = 0.5 * stability_limit(left)[0]
     at_left = loaded_state(left).state(left, dt)

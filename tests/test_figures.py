@@ -1,4 +1,4 @@
-"""Figures show what the record holds, and their files carry data and caption."""
+"""Figures show the content of the record, and their files carry data and caption."""
 
 import dataclasses
 import re
@@ -35,7 +35,7 @@ LADDER = (6, 8, 10, 12, 14, 17, 20, 23, 27, 31, 36, 42, 49, 57, 9, 22, 40, 57, 1
 
 
 def made_up_record(side="left", lengths=LADDER, opened=()):
-    """A run like the paper's Fig. 1(b): loading, precursors that grow, micro-slips between."""
+    """Return a record like Fig. 1(b): loading, growing precursors, micro-slips between."""
     scene = setup1()
     scene = dataclasses.replace(scene, driver=dataclasses.replace(scene.driver, side=side))
     column = np.argsort(scene.n_of_i)
@@ -284,7 +284,7 @@ def test_long_curves_keep_their_extremes():
 
 
 def small(side="left", **changes):
-    """A run with eight main precursors and a few events over the whole interface."""
+    """Return a run with eight main precursors and a few events over the whole interface."""
     own = {"L": 0.07, "H": 0.0375, "V": 5e-3, "F_N": 1750.0, "name": "small", "side": side}
     return simulated(setup1(**own | changes), 0.11)
 
@@ -301,7 +301,7 @@ def run():
 
 @pytest.fixture(scope="module")
 def short():
-    """A run with another height and load, up to a few precursors."""
+    """Return a run with another height and load, up to a few precursors."""
     return simulated(small_scene(h=7.5e-3, F_N=1500.0, name="short"), 0.05)
 
 
@@ -417,7 +417,7 @@ def test_figures_of_one_event_show_the_longest_precursor_by_default(run, short, 
 
 
 def test_stresses_of_a_chain_are_all_seen():
-    """Its p does not change: dotted over dashed over solid, beside the legend."""
+    """Its p does not change: dotted over dashed over solid lines are visible, beside the legend."""
     run = simulated(pyfric.chain(L=0.05, V=0.05), 1e-3)
     fig = figures.fig3a(run, 1)
     fig.draw_without_rendering()
@@ -433,7 +433,7 @@ def test_stresses_of_a_chain_are_all_seen():
 
 
 def test_the_paper_s_event_is_counted_where_the_paper_counts_it(run):
-    """The eleventh main precursor of the first loading, whatever its number in the record."""
+    """The event is the eleventh main precursor of the first loading, by any event number."""
     assert {one.precursor for one in figures.FIGURES.values()} == {None, 11}
     refused(lambda: reproduction._event("fig4a", run), "main precursors", value=8, within=(11,))
     again = figures.FIGURES["fig4a"]._replace(precursor=6)
@@ -490,7 +490,7 @@ def test_a_chain_has_one_wave_speed():
 
 
 def test_speeds_of_several_runs(run):
-    weak = small(mu_s=0.5, mu_k=0.2)  # of the same name
+    weak = small(mu_s=0.5, mu_k=0.2)  # a scene with the same name
     fig = figures.fig4b([run, weak])
     points = fig.tables["points"]
     for n, record in enumerate((run, weak), 1):
@@ -587,7 +587,7 @@ def test_sketch_shows_a_field_of_the_law_that_varies():
 
 @pytest.mark.filterwarnings("error")
 def test_sketch_shows_fields_of_starts_and_gaps():
-    """Blocks without a limit have no time of it, and are left out of its curve."""
+    """Blocks without a limit are left out of the curve of its times."""
     wavy = pyfric.preset("wavy", l="5 mm")
     scene = pyfric.weakened(wavy, x=0.05, length=0.03, speed=200.0)
     scene = scene.replace({"interface.slip": [1e-6 * (n < 9) for n in range(scene.N_x)]})
@@ -612,7 +612,7 @@ def test_numbers_of_a_large_scene_are_in_large_units():
 
 @pytest.mark.filterwarnings("error")
 def test_sketch_of_a_prescribed_interface_shows_its_forces_on_the_bottom_row():
-    """p_i and tau_i, no foundation, and no driver where there is none."""
+    """The sketch shows p_i and tau_i, no foundation, and no absent driver."""
     scene = pyfric.slab(p=lambda x: 60.0 + 1e3 * x, tau=30.0, L=0.03, H=0.01, l=2.5e-3)
     fig = figures.sketch(scene)
     np.testing.assert_array_equal(fig.tables["columns"]["load_N"], scene.p_prescribed)
@@ -664,12 +664,12 @@ def test_frames_run_the_event_again(run, switching):
     event = int(analysis.precursor_lengths(run)["event"][5])
     row, times = run.events.loc[event], run.rupture_times[run.row(event)]
     ruptured = np.sort(times[np.isfinite(times)])
-    ended = row["t_stop"] + np.array([1e-5, 4e-5])  # two looks after the last block has stopped
+    ended = row["t_stop"] + np.array([1e-5, 4e-5])  # two times after the last block has stopped
     frames = event_frames(run, event, [*ruptured, *ended])
     dt = run.method.dt
     for t, frame in zip(ruptured, frames, strict=False):
         assert 0 <= frame.t - t < 1.001 * dt
-        # what has ruptured by then has slipped or slips: the front is at the same place
+        # ruptured blocks have slipped or slip, so that the front is at the same place
         behind = np.isfinite(times) & (times < frame.t - 1.5 * dt) & (times > frame.t - 5 * dt)
         assert (np.abs(frame.mode[behind]) == 1).all()
         ahead = np.isfinite(times) & (times > frame.t + 1.5 * dt)
@@ -686,7 +686,7 @@ def test_frames_of_a_mirrored_run_are_the_same(run):
     event = int(analysis.precursor_lengths(run)["event"][3])
     one, other = (event_frames(r, event, frame_times(r, event, [0.5]))[0] for r in (run, mirrored))
     np.testing.assert_array_equal(one.mode, other.mode)
-    accuracy = run.method.accuracy  # shapes of a block of vectors without symmetry leave as much
+    accuracy = run.method.accuracy  # slow shapes are not exactly symmetric
     np.testing.assert_allclose(one.v[:, 0], other.v[:, 0], atol=accuracy * np.abs(one.v).max())
     np.testing.assert_allclose(one.tau, other.tau, atol=accuracy * one.p.max())
 

@@ -1,4 +1,4 @@
-"""Files are whole or not there: full disks, folders, devices, killed processes, damage."""
+"""Files are complete or absent: full disks, folders, devices, killed processes, damage."""
 
 import dataclasses
 import errno
@@ -203,7 +203,7 @@ def test_drafts_of_other_machines_go_when_they_are_old(tmp_path):
 
 
 def test_what_cannot_be_deleted_keeps_no_other_draft(tmp_path):
-    for number in range(4):  # in whatever order they are listed
+    for number in range(4):  # for any order of the list
         (tmp_path / f".pyfric-{files._host()}-{NOBODY}-0000000{number}.tmp").touch()
         (tmp_path / f".pyfric-{files._host()}-{NOBODY}-1111111{number}.tmp").mkdir()
     assert clean_drafts(tmp_path) == 4

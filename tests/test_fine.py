@@ -1,4 +1,4 @@
-"""What fine lattices cost: runs beside another build, and steps by what the slider does."""
+"""The cost of fine lattices: runs beside another build, and steps by state of the slider."""
 
 import contextlib
 import json
@@ -81,7 +81,7 @@ def test_cost_against_l_is_drawn_beside_slopes():
         == 2
     )
     ratios = sorted({round(float(y[2] / y[1]), 6) for y in drawn})
-    assert ratios == [8, 16]  # the lattices halve
+    assert ratios == [8, 16]  # l is halved twice
     assert [line.get_linestyle() for line in axes.lines].count("--") == len(fine.SLOPES)
 
 
@@ -90,7 +90,7 @@ def test_spells_end_when_no_block_slips():
     old, new = [0, 0, 1, -1, 0, 0, 2], [1, -1, 0, 0, 2, 2, 1]
     switches = {"t": t, "block": block, "old": old, "new": new}
     lasts, blocks = fine.spells(switches, 7.0)
-    np.testing.assert_array_equal(lasts, [1.25, 2.0])  # 2 lifts, 3 slips when it lands, to the end
+    np.testing.assert_array_equal(lasts, [1.25, 2.0])  # block 3 slips after landing, to the end
     np.testing.assert_array_equal(blocks, [2, 1])
 
 

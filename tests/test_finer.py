@@ -15,7 +15,7 @@ HOW = {"fidelity": "hybrid", "geometry": "linear", "switching": "located", "prog
 
 
 def scene(l=2.5e-3, **changes):
-    """The driver high enough to lift the trailing edge, slow enough for waves to die away."""
+    """Return a scene with a high driver, which lifts the edge, so slow that waves die away."""
     given = {"L": 0.07, "H": 0.0375, "h": 0.01, "V": 2e-3, "F_N": 1750.0, "d_c": 1e-6, "l": l}
     return setup1(**given | changes)
 
@@ -26,7 +26,7 @@ def coarse(request):
 
 
 def event_of(record):
-    """The largest event with an open edge."""
+    """Return the largest event with an open edge."""
     lifted = (record.p_before == 0).any(axis=1) & record.events["finished"]
     return 1 + int(np.where(lifted, record.events["n_front"], -1).argmax())
 

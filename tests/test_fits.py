@@ -1,4 +1,4 @@
-"""Fits of measured events: known truths are found, wrong models are noticed, unknowns are said."""
+"""Fits of measured events: known parameters are found, wrong models and gaps are reported."""
 
 import functools
 import itertools
@@ -48,7 +48,7 @@ def curve(seed=0, noise=NOISE, **changes):
 
 
 def known_with(**changes):
-    """Return profiles with other policies."""
+    """Return the function that makes profiles, with other settings."""
     policies = profiles.Policies(**changes)
     return lambda *given: profiles.known_of(*given, policies)
 
@@ -79,7 +79,7 @@ def test_events_are_matched_in_order_whatever_is_missing():
     assert lost.chi2 == pytest.approx((0.01 / (1e-3 * np.sqrt(2))) ** 2)
     more = misfit(data, table([0.05, 0.1, 0.2, 0.25, 0.3, 0.4, 0.5], [0.01] * 7))
     assert more.partner.tolist() == [1, 2, 4, 5]
-    assert (more.missing, more.extra) == (0, 1)  # those before and after are free
+    assert (more.missing, more.extra) == (0, 1)  # events before and after do not count
     assert more.chi2 == pytest.approx(lost.chi2)
     off = misfit(data, table(np.array(peaks) + 2e-3, drops))
     np.testing.assert_allclose(off.residuals[:8], 2)
@@ -88,7 +88,7 @@ def test_events_are_matched_in_order_whatever_is_missing():
 
 
 def test_a_match_is_the_cheapest_of_all():
-    """Against every match that keeps the order."""
+    """The match is compared with every match that keeps the order."""
     rng = np.random.default_rng(2)
 
     def cheapest(cost, alone, unseen):
@@ -103,7 +103,7 @@ def test_a_match_is_the_cheapest_of_all():
 
     for _ in range(20):
         data, model = (table(rng.uniform(0, 0.02, n), rng.uniform(5e-3, 9e-3, n)) for n in (4, 3))
-        model["drop"] = 0.0  # of the model, none is extra
+        model["drop"] = 0.0  # events of the model without a drop, none is extra
         model["valley"] = model["peak"] - 7e-3
         found = misfit(data, model)
         off = [
@@ -145,7 +145,7 @@ def test_an_overview_needs_no_match():
 def test_the_onset_ends_before_the_first_large_event():
     data = table(np.linspace(0.1, 0.8, 8), [0.01, 0.01, 0.012, 0.019, 0.1, 0.02, 0.1, 0.1])
     assert len(onset(data)) == 4
-    assert len(onset(data.iloc[4:])) == 4  # none is before it
+    assert len(onset(data.iloc[4:])) == 4  # no event is before the first large one
 
 
 # --- fits ----------------------------------------------------------------------------------------
@@ -195,7 +195,7 @@ def test_sensors_and_machines_are_parameters_too(monkeypatch):
 
 
 def test_what_does_not_tell_is_said(monkeypatch):
-    """A quasi-static sequence does not depend on the mass."""
+    """Quasi-static sequences do not depend on the mass, and the fit says so."""
     monkeypatch.setattr(fits, "STARTS", 1)
     found = pyfric.fit(SCENE, events(curve()).iloc[:9], {"M": (0.05, 0.1)}, **STATIC)
     assert np.isnan(found.intervals["M"]).all()
@@ -203,7 +203,7 @@ def test_what_does_not_tell_is_said(monkeypatch):
 
 
 def test_a_wrong_model_is_noticed(monkeypatch):
-    """No constant mu_k has these forces at both speeds."""
+    """No constant mu_k gives these forces at both speeds."""
     monkeypatch.setattr(fits, "STARTS", 1)
     monkeypatch.setattr(search, "WALKS", 1)
     monkeypatch.setattr(search, "FAR", 1)
@@ -231,7 +231,7 @@ def test_intervals_assume_the_scatter_that_a_model_has_not(monkeypatch):
         table[name] += by
     found = pyfric.fit(SCENE, table, {"mu_k": (0.35, 0.55)}, model_error=1e-4, **STATIC)
     assert not found.fits
-    assert found.model_error == pytest.approx(scatter, rel=0.4)  # 32 forces tell it to an eighth
+    assert found.model_error == pytest.approx(scatter, rel=0.4)  # 32 forces determine it to 1/8
     low, high = found.intervals["mu_k"]
     assert low < 0.44 < high
     narrow = pyfric.fit(SCENE, events(curve(mu_k=0.44)).iloc[:16], {"mu_k": (0.35, 0.55)}, **STATIC)
@@ -239,7 +239,7 @@ def test_intervals_assume_the_scatter_that_a_model_has_not(monkeypatch):
     assert f"off by {found.model_error:.2g} F_N" in str(found)
     assert f"off by {found.model_error:.2g} F_N" in fit_page(found).caption
     given = pyfric.fit(SCENE, table, {"mu_k": (0.35, 0.55)}, model_error=scatter / 2, **STATIC)
-    assert given.model_error == pytest.approx(found.model_error, rel=0.05)  # the whole, not a sum
+    assert given.model_error == pytest.approx(found.model_error, rel=0.05)  # the total error
 
 
 def test_intervals_end_where_a_profile_passes_the_limit():
@@ -366,7 +366,7 @@ def test_sensitivities_are_differences_of_runs():
 
 
 def as_found(J, base=1.0):
-    """A table of sensitivities whose half differences over steps are J, quantity by parameter."""
+    """Return sensitivities whose half differences over steps are J (quantity, parameter)."""
     rows = [
         {"parameter": name, "value": 2.0, "step": 0.1, "quantity": quantity}
         | {"low": base - 0.1 * slope, "base": base, "high": base + 0.1 * slope}
@@ -377,7 +377,7 @@ def as_found(J, base=1.0):
 
 
 def test_what_is_known_alone_and_with_the_others_free():
-    """Errors are those of least squares: half of the normal equations' inverse, by hand."""
+    """Errors are those of least squares, by hand."""
     quantities = ("first_force", "largest_force", "recurrence", "precursors")
     slopes = {"a": (3.0, 4.0, 0.0, 50.0), "b": (4.0, 3.0, 0.0, 0.0), "c": (0.0, 0.0, 2.0, 0.0)}
     J = {name: dict(zip(quantities, values, strict=True)) for name, values in slopes.items()}
@@ -433,7 +433,7 @@ def test_commands_say_what_is_wrong_and_draw(tmp_path):
 
 
 def test_the_command_reads_files_as_python_does(tmp_path, monkeypatch):
-    """Parts of a file in bits, with a line at the top, decimal commas, and no times."""
+    """The file has numbers in bits, a line at the top, decimal commas, and no times."""
     data, seen = tmp_path / "curve.csv", []
     data.write_text("1,2,3\nN;F_T\n" + "".join(f"{k % 3};2048,{k}\n" for k in range(6)))
     told = [f"--column={pair}" for pair in ("t=1", "F_T=F_T")]
@@ -474,14 +474,14 @@ def test_stored_fits_find_their_truths():
 
 
 def test_errors_of_events_are_a_tenth_too_small():
-    """Steps from the truth are so much longer than their covariance says; two are made again."""
+    """Errors of fits exceed their covariance by a tenth; two stored fits are made again."""
     stored = pd.read_csv(STORED.parent / "pulls.csv")
     again = study.pulls(range(1), 2, say=lambda text: None)
     np.testing.assert_allclose(again, stored.iloc[:2], rtol=1e-3, atol=1e-3)
-    for name in ("mu_s", "mu_k"):  # of 1600: errors of a variance are 0.04
+    for name in ("mu_s", "mu_k"):  # 1600 fits: the error of a variance is 0.04
         assert 1.0 < stored[name].var() < 1.3
         assert abs(stored[name].mean()) < 0.15
-    assert 2.0 < stored["lowers"].mean() < 2.5  # two parameters
+    assert 2.0 < stored["lowers"].mean() < 2.5  # for two parameters
     assert "draw all: 1600 truths" in study.report_of_pulls(stored)
 
 
@@ -521,17 +521,17 @@ def test_the_curve_of_lengths_ends_with_the_whole_interface():
 def test_arrivals_are_compared_within_an_event():
     l, times = 0.01, np.array([0.0, 1.0, 3.0, np.nan]) * 1e-5
     data = pd.DataFrame({"event": [1, 1, 1, 2], "x": [0.0, 0.015, 0.03, 0.0], "error": 1e-6})
-    data["t"] = [5.0, 5.00002, 5.00005, 7.0]  # another zero of time
+    data["t"] = [5.0, 5.00002, 5.00005, 7.0]  # with another zero of time
     off = arrivals_off(data, {1: 0.5}, {0.5: times}, l)
     np.testing.assert_allclose(off[:2], 0, atol=1e-6)  # 20 us apart in both
-    np.testing.assert_array_equal(off[2:], CAP)  # no front came there; no partner
+    np.testing.assert_array_equal(off[2:], CAP)  # no front; no partner
     later = data.assign(t=data["t"] + np.array([0, 4e-6, 0, 0]))
     off = arrivals_off(later, {1: 0.5}, {0.5: times}, l)
     np.testing.assert_allclose(off[:2], [2, -2], rtol=1e-3)
 
 
 def test_lengths_alone_tell_mu_k_and_leave_mu_s_open(monkeypatch):
-    """Forces at the start and the end of events tell mu_s: see the fit of a curve."""
+    """mu_s needs forces at the start and end of events, as in the fit of a curve."""
     monkeypatch.setattr(fits, "STARTS", 1)
     monkeypatch.setattr(fits, "known_of", known_with(across=2))
     record = pyfric.simulate(SCENE.replace(mu_s=0.68, mu_k=0.43), 0.9, fidelity="quasistatic")
@@ -553,7 +553,7 @@ def test_lengths_alone_tell_mu_k_and_leave_mu_s_open(monkeypatch):
 
 
 def test_lengths_and_arrivals_are_residuals_of_a_fit():
-    """At the truth, residuals are those of noise; far from it they are not."""
+    """Residuals are as small as noise only near the true parameters."""
     record = pyfric.simulate(SCENE, 0.5, fidelity="hybrid", progress=False)
     data = sampled(record, STEP, noise=NOISE)
     lengths = pyfric.analysis.precursor_lengths(record).assign(error=0.02)
@@ -603,7 +603,7 @@ def test_bad_lengths_and_arrivals_are_refused(how, text):
 
 @pytest.mark.parametrize("slope", [0.0, -5.0])
 def test_others_are_found_beside_jumps_of_the_model(slope):
-    """Derivatives say that the second follows the first; beyond a jump, residuals say nothing."""
+    """Derivatives predict the second parameter; beyond a jump, residuals do not."""
 
     def residuals(u):
         return np.array(
@@ -618,7 +618,7 @@ def test_others_are_found_beside_jumps_of_the_model(slope):
 
 
 def cut_valley(slope, ahead):
-    """A misfit whose narrow valley is cut aslant by a jump of the model."""
+    """Return a problem whose narrow valley is cut obliquely by a jump of the model."""
 
     def residuals(u):
         a, b = u
@@ -637,7 +637,7 @@ def cut_valley(slope, ahead):
 
 
 def test_intervals_go_on_along_jumps_of_the_model():
-    """They are those of all points within the limit, on a fine grid, but for thin tips."""
+    """Intervals hold all points within the limit on a fine grid, except for thin tips."""
     places = np.meshgrid(*[np.linspace(0.4, 0.6, 1001)] * 2, indexing="ij")
     short = {}
     for slope, ahead in itertools.product((0.8, 0.85, 0.9, 0.95), (0.0, 5e-4, 1e-3)):

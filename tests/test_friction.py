@@ -1,4 +1,4 @@
-"""The friction law in Python, beside the core's and its own limits."""
+"""The friction law in Python, compared with the core and with its limits."""
 
 import math
 
@@ -41,7 +41,7 @@ def test_slip_is_continuous_where_nearly_nothing_is_lost():
 
 
 def test_weakening_runs_away():
-    """m s'' = drop p s/d_c."""
+    """Slip grows as m s'' = drop p s/d_c."""
     law = setup1(mu_s=0.7, mu_k=0.45, d_c=1e-6).law
     assert law.resolving_step(4.0, 1e-3) == pytest.approx(math.sqrt(1e-9))
     assert Law(0.7, 0.45).resolving_step(4.0, 1e-3) == math.inf

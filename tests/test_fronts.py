@@ -1,4 +1,4 @@
-"""The study of fronts: a crack beside fracture mechanics, plans of cost, kept runs, the figure."""
+"""The study of fronts: a crack and fracture mechanics, cost plans, stored runs, the figure."""
 
 import cracks
 import fronts
@@ -12,7 +12,7 @@ from pyfric.scene import preset
 
 
 def test_a_crack_follows_fracture_mechanics():
-    """Four blocks in X_c0: below c_R all along, within 1 %; none of it is resolved."""
+    """With four blocks in X_c0 the front stays below c_R, within 1 %; no zone is resolved."""
     which = cracks.Crack(blocks=4.0, a_end=6e3)
     table, record = cracks.crack(which)
     scene = record.scene

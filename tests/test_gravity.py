@@ -10,7 +10,7 @@ from pyfric.core import OPEN
 from pyfric.statics import ContactProblem, StaticSolver
 
 G = {"slider.g": 9.81e3}
-"""So strong that the slider weighs as much as the load."""
+"""Gravity so strong that the weight of the slider equals the load."""
 SCENES = {"rod": small_rod().replace(G), "free": small_free().replace(G)}
 EACH = pytest.mark.parametrize("name", SCENES)
 
@@ -18,7 +18,7 @@ EACH = pytest.mark.parametrize("name", SCENES)
 @EACH
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_the_foundation_carries_load_and_weight(name, geometry):
-    """Each block above the interface rests under its weight, by the springs of the twin."""
+    """Each block above the interface is at rest under its weight, by the springs of the twin."""
     scene = SCENES[name]
     loaded, weight = StaticSolver(scene, geometry).loaded, scene.m * scene.slider.g
     total = scene.F_N + scene.slider.g * (scene.slider.M + scene.M_rod)
@@ -42,7 +42,7 @@ def test_the_condensed_slider_weighs_as_much(name):
 
 
 def test_a_lifted_slider_falls_freely():
-    """z'' = -g - F_N/M until it lands, and x stays; the work is that of load and weight."""
+    """Until it lands, z'' = -g - F_N/M and x is constant; load and weight do the work."""
     scene = small_free(V=0.0, T=0.0, theta=0.0, h=1e-3).replace(G | {"top.F_N": 1e-3})
     state = StaticSolver(scene, "linear").loaded.state(scene, 1e-7)
     state.y[:, 0], height = 0.0, 1e-4
@@ -72,7 +72,7 @@ def test_the_energy_budget_has_the_work_of_weights(name):
 
 
 def test_engines_agree_under_gravity():
-    """Under a changing F_N, too, which leaves the weights as they are."""
+    """Engines agree under a changing F_N, too, which does not change the weights."""
     scene = small_free(V=0.08).replace(G | {"top.protocol": ((2e-3, 400.0), (6e-3, 440.0))})
     how = {"progress": False, "geometry": "linear"}
     exact, jumped = (pyfric.simulate(scene, 0.01, fidelity=f, **how) for f in ("dynamic", "hybrid"))

@@ -1,4 +1,4 @@
-"""What stops a run: numbers, energy, lattice."""
+"""Checks that stop a run: numbers, energy, lattice."""
 
 import dataclasses
 
@@ -43,11 +43,11 @@ SCENES = {
     ("name", "share"), [*((name, 0.99) for name in SCENES), ("rod", 0.5), ("weakening", 0.5)]
 )
 def test_the_bound_of_energy_holds_without_its_margin(name, share, monkeypatch):
-    """The exact motion cannot cross it; steps up to the limit use little of the margin."""
+    """Exact motion cannot exceed the bound; stable steps use little of the margin."""
     scene, t_end = SCENES[name]
     monkeypatch.setattr("pyfric.engines.guard.MARGIN", 0.02)
     dt = share * stability_limit(scene)[0]
-    calls = (1000,) if share == 0.5 else (1000, 20)  # short calls and, near the limit, long ones
+    calls = (1000,) if share == 0.5 else (1000, 20)  # short calls and, near the limit, long calls
     for every in (t_end / n for n in calls):
         how = {"geometry": "linear", "energies": False, "progress": False}
         record = pyfric.simulate(
@@ -58,8 +58,8 @@ def test_the_bound_of_energy_holds_without_its_margin(name, share, monkeypatch):
 
 @pytest.mark.parametrize(("name", "share"), [("rod", 1.3), ("free", 1.1), ("chain", 1.1)])
 def test_steps_above_the_limit_are_stopped(name, share, monkeypatch):
-    """Growth is seen long before the numbers end. (The limit holds for any contact states; where
-    all blocks stick, it can be a little larger.)"""
+    """Growth is seen long before numbers overflow; steps are clearly above the limit of all
+    states."""
     scene, _ = SCENES[name]
     dt = share * stability_limit(scene, default_stepper(scene))[0]
     monkeypatch.setattr("pyfric.engines.options.step_size", lambda *_: dt)
@@ -86,7 +86,7 @@ def test_the_step_and_the_block_are_those_where_it_began():
 
 
 def test_rounding_is_no_instability():
-    """Released blocks of a slab that is at rest without strain: what moves is rounding."""
+    """Blocks of a slab at rest without strain are released: all motion is rounding."""
     scene = pyfric.slab(L=0.02, H=0.01, l=0.002, p=20.0, tau=5.0)
     state = pyfric.released(scene, 3)
     record = pyfric.simulate(scene, 5e-4, initial=state, fidelity="dynamic", progress=False)
@@ -156,12 +156,12 @@ def test_loads_that_fold_are_refused_or_noted():
         notes = pyfric.simulate(rod(V=1e-3), 1e-5, **how).notes
         assert not any("strains" in note for note in notes)
     soft = dataclasses.replace(free(), top=dataclasses.replace(free().top, F_N=5e4))
-    with pytest.raises(SceneError, match=r"top\.F_N = 50000"):  # no loaded state at all
+    with pytest.raises(SceneError, match=r"top\.F_N = 50000"):  # there is no loaded state
         pyfric.simulate(soft, 1e-3, fidelity="hybrid", progress=False)
 
 
 def test_a_lattice_that_folds_stops_the_run():
-    """In the step in which it does: here it would be whole again after a few more."""
+    """The run stops in the step of the fold; here it would unfold a few steps later."""
     with pytest.raises(RunError, match=r"folded at step \d+, t = .* block in column 1 ") as caught:
         pyfric.simulate(rod(V=300.0), 1e-3, fidelity="dynamic", progress=False)
     kept = caught.value.record
@@ -170,7 +170,7 @@ def test_a_lattice_that_folds_stops_the_run():
 
 
 def test_no_fold_passes_the_core():
-    """Random displacements: each lattice that is folded ends a call after one step."""
+    """With random displacements, each folded lattice ends a call after one step."""
     scene, rng, seen = free(), np.random.default_rng(3), []
     start = StaticSolver(scene).loaded.state(scene, 1e-15)  # a step that moves nothing
     model, log = core.model(scene, "finite", start.u_drv0), core.Log(scene.N_x)
@@ -185,7 +185,7 @@ def test_no_fold_passes_the_core():
 
 
 def test_a_slider_that_turns_over_is_no_fold():
-    """The core ends each call after one step then; the run goes on."""
+    """The core then ends each call after one step, and the run goes on."""
     scene = free(F_N=1.0, **{"top.T": 0.0})
     state = StaticSolver(scene).loaded.state(scene, 1e-7)
     j, i = np.mgrid[: scene.N_z, : scene.N_x]

@@ -1,6 +1,6 @@
-"""First guesses: each does what one expects, or one sentence says what to write instead.
+"""First guesses: each does what a user expects, or a message says what to write instead.
 
-guesses.txt holds them, with what each does: it works, or its refusal holds this text.
+guesses.txt lists guesses with their results: they work, or the error has this text.
 """
 
 import contextlib
@@ -43,7 +43,7 @@ def run():
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
-    """What a guess finds: a scene, a record, a curve, and their files in the current folder."""
+    """Provide the surroundings of a guess: a scene, a record, a curve, and their files."""
     folder = tmp_path_factory.mktemp("guesses")
     scene = pyfric.setup1(L="20 mm", H="10 mm", l="2.5 mm", F_N="400 N", h="2.5 mm")
     quick = {"fidelity": "quasistatic", "progress": False}
@@ -94,7 +94,7 @@ def test_first_guesses_of_command_lines_work_or_are_answered(world):
 
 
 def test_lines_to_write_can_be_written():
-    """Each line for Python is Python; names that words stand for exist."""
+    """Each suggested line is valid Python, and suggested names exist."""
     lines = [text for owner, rows in words.LINES.items() for text in rows.values()]
     for text in lines:
         for code in re.findall(r"pyfric(?:\.\w+)+", text):
@@ -111,7 +111,7 @@ def test_lines_to_write_can_be_written():
 
 
 def test_a_word_never_hides_a_name():
-    """What is known is not looked up, and what is meant is known."""
+    """Known names are not in the list of words, and suggested names are known."""
     assert words.meant("velocity", ["V", "h"]) == "V"
     assert words.meant("velocity", ["h"]) == ""
     assert words.meant("F N", ["F_N"]) == words.meant("fn", ["F_N"]) == "F_N"
@@ -122,7 +122,7 @@ def test_a_word_never_hides_a_name():
 
 
 def test_arguments_that_refusals_name_are_options():
-    """Those of measurements, as they stand in the source."""
+    """Arguments in errors on measurements, found in the source, are options of the command."""
     sources = (Path(pyfric.__file__).parent / "measured").glob("*.py")
     text = "".join(path.read_text() for path in sources)
     named = set(re.findall(r"(\w+)=\{+\"", text))

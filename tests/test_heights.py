@@ -18,7 +18,7 @@ def every_other(n, a, b, width=2):
 
 
 def grooved(kind, **changes):
-    """13 x 7 or 21 x 7 blocks of which every other pair has no friction, contact, or a gap."""
+    """Return 13 x 7 or 21 x 7 blocks; every other pair lacks friction or contact, or has a gap."""
     base = small_rod(V=0.02) if kind != "free" else small_free(V=0.02)
     n = base.N_x
     own = {
@@ -91,7 +91,7 @@ def test_a_flat_gap_lowers_the_slider_and_changes_no_force():
 
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
 def test_blocks_that_hardly_touch_bear_less_and_less(geometry):
-    """Ends are held by friction, slip, and are open as the gap under them grows."""
+    """As the gap under the ends grows, they are held by friction, slip, and open."""
     scene, bears = small_rod(F_N=200.0), []
     for gap in np.linspace(3.70e-6, 3.75e-6, 51):
         ends = [gap, *[0.0] * 11, gap]
@@ -103,7 +103,7 @@ def test_blocks_that_hardly_touch_bear_less_and_less(geometry):
     assert bears[0] > 5e-3 * unit
     assert bears[-1] == 0.0
     assert np.diff(bears).max() <= 0.0
-    assert np.abs(np.diff(bears)).max() <= scene.k_f * 1e-9  # no stiffer than the foundation
+    assert np.abs(np.diff(bears)).max() <= scene.k_f * 1e-9  # not stiffer than the foundation
 
 
 @pytest.mark.parametrize("share", [0.0, 1e-6, 1e-3])
@@ -137,7 +137,7 @@ def test_the_energy_budget_closes_over_gaps():
 def test_pressed_carries_what_was_measured(make, side):
     scene = make(side=side)
     n = np.arange(scene.N_x)
-    share = 1 + 0.4 * np.cos(2 * np.pi * n / (scene.N_x - 1))  # without torque
+    share = 1 + 0.4 * np.cos(2 * np.pi * n / (scene.N_x - 1))  # this distribution has no torque
     p = scene.F_N * share / share.sum()
     made = pyfric.pressed(scene, p=p)
     assert made.gap.min() == 0 < made.gap.max()

@@ -1,4 +1,4 @@
-"""Hybrid engine against full dynamics, on small scenes of every kind."""
+"""The hybrid engine compared with full dynamics, on small scenes of every kind."""
 
 import dataclasses
 import functools
@@ -41,7 +41,7 @@ def links(**changes):
 
 
 run = functools.partial(pyfric.simulate, progress=False, threads=1)
-STEPS = {"switching": "step_end"}  # as many evaluations in each; located: test_location
+STEPS = {"switching": "step_end"}  # equal evaluations in all steps
 jump = functools.partial(run, fidelity="hybrid", **STEPS)
 step = functools.partial(run, fidelity="dynamic", energies=False, **STEPS)
 
@@ -57,7 +57,7 @@ def both(scene, t_end, geometry, **options):
 
 
 def check_same_events(a, b, force):
-    """Same blocks, and forces within `force` times F_N."""
+    """Check that events have the same blocks, and forces within `force` times F_N."""
     assert len(a.events) == len(b.events)
     for name in ("first_block", "last_block", "nucleation_block", "L_p_over_L", "n_episodes"):
         np.testing.assert_array_equal(b.events[name], a.events[name], err_msg=name)
@@ -68,7 +68,7 @@ def check_same_events(a, b, force):
 
 
 def check_same_curve(a, b, force):
-    """The same points of the curve, and F_T where nothing slips."""
+    """Check that curves have the same points, and the same F_T where nothing slips."""
     t = a.curve["t"].to_numpy()
     np.testing.assert_array_equal(b.curve["t"], t)
     assert (np.diff(t) > 0).all()
@@ -112,11 +112,11 @@ def linear(name):
 
 
 STEPS = {"rod, top driver": {"dt": 1.6e-6}}
-"""Steps with which a block reverses."""
+"""Steps with which a block reverses its slip."""
 
 
 ASKING = {"free, light edge", "free, plate"}
-"""Scenes in which jumps that take less than they spare leave more than half of the steps."""
+"""Scenes in which jumps that pay leave more than half of the steps."""
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -154,7 +154,7 @@ def test_finite_geometry_is_full_dynamics(scene, t_end):
 
 @pytest.mark.usefixtures("cheap_attempts")
 def test_a_stiff_driver_in_finite_geometry_is_full_dynamics():
-    """A step of the driver is 1e-2 F_N/K here; every switch is the same."""
+    """The driver moves by 1e-2 F_N/K in a step; every switch is the same."""
     a, b = both(rod(K=1e9, h=0.0125), 0.02, "finite", accuracy=1e-4)
     assert b.counts["jumps"] > 10
     assert len(a.switches["t"]) > 60
@@ -164,7 +164,7 @@ def test_a_stiff_driver_in_finite_geometry_is_full_dynamics():
 
 
 def test_large_strains_are_full_dynamics():
-    """At a strain of 0.13 jumps are rare, but where a tenth of a percent of F_N is enough."""
+    """At a strain of 0.13 jumps are rare, except at an accuracy of 1e-3 F_N."""
     scene = rod(F_N=12e3, V=0.06)
     a, b = both(scene, 0.037, "finite")
     assert len(a.events) >= 5
@@ -176,7 +176,7 @@ def test_large_strains_are_full_dynamics():
 
 @pytest.mark.usefixtures("cheap_attempts")
 def test_a_jump_in_finite_geometry_lands_where_steps_do():
-    """The tangent changes while the driver goes on: with that of the start, 5e-7 and 2e-7."""
+    """The tangent changes while the driver moves; the initial tangent leaves 5e-7 and 2e-7."""
     scene = rod(V=0.05, K=5e5, F_N=1500.0)
     a, b = both(scene, 5e-3, "finite")
     assert b.counts["jumps"] > 0
@@ -187,7 +187,7 @@ def test_a_jump_in_finite_geometry_lands_where_steps_do():
 
 
 def test_static_forces_of_fast_runs_are_those_of_fresh_solves():
-    """20 steps move the driver by 0.03 F_N/K; paths are as exact as jumps are asked."""
+    """20 steps move the driver by 0.03 F_N/K; paths have the accuracy of jumps."""
     scene = rod(V=0.1)
     record = jump(scene, 0.01, geometry="finite", accuracy=1e-2)
     assert record.counts["jumps"] > 0
@@ -208,7 +208,7 @@ def test_a_chain_is_full_dynamics():
 
 @pytest.mark.usefixtures("cheap_attempts")
 def test_the_scenes_cover_what_they_are_for():
-    """Slip both ways, open blocks, several system-size events."""
+    """The scenes have slip in both directions, open blocks, and several system-size events."""
     light, stick_slip, high = (
         linear(name)[1] for name in ("free, light edge", "free, top driver", "rod, top driver")
     )
@@ -221,7 +221,7 @@ def test_the_scenes_cover_what_they_are_for():
 
 @pytest.mark.usefixtures("cheap_attempts")
 def test_modes_that_do_not_fit_into_memory_are_found_again(monkeypatch):
-    """With room for one set of contact states, the events and forces are the same."""
+    """With memory for only one set of contact states, events and forces are the same."""
     scene, t_end = SCENES["free, plate"]
     kept = linear("free, plate")[1]
     monkeypatch.setattr("pyfric.core.available", lambda: 0.0)
@@ -231,7 +231,7 @@ def test_modes_that_do_not_fit_into_memory_are_found_again(monkeypatch):
 
 
 def test_an_event_that_nucleates_during_ring_down_is_caught():
-    """Fig. 1, after the event at 0.5474 s: the next one comes while the slider still rings."""
+    """After the event of Fig. 1 at 0.5474 s, the next one begins during the ring-down."""
     scene, how = preset("fig1"), {"dt": 7.8e-7}
     first = jump(scene, 0.546, geometry="linear", **how)
     options = {"initial": first.final_state, "geometry": "linear", "t_gap": 1e-5, **how}
@@ -246,7 +246,7 @@ def test_an_event_that_nucleates_during_ring_down_is_caught():
 
 
 def check_equal(a, b, tolerance=REPRODUCED):
-    """Same events, forces to `tolerance` times F_N, and the same curve where it is sampled."""
+    """Check for the same events, forces to `tolerance` F_N, and the same samples of the curve."""
     check_same_events(a, b, tolerance)
     np.testing.assert_allclose(b.events["t_start"], a.events["t_start"], rtol=0, atol=1e-10)
     np.testing.assert_array_equal(b.switches["block"], a.switches["block"])
@@ -262,7 +262,7 @@ def check_equal(a, b, tolerance=REPRODUCED):
     ids=["linear", "finite", "finite, rod"],
 )
 def test_threads_and_variants_make_no_difference(geometry, scene, t_end, monkeypatch):
-    """Measured, on six OpenBLAS kernels: below 1e-12 F_N."""
+    """Differences on six OpenBLAS kernels are below 1e-12 F_N."""
     options = {"geometry": geometry, "sample": 1e-3}
     one = jump(scene, t_end, **options)
     assert len(one.events) > 0
@@ -279,7 +279,7 @@ def test_threads_and_variants_make_no_difference(geometry, scene, t_end, monkeyp
 
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_a_slider_in_the_air_is_stepped_until_it_lands(geometry):
-    """All blocks are open: no static state, and no warning of NumPy."""
+    """All blocks are open: there is no static state, and no warning of NumPy."""
     scene = setup1(L=5e-3, H=2.5e-3, h=2.5e-3)
     state = loaded_state(scene, geometry).state(scene, 1e-7)
     state.y[:, 1] -= state.y[0, 1].min() - 1e-7
@@ -296,7 +296,7 @@ def test_a_slider_in_the_air_is_stepped_until_it_lands(geometry):
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 @pytest.mark.parametrize(("scene", "t_end"), [(rod(), 0.034), (free(), 0.014)], ids=["rod", "free"])
 def test_a_run_in_parts_is_the_whole_run(scene, t_end, geometry, tmp_path):
-    """Cut while nothing slips for long, in an event, and in the ring-down; also through a file."""
+    """The run is cut in a long pause, in an event, and in the ring-down; also through a file."""
     options = {"geometry": geometry, "sample": 2e-4}
     whole = jump(scene, t_end, **options)
     start, stop = (whole.events[name].iloc[0] for name in ("t_start", "t_stop"))
@@ -315,7 +315,7 @@ def test_a_run_in_parts_is_the_whole_run(scene, t_end, geometry, tmp_path):
 
 
 def test_a_run_may_end_in_ring_down():
-    """The last jump leaves forces as accurate as those of events. Runs go on as if not cut."""
+    """After the last jump forces are as accurate as in events; continued runs agree."""
     scene, t_end = preset("fig1", l=5e-3, V=5e-3), 0.06
     whole = jump(scene, t_end, geometry="finite")
     cut = float(whole.events["t_stop"][whole.events["is_main"]].iloc[0]) + 8e-4
@@ -362,7 +362,7 @@ def test_checkpoints_can_be_continued(tmp_path):
 
 
 def test_a_state_after_a_jump_starts_runs():
-    """Of either engine: it is a state like any other."""
+    """Such a state starts runs of either engine."""
     scene = rod()
     first = jump(scene, 0.01, geometry="linear")
     assert first.counts["jumps"] > 0
@@ -373,7 +373,7 @@ def test_a_state_after_a_jump_starts_runs():
 
 
 def test_the_end_may_lie_anywhere():
-    """In a jump, on a sample, at once; no point comes twice."""
+    """The end may be in a jump, on a sample, or at the start; no point comes twice."""
     scene = rod()
     dt = pyfric.step_size(scene, switching="step_end")
     for steps, every in ((10_000, 1000), (10_001, 1000), (64, 1), (1, 1), (0, 1)):
@@ -410,13 +410,13 @@ def test_a_mirrored_scene_gives_the_mirror_image(make, geometry):
     for name in ("F_T_start", "F_T_arrest"):
         np.testing.assert_allclose(right.events[name], left.events[name], rtol=0, atol=limit)
     np.testing.assert_array_equal(right.region, left.region[:, ::-1])
-    # Slow shapes are those of a block of vectors without symmetry; the curve lacks the others.
+    # Slow shapes come from vectors without symmetry, and the curve lacks all other shapes.
     np.testing.assert_allclose(right.curve["F_T"], left.curve["F_T"], rtol=0, atol=CURVE * F_N)
     np.testing.assert_allclose(right.tau_after, left.tau_after[:, ::-1], rtol=0, atol=limit)
 
 
 def test_mirror_images_of_a_pull_differ_by_rounding():
-    """Pulling amplifies it: up to the first event over the whole interface to below 1e-6 F_N."""
+    """Pulling amplifies rounding, to below 1e-6 F_N up to the first system-size event."""
     both = []
     for side in ("pull left", "pull right"):
         scene = pyfric.preset("fig1", l="5 mm", side=side)
@@ -428,7 +428,7 @@ def test_mirror_images_of_a_pull_differ_by_rounding():
     np.testing.assert_array_equal(left[names], right[names])
     np.testing.assert_allclose(left["F_T_start"], right["F_T_start"], atol=1e-6 * 3500.0)
     assert (left["is_main"] & left["is_precursor"]).sum() == 17
-    assert left["F_T_start"].iloc[0] < 0.07 * 3500.0  # pushed: 0.115
+    assert left["F_T_start"].iloc[0] < 0.07 * 3500.0  # if pushed, 0.115
 
 
 def test_doubling_load_and_speed_doubles_a_whole_run():
@@ -450,10 +450,10 @@ def test_doubling_load_and_speed_doubles_a_whole_run():
     [(rod, 0.04, 0.0), (rod, 0.04, 1e-2), (free, 0.015, 1e-6), (free, 0.015, 1e-3)],
 )
 def test_without_viscosity_the_run_is_stepped(make, t_end, eta):
-    """Jumps are rare there, and safe: the events are those of full dynamics."""
+    """Without viscosity jumps are rare, and events are those of full dynamics."""
     scene = make(eta=eta)
     a, b = both(scene, t_end, "linear")
-    check_same_events(a, b, 10 * FORCE)  # what is dropped does not die away
+    check_same_events(a, b, 10 * FORCE)  # dropped motion does not decay
 
 
 ODD = {
@@ -490,7 +490,7 @@ def test_odd_scenes_are_full_dynamics_too(name):
 
 @pytest.mark.parametrize("name", ODD)
 def test_odd_scenes_run_in_finite_geometry(name):
-    """They end, with numbers, or with an error that pyfric explains."""
+    """The runs end with finite numbers, or with a documented error."""
     scene, t_end = ODD[name]
     try:
         record = jump(scene, t_end / 3, geometry="finite")
@@ -521,7 +521,7 @@ def test_a_slider_that_never_rests_is_noted():
 
 
 def test_fig1_takes_few_steps():
-    """The paper's first scene: less than half a percent of the steps."""
+    """The Fig. 1 scene takes less than half a percent of the steps."""
     record = jump(preset("fig1"), 0.9, geometry="linear")
     assert record.counts["steps_spared"] > 200 * record.counts["steps"]
     assert record.events["is_main"].sum() == 13
@@ -529,7 +529,7 @@ def test_fig1_takes_few_steps():
 
 
 def test_a_slow_clock_changes_nothing(monkeypatch):
-    """Where a call of the core ends, and with it a jump, does not depend on a busy machine."""
+    """The ends of calls of the core, and so of jumps, do not depend on the clock."""
     quick = pyfric.simulate(rod(V=5e-3), 0.0135, fidelity="hybrid", progress=False)
     assert min(len(quick.events), quick.counts["jumps"]) > 0
     clock = itertools.count(0.0, 10.0)

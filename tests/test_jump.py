@@ -1,4 +1,4 @@
-"""Jumps: what they depend on, what they leave, and what they take."""
+"""Jumps: their inputs, their errors, and their cost."""
 
 import functools
 from types import SimpleNamespace
@@ -21,7 +21,7 @@ DT = 0.3 * stability_limit(SCENE)[0]
 
 
 def linearised(geometry):
-    """Return the modes of the loaded slider, its static state, and its velocities under a blow."""
+    """Return the modes of the loaded slider, its static state, and velocities after a blow."""
     solver = StaticSolver(SCENE, geometry)
     modes = modes_of(space.Space(solver, ~solver.loaded.open), DT)
     q = solver.coordinates(solver.loaded.u, solver.loaded.rod)
@@ -51,7 +51,7 @@ def landed(modes, start, v, steps):
 
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_a_jump_does_not_depend_on_those_before(geometry):
-    """The other jump is shorter, so that more modes count at its end; the bits are the same."""
+    """A shorter jump before, with more modes, does not change the bits."""
     modes, start, v = linearised(geometry)
     first = landed(modes, start, 1e-6 * v, 20_000)
     other = landed(modes, start, 1e-6 * v, 4_000)
@@ -62,7 +62,7 @@ def test_a_jump_does_not_depend_on_those_before(geometry):
 
 
 def test_corrections_that_diverge_are_given_up(monkeypatch):
-    """Errors grow with each correction: the second one ends the attempt, whose path is whole."""
+    """If errors grow with each correction, the second one ends the attempt."""
     modes, start, v = linearised("finite")
     jump, found, calls = begun(modes, start, 1e-6 * v, least=4_000), Jump._landed, []
     path = jump.path
@@ -79,7 +79,7 @@ def test_corrections_that_diverge_are_given_up(monkeypatch):
 
 
 def test_the_truncated_part_ends_no_jump_once_it_has_faded():
-    """A jump ends at the step of the slider without it, unless it is loud up to the end."""
+    """A faint truncated part does not shorten a jump; a strong one does."""
     solver = StaticSolver(setup1(L=0.02, H=0.0125, F_N=400.0, V=0.02), "linear")
     modes = modes_of(space.Space(solver, ~solver.loaded.open, modes=3), DT)
     _, start, v = linearised("linear")
@@ -97,7 +97,7 @@ def test_the_truncated_part_ends_no_jump_once_it_has_faded():
 
 
 def test_errors_count_when_the_next_event_begins():
-    """Where only the run ends, they ring down until then; not where a piece of a protocol ends."""
+    """Errors may ring down until the next event, except at the end of a piece of a protocol."""
     modes, start, v = linearised("finite")
     v = modes.space.B @ (modes.space.B.T @ (modes.space.M * v))
 
@@ -110,7 +110,7 @@ def test_errors_count_when_the_next_event_begins():
     assert landing.jump._due(1000, 10**6) > 20 * 1000 * DT
     assert not isinstance(end(1000), Landing)
     assert not isinstance(end(1001), Landing)
-    assert not isinstance(end(10**6, loose=None), Landing)  # the end is as accurate as any landing
+    assert not isinstance(end(10**6, loose=None), Landing)  # the end has the accuracy of a landing
 
 
 def test_landings_are_predicted_again_in_finite_geometry_only(monkeypatch):
@@ -126,7 +126,7 @@ def test_landings_are_predicted_again_in_finite_geometry_only(monkeypatch):
 
 
 def test_errors_of_rates_fall_as_a_wait_assumes():
-    """From a jump that begins a little later."""
+    """A jump that begins a little later shows the decay."""
     rng, s, later = np.random.default_rng(0), 1e-3, 1e-8
     off, gaps = rng.random(5), rng.normal(size=(4, 5)) + 1j * rng.normal(size=(4, 5))
     a, growth = rng.normal(size=5) + 0j, -rng.uniform(1e2, 1e4, 5) + 1e4j
@@ -154,7 +154,7 @@ LATE_ERRORS = {
     ),
     "a fast mode that excites a slow one": (setup2(k_f=4.6875e5, **HEAVY), 0.023, "finite"),
 }
-"""Scenes in which modes leave more than at the end of a jump: scene, t_end, geometry."""
+"""Scenes with larger errors after than at the end of a jump: scene, t_end, geometry."""
 
 
 @pytest.mark.parametrize("name", LATE_ERRORS)
@@ -171,7 +171,7 @@ def test_what_modes_leave_during_a_jump_is_estimated(name):
 
 @pytest.mark.parametrize("wrong", [False, True])
 def test_a_slow_driver_is_no_slower(wrong, monkeypatch):
-    """5e8 steps between events. If the prediction is bad on purpose, jumps are halved."""
+    """There are 5e8 steps between events; with a deliberately bad prediction jumps are halved."""
     if wrong:
         start = space.Space.drift.func
         monkeypatch.setattr(space.Space.drift, "func", lambda of: 300.0 * start(of))

@@ -24,14 +24,14 @@ from pyfric.statics import loaded_state, stability_limit
 
 @pytest.fixture(scope="module")
 def steady():
-    """A block after steady sliding at q = v t_R/u_s, t_R exponential, and F/p on the last 2 u_s."""
+    """Return a block after steady sliding at q = v t_R/u_s, and F/p on the last 2 u_s."""
 
     @functools.cache
     def made(q, distance):
         block, v = Dragged(1e-3, 1e-3, t_R_distribution="gamma", stretch=1.0), q * U_S / 1e-3
         fine, block.STEPS = block.STEPS, 80
         block.slide(v, distance - 2, every=16)
-        block.STEPS = fine  # over 2 u_s all break again, in short steps
+        block.STEPS = fine  # short steps over 2 u_s, in which all break again
         ratio = block.slide(v, 2, every=40).mean()
         return block, block.state, ratio
 
@@ -47,14 +47,14 @@ def steady():
     ("q", "distance"), [pytest.param(1.0, 6, marks=pytest.mark.slow), (4.0, 5)]
 )
 def test_steady_friction_falls_with_speed(steady, q, distance):
-    """F/p = (mu_s/2 + mu_d q)/(1 + q), q = v t_R/u_s, for times t_R of any distribution."""
+    """F/p = (mu_s/2 + mu_d q)/(1 + q), q = v t_R/u_s, for any distribution of t_R."""
     block, ratio = steady(q, distance)
     assert ratio == pytest.approx((MU_S / 2 + MU_D * q) / (1 + q), abs=1e-3)
     assert block.pinned() == pytest.approx(1 / (1 + q), abs=5e-3)
 
 
 def test_slipping_share_from_all_pinned():
-    """Breaks at (n + 1) t_p after n draws each, until n + 1 of them have ended."""
+    """Break n of a junction comes n t_p plus n - 1 times of slip after the start."""
     t_R, std, v = 1e-3, 0.3e-3, 1e-3
     block, t_p = Dragged(t_R, std), U_S / v
 
@@ -67,7 +67,7 @@ def test_slipping_share_from_all_pinned():
 
 
 def test_first_peak_is_twice_steady_friction_without_time_of_slip():
-    """Equal thresholds: mu_s p at first, mu_s p/2 in the mean (Farkas, Dahmen, Wolf 2005)."""
+    """Equal thresholds give mu_s p at first, mu_s p/2 in the mean (Farkas, Dahmen, Wolf 2005)."""
     block = Dragged(0.0, n_s=50)
     ratio = block.slide(1e-3, 4.0, every=1)
     assert ratio.max() == pytest.approx(MU_S, rel=1.01 / Dragged.STEPS)
@@ -75,7 +75,7 @@ def test_first_peak_is_twice_steady_friction_without_time_of_slip():
 
 
 def test_a_bundle_of_unequal_junctions_breaks_from_the_weakest_on():
-    """F/p = mu_s y S(y) + mu_d (1 - S(y)) at first, with S the share of c_j > y, uniform."""
+    """At first F/p = mu_s y S(y) + mu_d (1 - S(y)), with S the share of c_j > y."""
     half = 0.5
     block = Dragged(10.0, n_s=2000, u_s_spread=half)
     c, y = block.scene.law.kind.factors, np.arange(1, 641) / Dragged.STEPS
@@ -90,7 +90,7 @@ def test_a_bundle_of_unequal_junctions_breaks_from_the_weakest_on():
 
 @pytest.mark.parametrize("switching", ["step_end", "located"])
 def test_each_junction_breaks_at_its_own_stretch(switching):
-    """A located break is exact, and one at a step end at most one step late."""
+    """Located breaks are exact; breaks at step ends are at most one step late."""
     block, y = Dragged(10.0, n_s=4, u_s_spread=0.8), np.array([0.4, 0.8, 1.2, 1.6])
     np.testing.assert_allclose(np.sort(block.scene.law.kind.factors), y)
     n, state = 100, block.state.with_dt(1e-5)
@@ -105,7 +105,7 @@ def test_each_junction_breaks_at_its_own_stretch(switching):
 
 
 def test_unequal_junctions_slide_as_their_cycles_say():
-    """F/p = mean of (mu_s c^2/2 + mu_d q)/(c + q): a cycle is c u_s of pull and v t_R of slip."""
+    """F/p is the mean of (mu_s c^2/2 + mu_d q)/(c + q): c u_s of pull, then v t_R of slip."""
     q, v = 1.0, 1e-3
     block = Dragged(q * U_S / v, n_s=200, u_s_spread=0.6)
     block.STEPS = 50
@@ -117,12 +117,12 @@ def test_unequal_junctions_slide_as_their_cycles_say():
 
 
 def mean_field(moves, cells, pins):
-    """Return F/p after each step of the mean field: pinned measure over stretches, slipping by age.
+    """Return F/p after each step of the mean field: pinned junctions by stretch, slipping by age.
 
     Args:
-        moves: for each step whether the block moves by u_s/cells, or rests.
-        cells: of stretches up to u_s.
-        pins: share of slipping junctions that pin so many steps after their break, from 0 on.
+        moves: for each step, whether the block moves by u_s/cells; otherwise it rests.
+        cells: number of cells of stretches up to u_s.
+        pins: share of slipping junctions that pin 0, 1, 2, ... steps after their break.
     """
     pinned, slipping, found = np.zeros(cells + 1), 0.0, []
     pinned[0], due = 1.0, np.zeros(len(moves) + len(pins))
@@ -138,7 +138,7 @@ def mean_field(moves, cells, pins):
 
 
 def test_slides_and_holds_are_those_of_the_mean_field():
-    """1e4 junctions, in slides and holds that no closed form covers."""
+    """1e4 junctions go through slides and holds without a closed form."""
     t_R, cells, v = 1e-3, 200, 1e-3
     dt, block = U_S / v / cells, Dragged(t_R, 0.3e-3, n_s=3334)
     x = (np.arange(801) * dt - t_R) / 0.3e-3 + 6
@@ -163,14 +163,14 @@ def test_hold_relaxes_while_junctions_pin(steady):
 
 
 def test_slide_after_hold_peaks_by_the_speed_of_the_slide_before(steady):
-    """F(y)/p = (1 - w) mu_s y + w [mu_s (1 - y^2)/2 + mu_d y], y up to 1, so fast that none pins.
+    """F(y)/p = (1 - w) mu_s y + w [mu_s (1 - y^2)/2 + mu_d y] for y <= 1: no junction pins.
 
     Its peak is at y* = min(1, (1 - w)/w + mu_d/mu_s).
     """
     block, _ = steady(4.0, 5)
     w = block.pinned()
     assert w == pytest.approx(0.2, abs=5e-3)
-    block.move(0.0, 1, 20e-3)  # exp(-20) of the junctions slip on
+    block.move(0.0, 1, 20e-3)  # only exp(-20) of the junctions still slip
     ratio = block.slide(1.0, 0.975)
     y = np.arange(1, len(ratio) + 1) * 10 / Dragged.STEPS
     exact = (1 - w) * MU_S * y + w * (MU_S * (1 - y**2) / 2 + MU_D * y)
@@ -183,7 +183,7 @@ FAST = {"n_s": 12, "t_R": 2e-5, "t_R_std": 8e-6, "seed": 3}
 
 
 def small(kind="free", **changes):
-    """A lattice on junctions that rupture, pin and rupture again within a millisecond."""
+    """Return a lattice on junctions that rupture, pin and rupture again within 1 ms."""
     law = Junctions(u_s=4e-7, **FAST)
     own = {"mu_s": 0.6, "mu_k": 0.2, "law": law, "V": 5.0} | changes
     if kind == "rod":
@@ -196,7 +196,7 @@ def begin(scene, geometry, dt):
 
 
 def follows_twin(scene, geometry, state, n):
-    """Make n steps beside the twin, compare all, and return the contact states after each step."""
+    """Make n steps of core and twin, compare them, and return the contact states after each."""
     dt = state.dt
     of = dataclasses.replace(scene.interface.law, C=float(scene.law.C), u_s=None)
     twin = Twin(of, 0.6, 0.2, scene.n_of_i, np.zeros(scene.N_x))
@@ -220,15 +220,15 @@ def follows_twin(scene, geometry, state, n):
 
 @pytest.mark.parametrize(("geometry", "side"), [("linear", "left"), ("finite", "right")])
 def test_lattice_is_that_of_the_twin(side, geometry):
-    """Anchors, breaks, times of release, and motion, through ruptures."""
+    """Anchors, breaks, times of release and motion agree through ruptures."""
     scene = small(side=side)
     state = begin(scene, geometry, 3e-7)
     follows_twin(scene, geometry, state, 300)
-    assert state.breaks.max() >= 2  # some pinned and broke again
+    assert state.breaks.max() >= 2  # some junctions pinned and broke again
 
 
 def test_shaken_lattice_is_that_of_the_twin():
-    """Blocks turn back, lift off and touch again."""
+    """Core and twin agree while blocks turn back, lift off and touch again."""
     scene = small(V=0.0, F_N=100.0)
     state = begin(scene, "linear", 3e-7)
     state.y[:, 2:] = 0.8 * np.random.default_rng(5).standard_normal(state.y[:, 2:].shape)
@@ -240,7 +240,7 @@ def test_shaken_lattice_is_that_of_the_twin():
 
 
 def test_times_of_slip_are_drawn_by_counter():
-    """mean + std (sum of 12 uniform numbers - 6), by seed, block, junction and break."""
+    """A time is mean + std (sum of 12 uniform numbers - 6), by seed, block, junction, break."""
     scene = small(side="right")
     state = begin(scene, "linear", 3e-7)
     before, found = state.copy(), 0
@@ -282,7 +282,7 @@ def test_bits_do_not_depend_on_threads_and_builds(switching, stepper):
 
 @pytest.mark.parametrize("switching", ["step_end", "located"])
 def test_runs_go_on_in_the_middle_of_a_rupture(switching, tmp_path):
-    """What sums over pinned junctions is made anew when a state is read, with the same bits."""
+    """Sums over pinned junctions are computed again after reading a state, with equal bits."""
     scene = small("rod")
     whole = begin(scene, "finite", 3e-7)
     advance(scene, "finite", whole, 500, switching=switching)
@@ -299,7 +299,7 @@ def test_runs_go_on_in_the_middle_of_a_rupture(switching, tmp_path):
 @pytest.mark.parametrize("switching", ["step_end", "located"])
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_energy_is_conserved_with_the_work_of_the_stiffness(geometry, switching):
-    """k_j follows p: without that work, the budget misses more."""
+    """k_j follows p; without the work of its change the budget error is larger."""
     how = {"fidelity": "dynamic", "geometry": geometry, "switching": switching, "energies": True}
     how |= {"dt": 1e-7, "verify": "none", "sample": 1e-6}
     record = pyfric.simulate(small("rod"), 3e-4, **how)
@@ -310,7 +310,7 @@ def test_energy_is_conserved_with_the_work_of_the_stiffness(geometry, switching)
 
 
 def test_located_steps_keep_the_order_of_the_stepper():
-    """Breaks and releases are located, and where junctions begin to be dragged: order 4."""
+    """Breaks, releases and starts of dragging are located, so that the order is 4."""
     scene = small(law=Junctions(n_s=4, u_s=4e-7, t_R=2e-5, t_R_std=4e-6, stretch=0.3))
     ends, T = [], 1.2e-4
     for steps in (300, 600, 1200, 9600):
@@ -329,7 +329,7 @@ def test_located_steps_keep_the_order_of_the_stepper():
 
 @pytest.mark.parametrize("stepper", ["rk4", "verlet", "symplectic_euler"])
 def test_step_limit_is_that_of_the_stiffness_of_junctions(stepper):
-    """Stiff junctions that never break: stable just below the limit, and not above."""
+    """Stiff junctions that never break are stable just below the limit, unstable above."""
     law = Junctions(n_s=10, C=1e16, t_R=1e-3)
     scene = chain(L=0.01, law=law, mu_s=1e6, mu_k=0.0, V=0.0)
     limit, _ = stability_limit(scene, stepper)
@@ -397,7 +397,7 @@ def test_values_are_refused(name, values):
 
 
 def test_fields_may_vary_along_the_interface(tmp_path):
-    """A list and a `Spread`: kept by scene files and records, and drawn once."""
+    """Scene files and records keep a list and a `Spread`, which is drawn once."""
     t_R = pyfric.Spread(mean=2e-5, std=2e-6)
     u_s = tuple(np.linspace(3e-7, 5e-7, 6))
     scene = small(law=Junctions(n_s=6, u_s=u_s, t_R=t_R), side="right")
@@ -412,7 +412,7 @@ def test_fields_may_vary_along_the_interface(tmp_path):
 
 
 def test_records_go_on_and_say_what_ruptured(tmp_path):
-    """A run to the end is one that was saved, read and gone on with; events reach over blocks."""
+    """A run equals one that was saved, read and continued; events cover ruptured blocks."""
     scene, how = small("rod"), {"fidelity": "dynamic", "verify": "none", "t_gap": 2e-5}
     whole = pyfric.simulate(scene, 3e-4, **how)
     half = pyfric.simulate(scene, 1.3e-4, **how)
@@ -426,13 +426,13 @@ def test_records_go_on_and_say_what_ruptured(tmp_path):
 
 @pytest.fixture(scope="module")
 def ruptured():
-    """A run with a rupture of the whole interface."""
+    """Return a run with a rupture of the whole interface."""
     how = {"fidelity": "dynamic", "verify": "none", "sample": 4e-7, "t_gap": 2e-5, "dt": 2e-7}
     return pyfric.simulate(small("rod", side="right"), 3e-4, **how)
 
 
 def test_motion_is_that_of_the_state(ruptured):
-    """At each point of the curve; the last one is the final state."""
+    """Motion is recorded at each point of the curve; the last point is the final state."""
     motion, state = ruptured.motion, ruptured.final_state
     assert {name: values.shape for name, values in motion.items()} == dict.fromkeys(
         ("pinned", "u_x", "v_x", "f"), (len(ruptured.curve), ruptured.scene.N_x)
@@ -443,7 +443,7 @@ def test_motion_is_that_of_the_state(ruptured):
 
 
 def test_blocks_are_ruptured_while_few_junctions_are_pinned(ruptured):
-    """Episodes begin where the share falls below 30 %, and end where it is back."""
+    """Episodes begin when the share falls below 30 %, and end when it returns."""
     t, pinned = ruptured.curve["t"].to_numpy(), ruptured.motion["pinned"]
     ended = ruptured.episodes[ruptured.episodes["t_stop"].notna()]
     assert len(ended) > 2
@@ -471,7 +471,7 @@ def test_picture_shows_the_share_of_pinned_junctions(ruptured):
 
 
 def test_strips_and_films_run_the_event_again(ruptured):
-    """On junctions from the start, with the same bits."""
+    """On junctions the event is run again from the start, with the same bits."""
     event = int(ruptured.events["n_blocks"].idxmax())
     (frame,) = event_frames(ruptured, event, [2.9e-4])
     at = int(np.abs(ruptured.curve["t"] - frame.t).argmin())
@@ -481,7 +481,7 @@ def test_strips_and_films_run_the_event_again(ruptured):
 
 
 def test_breaks_are_located_because_step_ends_change_events():
-    """At half the stability limit, events are those of a fourth of the step only if located."""
+    """At half the limit, events are those of a fourth of the step if breaks are located."""
     scene = pyfric.preset("slow", L=0.03, H=0.015, t_R_std=0.0, V=0.01, n_s=20, F_N=411.0)
     how = {"fidelity": "dynamic", "geometry": "linear", "sample": 1e-4, "progress": False}
     how["t_gap"] = 3e-4  # pauses are 0.23 ms and 1.35 ms

@@ -15,16 +15,16 @@ from pyfric.statics.lattice import Bonds, assembled, spring_forces, spring_tange
 from pyfric.statics.operators import coordinates
 
 STEP = (-1e-3, 0.0, 1e-3)
-"""Places on a line for differences, over its rate."""
+"""Positions on a line for differences."""
 
 
 def small_scene(**changes) -> Scene:
-    """Setup 2 with 7 x 5 blocks."""
+    """Return setup 2 with 7 x 5 blocks."""
     return setup2(**{"L": 6e-3, "H": 4e-3} | changes)
 
 
 def small_rod(**changes) -> Scene:
-    """Setup 1 with 7 x 5 blocks."""
+    """Return setup 1 with 7 x 5 blocks."""
     return setup1(**{"L": 0.015, "H": 0.01} | changes)
 
 
@@ -34,14 +34,14 @@ def displacements(scene: Scene, size: float, seed: int = 1) -> np.ndarray:
 
 
 def forces_of(scene: Scene, geometry: str):
-    """The function from displacements to forces of the springs that statics takes."""
+    """Return the function of statics from displacements to forces of springs."""
     if geometry == "finite":
         return core.bond_forces(scene, geometry)
     return functools.partial(spring_forces, bonds(scene))
 
 
 def finite_forces(lattice: Bonds, u: np.ndarray) -> np.ndarray:
-    """Forces of the springs of any lattice in finite geometry; the core has the square one."""
+    """Return forces of springs of any lattice in finite geometry; the core has the square one."""
     du, d = np.array([D @ u.ravel() for D in lattice.difference]), lattice.d.T
     r = np.hypot(*(d + du))
     pull = lattice.k * np.sum(du * (2 * d + du), axis=0) / (r + lattice.l) * (d + du) / r
@@ -49,7 +49,7 @@ def finite_forces(lattice: Bonds, u: np.ndarray) -> np.ndarray:
 
 
 def tangent(lattice: Bonds, u: np.ndarray, geometry: str) -> sp.csr_array:
-    """The derivative of minus the forces of the springs."""
+    """Return the derivative of minus the forces of the springs."""
     if geometry == "linear":
         return spring_stiffness(lattice)
     du = [D @ u.ravel() for D in lattice.difference]
@@ -67,7 +67,7 @@ def neighbours(scene: Scene):
 
 
 def twin_forces(scene: Scene, u: np.ndarray, geometry: str) -> np.ndarray:
-    """Spring forces as the paper writes them, one bond after the other."""
+    """Return spring forces by the paper's formula, bond by bond."""
     F, l = np.zeros_like(u), scene.slider.l
     for (j, i), (J, I), k in neighbours(scene):
         d = np.array([(I - i) * l, (J - j) * l])
@@ -114,7 +114,7 @@ def test_spring_forces_are_those_of_the_paper(scene, geometry):
 
 
 def test_finite_forces_keep_their_digits_at_tiny_strain():
-    """The difference to the linear geometry falls with the square of the displacements."""
+    """The difference from linear geometry falls with the square of the displacements."""
     scene = small_scene()
     u, difference = displacements(scene, 1.0), []
     for size in (1e-3, 1e-6):
@@ -135,7 +135,7 @@ def test_stiffness_is_the_derivative_of_the_forces(geometry):
 
 @pytest.mark.parametrize("scene", [small_scene(), small_rod()])
 def test_forces_bend_along_a_line_as_finite_forces_do(scene):
-    """The second derivative along a line, against differences of the forces of the core."""
+    """The second derivative along a line agrees with differences of forces of the core."""
     solver = StaticSolver(scene, "finite")
     T, l = coordinates(scene), scene.slider.l
     q, rate = 1e-2 * l * np.random.default_rng(3).standard_normal((2, T.shape[1]))
@@ -153,7 +153,7 @@ def test_forces_bend_along_a_line_as_finite_forces_do(scene):
 
 @pytest.mark.parametrize("scene", [small_rod(), small_scene()], ids=["rod", "free"])
 def test_assembled_matrices_are_sums_over_the_bonds(scene):
-    """In coordinates: 2 x 2 matrices of bonds in plain loops, and what holds each coordinate."""
+    """The matrices in coordinates agree with plain loops over bonds and springs to the ground."""
     lattice, T = bonds(scene), coordinates(scene)
     of_bonds = np.random.default_rng(0).standard_normal((3, len(lattice.a)))
     held = np.arange(1.0, T.shape[1] + 1)
@@ -186,7 +186,7 @@ def test_finite_bonds_ignore_a_rigid_rotation():
 
 
 def test_affine_strain_gives_isotropic_plane_stress():
-    """sigma = (E B/(1 - nu^2)) (...) with nu = 1/3, E B = 4k/3, from the bonds of one cell."""
+    """The bonds of one cell give the stress of plane stress with nu = 1/3, E B = 4k/3."""
     scene = small_scene()
     lattice, l, k = bonds(scene), scene.slider.l, scene.slider.k
     centre = 2 * scene.N_x + 3  # an inner block; its 8 bonds share their work with a neighbour
@@ -206,10 +206,10 @@ def test_affine_strain_gives_isotropic_plane_stress():
 
 
 def test_pulled_strip_has_the_modulus_and_the_poisson_ratio():
-    """A strip between rollers, far from its ends: nu = 1/3, force = strain (4k/3 (N_x-1) l + k l).
+    """A strip between rollers has nu = 1/3 and force = strain (4k/3 (N_x-1) l + k l).
 
-    Springs on the edges have full stiffness, twice the share of a lattice cell: each of the two
-    edges adds k/2 per bond, and the lateral strain stays uniform.
+    Springs on the edges have full stiffness, twice the share of a lattice cell. Each of the two
+    edges adds k/2 per bond, and the lateral strain is uniform.
     """
     scene = setup2(L=8e-3, H=64e-3)
     N_x, N_z, l, k = scene.N_x, scene.N_z, scene.slider.l, scene.slider.k
@@ -235,7 +235,7 @@ def test_pulled_strip_has_the_modulus_and_the_poisson_ratio():
 
 
 def triangular(N_x: int, N_z: int, l: float, k: float) -> tuple[Bonds, np.ndarray]:
-    """Return the bonds of a triangular lattice, and where its blocks are, shape (N_z, 2, N_x)."""
+    """Return the bonds of a triangular lattice, and its block positions, shape (N_z, 2, N_x)."""
     j, i = np.mgrid[:N_z, :N_x]
     at = np.stack([i + (j % 2) / 2, j * math.sqrt(0.75)], axis=1) * l
     found = []
@@ -256,7 +256,7 @@ def triangular(N_x: int, N_z: int, l: float, k: float) -> tuple[Bonds, np.ndarra
 
 
 def test_another_lattice_is_another_list_of_bonds():
-    """Triangles: nu = 1/3 and E B = 2 k/sqrt(3); only rigid motions cost nothing."""
+    """A triangular lattice has nu = 1/3, E B = 2 k/sqrt(3); only rigid motions need no energy."""
     l, k = 2e-3, 1e7
     lattice, at = triangular(7, 6, l, k)
     K = spring_stiffness(lattice).toarray()

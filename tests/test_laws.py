@@ -1,4 +1,4 @@
-"""Friction laws as tables: each against an independent solution of the same equation."""
+"""Friction laws as tables, each compared with an independent solution of the same equation."""
 
 import dataclasses
 import math
@@ -25,7 +25,7 @@ KINDS = {
     for name, kind in laws.KINDS.items()
     if kind not in WITHOUT_REST
 }
-"""Laws that are tables; those of `test_junctions` are not."""
+"""Laws that are tables; junctions have tests of their own."""
 LAWS = KINDS | {"viscous": {"alpha": 40.0, "d_c": 0.0}}
 
 
@@ -42,7 +42,7 @@ def located(scene, state, n):
 
 
 def curve(table, nothing):
-    """The table as a function of one number."""
+    """Return the table as a function of one number."""
     return (lambda x: nothing) if table is None else (lambda x: np.interp(x, table.x, table.y))
 
 
@@ -66,7 +66,7 @@ def one_block(scene, v, t):
 
 @pytest.mark.parametrize("name", LAWS)
 def test_a_block_slips_as_solve_ivp_sees_it(name):
-    """At the order of the stepper, across all knots."""
+    """The motion agrees to the order of the stepper, across all knots."""
     scene = with_law(rigid(0.3 * SLOPE), **LAWS[name])
     v = 1.2 * D_C * math.sqrt(SLOPE / scene.m)
     t = 3 * D_C / v
@@ -84,7 +84,7 @@ def test_a_block_slips_as_solve_ivp_sees_it(name):
 
 @pytest.mark.parametrize("name", LAWS)
 def test_a_block_beside_stuck_ones_slips_like_one_of_many(name):
-    """Bonds are next to nothing: 2e-12 N over the whole slip."""
+    """Bonds are negligible: 2e-12 N over the whole slip."""
     many = with_law(rigid(0.3 * SLOPE), **LAWS[name])
     many = dataclasses.replace(many, slider=dataclasses.replace(many.slider, k=1e-6, eta=0.0))
     tau = P * MU_S * np.array([0.9, 0.9, 1.0])
@@ -112,7 +112,7 @@ def test_linear_weakening_is_the_closed_form(name):
 
 @pytest.mark.parametrize("name", KINDS)
 def test_energy_closes_with_every_kind(name):
-    """At the order of the stepper; heat by mu_k p alone, by weakening and by alpha apart."""
+    """The budget closes to the order of the stepper, with separate parts of the heat."""
     scene = setup1(L=0.01, H=0.005, F_N=200.0, V=0.3)
     scene = with_law(scene, d_c=1e-6, alpha=3.0, **KINDS[name])
     how = {"fidelity": "dynamic", "geometry": "linear", "sample": 2e-5, "progress": False}
@@ -165,7 +165,7 @@ def test_the_exponential_is_followed():
 def slide_hold_slide(law):
     """Return the times of rest (s) of a driven block, and mu at the end of each.
 
-    It is held for three times, and driven again after each.
+    The driver holds three times, and moves again after each hold.
     """
     K, V, heavy = 1e6, 0.05, (P, 1e7, 1e7)
     scene = with_law(chain(L=5e-3, p=heavy, k=1e3, K=K, V=V, eta=5.0, M=3e-3), law=law)
@@ -207,7 +207,7 @@ def test_slide_hold_slide_heals_exponentially():
 
 
 def changed_speed(state, old, new):
-    """Return the state with a driver of another speed that is where it was."""
+    """Return the state for a driver with another speed at the same position."""
     state = state.copy()
     state.u_drv0 += (old - new) * state.t
     return state
@@ -224,7 +224,7 @@ def changed_speed(state, old, new):
     ],
 )
 def test_fronts_of_the_viscous_chain_have_the_exact_speed(v, alpha, eta):
-    """Wiener-Hopf; a front at 14 % of c among them."""
+    """Speeds are those of Wiener-Hopf theory; the slowest is 14 % of c."""
     mu_s, mu_k, p, n, released = 0.7, 0.45, 10.0, 320, 20
     taubar = float(theory.chain_prestress(v, alpha, eta))
     tau = p * (mu_k + taubar * (mu_s - mu_k))
@@ -295,7 +295,7 @@ def test_tables_follow_functions_with_equal_values_at_quarters(periods):
 
 
 def test_a_law_of_ones_own_takes_ten_lines():
-    """The page's own code."""
+    """The code is that of the page."""
     page = (Path(__file__).parents[1] / "docs" / "laws.md").read_text(encoding="utf-8")
     code = page[page.index("```python\n") + 10 :].split("```")[0]
     assert sum(bool(line.strip()) for line in code.splitlines()) <= 10
@@ -317,7 +317,7 @@ CSV = "# of a test\nslip (um), mu\n0, 0.7\n\n0.5, 0.6\n3, 0.45\n"
 
 
 def csv_scene(folder, content, name="friction.csv", table="slide"):
-    """The scene file of the default chain under a law from a CSV file in a folder below it."""
+    """Return the scene file of the default chain, with a law from a CSV file in a subfolder."""
     (folder / "laws").mkdir(exist_ok=True)
     (folder / "laws" / name).write_text(content)
     law = f'\n[interface.law]\nkind = "table"\n{table} = "laws/{name}"\n'
@@ -365,7 +365,7 @@ def test_scene_files_name_tables_and_records_hold_them(tmp_path, monkeypatch):
 
 @pytest.fixture
 def offer(tmp_path, monkeypatch):
-    """Make a package that offers laws, as it lies in site-packages."""
+    """Make an installed package that offers laws."""
     monkeypatch.syspath_prepend(tmp_path)
 
     def made(package, **laws):
@@ -387,7 +387,7 @@ def test_a_law_of_another_package_is_found_by_its_name(offer):
     law = laws.named("granite")
     assert law == laws.named("marble") == laws.TabulatedLaw(**columns)
     scene = pyfric.preset("fig1", law=law)
-    assert pyfric.Scene.from_toml(scene.to_toml()) == scene  # without the package
+    assert pyfric.Scene.from_toml(scene.to_toml()) == scene  # works without the package
 
 
 def test_laws_that_packages_do_not_offer_are_refused(offer):

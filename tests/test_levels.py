@@ -1,4 +1,4 @@
-"""Levels of a scene: what each differs in, what is left out, and what they cost."""
+"""Levels of a scene: their differences, omitted levels, and their cost."""
 
 import dataclasses
 import itertools
@@ -64,7 +64,7 @@ def left_out(scene, engine, **options):
 
 
 def test_levels_of_the_fig1_scene():
-    """The table of the module."""
+    """The levels are those of the table in the module."""
     scene = preset("fig1")
     h = 0.47 * stability_limit(scene, "rk46")[0]
     for tolerance, first, steps in (
@@ -129,7 +129,7 @@ def test_options_that_were_given_hold_for_what_is_returned():
 
 
 def test_first_steps_leave_the_same_error():
-    """Of both steppers; others, and switches at step ends, begin at half of their limit."""
+    """Both steppers leave the same error; other methods begin at half of their limit."""
     for scene in (preset("fig1"), preset("fig1", eta=0.0), chain()):
         stepper = default_stepper(scene)
         error, order = {"rk46": (1e-6, 6), "rk46_waves": (1e-5, 4)}[stepper]
@@ -183,7 +183,7 @@ def test_levels_that_cannot_run_say_why():
 
 
 def test_linear_geometry_is_left_out_under_loads_that_bend_too_much():
-    """Its error is of the order of strains, which grow with the load."""
+    """The error of linear geometry is of the order of strains, which grow with the load."""
     errors = [rotation(preset("fig1", F_N=F_N)) for F_N in (350.0, 3500.0)]
     assert errors[1] == pytest.approx(10 * errors[0], rel=1e-6)
     for tolerance, geometry in ((0.9 * errors[1], "finite"), (1.1 * errors[1], "linear")):
@@ -197,7 +197,7 @@ def test_linear_geometry_is_left_out_under_loads_that_bend_too_much():
     [("fig1", {}, 0.9), ("fig1", {"F_N": 7e3}, 0.9), ("setup2", {}, 0.5), ("run4", {}, 0.6)],
 )
 def test_orders_of_magnitude_are_those_of_runs(name, changes, t_end):
-    """Without inertia, and without rotation within a factor of 4."""
+    """Expected errors without inertia and without rotation are right within a factor of 4."""
     scene, how = preset(name, **changes), {"progress": False}
     static = simulate(scene, t_end, fidelity="quasistatic", **how)
     linear, finite = (
@@ -329,7 +329,7 @@ def test_front_speeds_that_need_a_finer_lattice():
     ],
 )
 def test_expected_work_is_that_of_runs(scene, t_end, tolerance):
-    """Of the hybrid engine, from events of a quasi-static sequence, within a factor of three."""
+    """The work of the hybrid engine, expected from a sequence, is right within a factor of 3."""
     found = plan(scene, tolerance=tolerance, t_end=t_end)
     options = Options(tolerance=tolerance).on(scene)
     for level, seconds in zip(found.levels[1:3], found.seconds[1:3], strict=True):
@@ -339,7 +339,7 @@ def test_expected_work_is_that_of_runs(scene, t_end, tolerance):
 
 
 def test_operations_with_shorter_steps():
-    """Located transitions, points of the curve and attempts to jump stay as many."""
+    """Numbers of switches, points of the curve and attempts to jump do not change."""
     scene = small_rod()
     blocks = scene.N_x * scene.N_z
     counts = {"steps": 100, "block_evaluations": 500 * blocks, "calls": 7, "landings": 3}
@@ -394,7 +394,7 @@ def test_bonds_beyond_their_series_cost_more():
 
 
 def test_cost_of_the_papers_method_counts_its_steps():
-    """0.09 us in setup 2, however the engine is named; other methods take longer ones."""
+    """The step is 0.09 us in setup 2 for any name of the engine; other methods have longer ones."""
     costs = [
         expected_cost(preset("setup2"), 0.01, Options(method="paper", fidelity=engine))[0]
         for engine in ("auto", "dynamic")
@@ -430,7 +430,7 @@ def test_more_than_ten_minutes_is_said_with_the_cheaper_way(monkeypatch, capsys)
 
 
 def test_viscosity_which_shortens_steps_makes_events_cost_more():
-    """Seven main events; steps are 12 times shorter than without viscosity."""
+    """There are seven main events; steps are 12 times shorter than without viscosity."""
     scene = setup1(L="30 mm", H="15 mm", V=0.05)
     scene = scene.replace({"slider.eta": 10 * scene.eta})
     levels = plan(scene, t_end=0.03).levels

@@ -12,12 +12,12 @@ from pyfric.scene import NO_LIMIT, chain
 
 P, TAU = 10.0, 5.0
 FALLS = ((1e-4, 0.8), (3e-4, 0.2))
-"""A limit that falls from 0.8 to 0.2; at 0.5, the chain's tau/p, after 2e-4 s."""
+"""A limit that falls from 0.8 to 0.2. The limit passes tau/p of the chain, 0.5, at 2e-4 s."""
 BINDS = 2e-4
 
 
 def resting(**changes):
-    """A chain at rest under a uniform load; nothing drives it. All of its blocks move alike."""
+    """Return a chain at rest under a uniform load, without a driver; all blocks move alike."""
     return chain(**{"L": 0.0125, "p": P, "tau": TAU, "K": 0.0, "V": 0.0, "eta": 0.0} | changes)
 
 
@@ -29,7 +29,7 @@ def limited(scene, limit, limit_from=None):
 
 
 def test_a_block_slips_when_its_limit_falls_to_the_stress():
-    """The time is exact, also where the limit of one block begins later than that of others."""
+    """The time is exact, also if the limit of one block begins later than that of others."""
     scene = resting()
     later = [0.0] + [math.inf] * (scene.N_x - 1)
     record = dynamic(limited(scene, FALLS, later), 2.2e-4)
@@ -41,7 +41,7 @@ def test_a_block_slips_when_its_limit_falls_to_the_stress():
 
 @pytest.mark.parametrize("stepper", ["rk4", "adaptive"])
 def test_mu_of_t_moves_blocks_as_newton_says(stepper):
-    """m u'' = tau - mu(t) p, whose solution is a cubic until the limit ends and a parabola then."""
+    """m u'' = tau - mu(t) p has a cubic solution while the limit falls, and then a parabola."""
     scene, t_end = limited(resting(mu_s=0.8, mu_k=0.8), FALLS), 4e-4
     record = dynamic(scene, t_end, stepper=stepper)
     state, m, slope = record.final_state, scene.m, 0.6 / 2e-4
@@ -53,7 +53,7 @@ def test_mu_of_t_moves_blocks_as_newton_says(stepper):
 
 
 def test_friction_weakens_over_slip_or_time_whichever_is_sooner():
-    """The forced rupture of SCEC, mu = mu_s - (mu_s - mu_k) max(s/d_c, t/t_0), against SciPy."""
+    """SciPy solves SCEC's forced rupture, mu = mu_s - (mu_s - mu_k) max(s/d_c, t/t_0)."""
     mu_s, mu_k, t_0, d_c = 0.7, 0.4, 4e-4, 2e-6
     scene = limited(resting(mu_s=mu_s, mu_k=mu_k, d_c=d_c), ((0.0, mu_s), (t_0, mu_k)))
     binds, m = (mu_s - TAU / P) / (mu_s - mu_k) * t_0, scene.m
@@ -67,8 +67,8 @@ def test_friction_weakens_over_slip_or_time_whichever_is_sooner():
     exact = solve_ivp(moves, (binds, t_end), [0.0, 0.0], rtol=1e-11, atol=1e-16, max_step=1e-6)
     u, v = exact.y
     share = u / d_c - exact.t / t_0
-    assert share[exact.t < t_0].min() < 0 < share[exact.t < t_0].max()  # each rule acts once
-    # the step in which one rule takes over from the other is not divided there
+    assert share[exact.t < t_0].min() < 0 < share[exact.t < t_0].max()  # both rules act
+    # a step in which the other rule takes over is not divided at that time
     np.testing.assert_allclose(state.y[0, 0], u[-1], rtol=1e-5)
     np.testing.assert_allclose(state.y[0, 2], v[-1], rtol=1e-5)
 
@@ -97,7 +97,7 @@ def test_a_chain_mirrors_and_goes_on_over_breakpoints():
 
 
 def test_a_forced_rupture_runs_at_its_speed_and_ends_where_it_should():
-    """At a low prestress only the forced part slips, each block soon after its time."""
+    """At a low prestress only the forced part slips, each block soon after its limit begins."""
     speed, over = 300.0, 2e-5
     scene = pyfric.chain(L=0.1, p=P, tau=2.0, K=0.0, V=0.0)
     forced = pyfric.weakened(scene, x=0.0, length=0.1, speed=speed, over=over, mu=0.19)
@@ -131,7 +131,7 @@ def test_limits_are_those_of_their_pieces():
     np.testing.assert_allclose(early[0, :3], [0.25, 0.35, NO_LIMIT])
     np.testing.assert_allclose(early[1, :3], [-0.1, -0.1, 0.0])
     np.testing.assert_allclose(late[0, :2], [0.3, 0.4])
-    assert scene.limit_at(1.0)[0, 0] == 0.4  # at a jump the second value
+    assert scene.limit_at(1.0)[0, 0] == 0.4  # at a jump, the second value
     assert scene.corners == tuple(float(n) for n in range(1, 16))
 
 
@@ -139,7 +139,7 @@ def test_limits_are_those_of_their_pieces():
 
 
 def test_jumps_follow_constant_limits():
-    """A trigger in the middle, then a lasting weak patch: events are those of full dynamics."""
+    """With a trigger in the middle and a lasting weak patch, events are those of full dynamics."""
     scene = small_rod(V=0.02)
     middle = [math.inf] * scene.N_x
     middle[4:7] = [4e-3, 4e-3, 5e-3]
@@ -161,7 +161,7 @@ def test_jumps_follow_constant_limits():
 
 
 def test_long_chains_know_their_limits():
-    """Limits from t = 0 on, without breakpoints: a weak patch slips while another one moves."""
+    """Limits hold from t = 0 on, without breakpoints: a weak patch slips while another moves."""
     p = [1.007 * P if n in (70, 71) else P for n in range(81)]
     scene = chain(L=0.2, p=p, K=1e6, V=0.2, side="top", mu_s=0.7, mu_k=0.05)
     weak = [0.0 if n in (3, 4, 5, 70, 71) else math.inf for n in range(scene.N_x)]

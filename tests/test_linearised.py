@@ -1,4 +1,4 @@
-"""The linearised slider: what viscosity and inertia do, and waves beside the static path."""
+"""The linearised slider: effects of viscosity and inertia, and waves about the static path."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ SIZE = {"L": 0.03, "H": 0.015, "h": 0.005, "l": 0.0025, "F_N": 200.0}
 
 @pytest.mark.parametrize("rows", [0.015, 0.0])
 def test_viscosity_is_that_of_slow_oscillations(rows):
-    """Of the lattice with complex stiffness K + i w C, condensed at a small frequency w."""
+    """Viscosity agrees with the stiffness K + i w C, condensed at a small frequency w."""
     scene = setup1({**SIZE, "H": rows}) if rows else chain(L=0.02)
     scene = scene.replace({"interface": rated()})
     closed, N_x = np.arange(scene.N_x) != (3 if rows else -1), scene.N_x
@@ -38,7 +38,7 @@ def test_viscosity_is_that_of_slow_oscillations(rows):
 
 
 def condensed_dense(whole, closed):
-    """Return blocks in contact, forces on them by 1 m of each, and the displacements of all."""
+    """Return blocks in contact, forces on them for 1 m of each, and displacements of all blocks."""
     at = np.flatnonzero(closed)
     inside = np.setdiff1d(np.arange(len(whole)), at)
     moved = np.zeros((len(whole), len(at)), whole.dtype)
@@ -48,13 +48,13 @@ def condensed_dense(whole, closed):
 
 
 def size(values):
-    """Return the largest of these."""
+    """Return the largest magnitude of the values."""
     return np.abs(values).max()
 
 
 @pytest.mark.parametrize("rows", [0.015, 0.0])
 def test_inertia_is_that_of_slow_oscillations(rows):
-    """Of the lattice with stiffness K - w^2 M, condensed at a small frequency w."""
+    """Inertia agrees with the stiffness K - w^2 M, condensed at a small frequency w."""
     scene = setup1({**SIZE, "H": rows}) if rows else chain(L=0.02)
     scene = scene.replace({"interface": rated()})
     closed = np.arange(scene.N_x) != (3 if rows else -1)
@@ -72,7 +72,7 @@ def mass_of(scene):
 
 
 def test_viscosity_under_the_driver_is_that_of_full_dynamics():
-    """Where all blocks stick and waves have decayed, friction is static, with this beside it."""
+    """If all blocks stick and waves have decayed, friction is static plus a viscous term."""
     scene = setup1({**SIZE, "mu_s": 9.0, "V": 2e-4})
     state = pyfric.simulate(
         scene, 0.03, fidelity="dynamic", geometry="linear", progress=False
@@ -98,7 +98,7 @@ def free(damping_share=1.0, V=1e-3):
 
 
 def waves_of(about, outside, law, q, w):
-    """Return the waves q (m), w (m/s) of inner coordinates beside the static path."""
+    """Return the waves q (m), w (m/s) of inner coordinates about the static path."""
     known, N_x = about.known, len(about.closed)
     v_x = np.linspace(1e-6, 2e-6, N_x)
     static = known.solve(known.loaded.u[0, 0], outside.drive)
@@ -110,7 +110,7 @@ def waves_of(about, outside, law, q, w):
 
 
 def test_the_impulse_of_waves_is_the_integral_of_their_load():
-    """Against the first-order system of positions and velocities, by another formula."""
+    """The impulse agrees with the first-order system of positions and velocities."""
     about, outside, law = free()
     rng, n, N_x = np.random.default_rng(1), len(about.inside), len(about.closed)
     q, w = 1e-9 * rng.standard_normal(n), 1e-4 * rng.standard_normal(n)
@@ -132,7 +132,7 @@ def test_the_impulse_of_waves_is_the_integral_of_their_load():
 
 @pytest.mark.parametrize("phase", [0.0, 0.7, 2.0])
 def test_waves_of_one_mode_have_its_frequency_and_decay(phase):
-    """At every phase; the amplitude of each block is the largest load over a period."""
+    """Waves agree at every phase; the amplitude of a block is its largest load over a period."""
     about, outside, law = free(damping_share=0.02)
     n, N_x = len(about.inside), len(about.closed)
     K, C = about.K.toarray(), about.C.toarray()
@@ -166,7 +166,7 @@ def test_no_waves_are_none():
 @pytest.mark.parametrize("over", [0.05, 0.5, 2.0, 5.0])
 @pytest.mark.parametrize("phase", [0.0, 1.2])
 def test_the_effect_of_waves_bounds_the_slip_they_make(over, phase):
-    """A block at v whose load is A exp(-g t) cos(w t + phase) slips by v exp(load/(a p)) dt."""
+    """The slip of a block under a load A exp(-g t) cos(w t + phase) is v exp(load/(a p)) dt."""
     w, g, v, direct, stiff = 1e4, 200.0, 1e-6, 0.3, 1e7
     A = over * direct
     t = np.linspace(0, 40 / g, 2_000_001)
@@ -189,7 +189,7 @@ def test_the_effect_of_waves_bounds_the_slip_they_make(over, phase):
 
 
 def test_the_effect_has_a_bound_without_decay():
-    """No more slip than balances the mean of the friction, whatever the amplitude."""
+    """For any amplitude, slip is at most that which balances the mean friction."""
     for A in (0.0, 1e-6, 0.3, 3e3):
         parts = (np.array([one]) for one in (A, 0.0, 0.3, 1e7))
         effect = Waves(None, *parts, pull=0.0, frequency=1e4, decay=0.0).effect(np.array([1e-3]))

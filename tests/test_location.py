@@ -1,4 +1,4 @@
-"""Contact switches located inside a step: exact sliders, an oracle with events, known failures."""
+"""Contact switches located inside a step: exact solutions, an oracle with events, known traps."""
 
 import functools
 
@@ -20,7 +20,7 @@ EPS = 2.0**-52
 
 
 def slider(**changes):
-    """Return a chain of three blocks that hardly know of each other; the first one is driven.
+    """Return a chain of three almost uncoupled blocks, the first of which is driven.
 
     m = 1 kg, p = 1 N, mu_s = 0.5, mu_k = 0.25, K = 1 N/m for simple numbers.
     """
@@ -33,7 +33,7 @@ def start(scene, dt):
 
 
 def advance(scene, state, n, log=None, **options):
-    """Make n steps; return the columns of the switch log and its other parts."""
+    """Make n steps; return the columns of the switch log, and the other logs."""
     log = log or core.Log(scene.N_x)
     model = core.model(scene, "linear", state.u_drv0)
     options = {"switching": "located"} | options
@@ -64,7 +64,7 @@ def stick_slip(scene, cycles):
 
 
 def test_a_driven_block_sticks_and_slips_at_the_exact_times():
-    """Releases and stops of a slider, five cycles; the error falls with the fourth power of dt."""
+    """The error of releases and stops in five cycles falls with the fourth power of dt."""
     scene = slider()
     exact = stick_slip(scene, 5)
     errors = []
@@ -81,7 +81,7 @@ def test_a_driven_block_sticks_and_slips_at_the_exact_times():
 
 
 def test_switching_at_step_ends_is_of_first_order():
-    """The same slider: the error of its times falls with the step, not with its fourth power."""
+    """For the same slider the error of times falls in proportion to the step."""
     scene = slider()
     exact = stick_slip(scene, 5)
     errors = []
@@ -95,7 +95,7 @@ def test_switching_at_step_ends_is_of_first_order():
 
 
 def test_immediate_reversal_and_final_stick():
-    """A block on a spring reverses every half period, loses 2 mu_k p/k each time, then sticks."""
+    """A block on a spring reverses every half period, loses 2 mu_k p/k each time, and sticks."""
     scene = slider(k_top=1.0, K=1e-14, mu_s=0.5, mu_k=0.25)
     state = start(scene, 0.02)
     state.y[0, 0, 1], state.mode[1] = -2.35, 1
@@ -130,7 +130,7 @@ def test_a_block_opens_and_lands_at_the_exact_times():
 
 
 def oracle(scene, u, v, t_end):
-    """Return (t, block, old, new) of a chain in which p does not change, by DOP853 with events."""
+    """Return (t, block, old, new) of a chain with constant p, by DOP853 with events."""
     N, m, k, eta = scene.N_x, scene.m, scene.slider.k, scene.eta
     p, mu_s, mu_k = scene.load, scene.interface.mu_s, scene.interface.mu_k
     K, V, i_h = scene.driver.K, scene.driver.V, scene.i_h
@@ -183,7 +183,7 @@ def oracle(scene, u, v, t_end):
 
 
 def test_a_small_slider_as_solve_ivp_sees_it():
-    """Four coupled blocks through 14 switches: the same ones, at times that converge to its own."""
+    """Four coupled blocks make the same 14 switches, at times that converge to those of SciPy."""
     p = (60.0, 70.0, 55.0, 65.0)
     tau = (20.0, 0.0, -10.0, 15.0)
     scene = chain(L=7.5e-3, p=p, tau=tau, V=0.3, k_top=2e7, K=4e6, k=5e7, mu_s=0.7, mu_k=0.2)
@@ -204,7 +204,7 @@ def test_a_small_slider_as_solve_ivp_sees_it():
 
 
 def test_a_root_at_the_end_of_a_step_is_found_once():
-    """K V t reaches mu_s p exactly at the end of step 64; all numbers are exact in binary."""
+    """K V t reaches mu_s p exactly at the end of step 64; numbers are exact in binary."""
     scene = slider(V=0.125, k=2.0**-60, eta=2.0**-70)
     state = start(scene, 0.0625)
     assert state.u_drv0 == 0
@@ -218,7 +218,7 @@ def test_a_root_at_the_end_of_a_step_is_found_once():
 
 
 def test_a_stop_at_the_end_of_a_step_is_found_once():
-    """v = 1 - t under friction alone: with dt = 1/16 the block stops exactly at a step's end."""
+    """With v = 1 - t and dt = 1/16 the block stops exactly at the end of a step."""
     scene = slider(K=2.0**-60, k=2.0**-60, eta=2.0**-70, mu_s=2.0, mu_k=1.0)
     state = start(scene, 0.0625)
     state.y[0, 2, 1], state.mode[1] = 1.0, 1
@@ -259,11 +259,11 @@ def test_a_double_crossing_inside_one_step_is_not_missed(phase):
     coarse.mode[2], coarse.y[0, :, 2] = OPEN, [
         A * np.cos(begin), 1e6, A * w * np.sin(begin), 0.0]  # fmt: skip
     missed = advance(scene, coarse, 5, switching="step_end")
-    assert 1 not in missed["block"]  # neither end of the step shows it
+    assert 1 not in missed["block"]  # no step end shows the crossing
 
 
 def test_endless_switching_is_stopped_with_block_and_time(monkeypatch):
-    """A thousand reversals in one (adaptive) step are more than a step may have."""
+    """A thousand reversals in one adaptive step exceed the limit."""
     scene = slider(k_top=1.0, K=1e-14, mu_s=1e-4, mu_k=5e-5)
     state = start(scene, 3141.0)
     state.y[0, 0, 1], state.mode[1] = -2.0, 1
@@ -275,7 +275,7 @@ def test_endless_switching_is_stopped_with_block_and_time(monkeypatch):
     assert np.pi * 60 < log.t < 3141
     monkeypatch.setattr(
         "pyfric.engines.step_sizes.LONGEST_LOCATED", np.inf
-    )  # else such a step is refused
+    )  # otherwise such a step is refused
     with pytest.raises(RunError, match=r"block 2 .* between stick, slip and gap at t = \d") as stop:
         simulate(scene, 3141.0, initial=state, dt=3141.0, **options)
     assert stop.value.record.status.startswith("failed: contacts switch without end")
@@ -283,7 +283,7 @@ def test_endless_switching_is_stopped_with_block_and_time(monkeypatch):
 
 
 def test_no_static_kinetic_gap_does_not_switch_without_end():
-    """mu_s = mu_k: a driven block starts to creep, and goes on."""
+    """With mu_s = mu_k a driven block starts to creep, and goes on."""
     scene = slider(mu_k=0.5)
     state = start(scene, 0.05)
     made = advance(scene, state, 400)
@@ -293,7 +293,7 @@ def test_no_static_kinetic_gap_does_not_switch_without_end():
 
 
 def test_signs_are_compared_not_products():
-    """With forces of 1e-170 N products of margins underflow; the same switches are found."""
+    """With forces of 1e-170 N, products of margins underflow, but the same switches are found."""
     scene = setup1(L=0.02, H=0.0125, V=0.5)
     scale = 2.0**-580
     state = loaded_state(scene).state(scene, 0.5e-6)
@@ -318,7 +318,7 @@ def test_signs_are_compared_not_products():
 
 
 def test_blocks_that_switch_together_do_so_in_mirror_symmetry():
-    """Both halves of a slider that is pulled apart switch at the same times, bit for bit."""
+    """Both halves of a slider pulled apart switch at the same times, bit for bit."""
     scene = setup2(L=0.012, H=0.005, theta=0.0, K=1e-30, V=0.0)
     state = loaded_state(scene).state(scene, 0.4 * stability_limit(scene)[0])
     u = state.y[:, :2]
@@ -338,7 +338,7 @@ def test_blocks_that_switch_together_do_so_in_mirror_symmetry():
 
 
 def test_many_blocks_at_threshold_at_the_same_instant():
-    """Every block of a uniform chain is pulled alike by its own spring: all slip at once."""
+    """Equal springs pull all blocks of a uniform chain, and all slip at once."""
     N = 41
     scene = chain(L=(N - 1) * 2.5e-3, k_top=1e7, K=1e-30, V=0.0, mu_s=0.7)
     state = start(scene, 0.3 * stability_limit(scene)[0])
@@ -347,7 +347,7 @@ def test_many_blocks_at_threshold_at_the_same_instant():
     assert sorted(made["block"]) == list(range(N))
     assert (made["new"] == 1).all()
     assert np.ptp(made["t"]) < 1e-9 * state.dt
-    made = advance(scene, state, 400)  # they stop together, too
+    made = advance(scene, state, 400)  # all blocks stop together, too
     assert sorted(made["block"]) == list(range(N))
     assert np.ptp(made["t"]) < 1e-9 * state.dt
     assert (made["new"] == STUCK).all()
@@ -372,7 +372,7 @@ def reference():
     ("stepper", "least"), [("rk4", 3.5), ("verlet", 1.9), ("symplectic_euler", 0.9)]
 )
 def test_order_of_rupture_times(stepper, least, reference):
-    """A short front in a lattice: located switching keeps the order of the stepper."""
+    """For a short front in a lattice, located switching keeps the order of the stepper."""
     errors = []
     for dt in (0.2e-6, 0.1e-6, 0.05e-6):
         t, block, new = rupture_times(dt, 1.2e-3, stepper=stepper)
@@ -396,7 +396,7 @@ def test_switching_at_step_ends_loses_the_order(reference):
 
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
 def test_located_runs_in_parts_through_a_record_and_hybrid(geometry, tmp_path):
-    """A run goes on bit for bit; the hybrid engine makes the same events."""
+    """A continued run has the same bits; the hybrid engine makes the same events."""
     options = {"geometry": geometry, "switching": "located", "sample": 1e-5, "t_gap": 2e-5}
     whole = simulate(small(), 2e-3, **options)
     assert (whole.method.stepper, whole.method.switching) == ("rk46", "located")
@@ -424,7 +424,7 @@ def test_located_runs_in_parts_through_a_record_and_hybrid(geometry, tmp_path):
 
 
 def test_located_switching_loses_no_energy():
-    """The switching loss, 1e-8 J at step ends, is rounding, and the budget closes faster."""
+    """The switching loss, 1e-8 J at step ends, is only rounding, and the budget closes faster."""
     errors = []
     for share in (0.4, 0.2):
         dt = share * stability_limit(small())[0]
@@ -463,7 +463,7 @@ def test_the_core_refuses_wrong_options():
 
 
 def test_a_slip_that_starts_with_no_force_of_its_own():
-    """With slip weakening the friction force is continuous at release: v grows from zero slope.
+    """With slip weakening friction is continuous at release, and v grows from zero slope.
 
     K = 1 N/m, m = 1 kg, mu_s p = 0.5 N: released at t = 4, m u'' = V (t - 4) - u + u/4 while
     friction falls by 0.25 N over d_c = 1 m.
@@ -484,9 +484,9 @@ def test_a_slip_that_starts_with_no_force_of_its_own():
 
 @pytest.mark.parametrize("threads", [1, 3])
 def test_a_trial_takes_the_bottom_rows_only(threads):
-    """A search sweeps two of fifteen rows: 14 of the 60 rows of stages that a step takes.
+    """A trial computes two of fifteen rows: 14 of the 60 rows of stages of a step.
 
-    How many trials there are is the difference of whole steps to what was computed.
+    The number of trials follows from the difference of computed work and whole steps.
     """
     scene = setup1(L=0.02, H=0.035, V=5.0)
     state = loaded_state(scene).state(scene, 0.2e-6)
@@ -496,4 +496,4 @@ def test_a_trial_takes_the_bottom_rows_only(threads):
     assert instants > 5
     trials = (log.tried - 3000 - instants) * 60 / 14
     assert trials == pytest.approx(round(trials), abs=1e-6)
-    assert instants <= round(trials) < 1.5 * instants  # the first foresees where the second ends
+    assert instants <= round(trials) < 1.5 * instants  # the first trial predicts the second

@@ -1,4 +1,4 @@
-"""Commands of the Makefile and their scripts: what they name is there."""
+"""Commands of the Makefile and their scripts: the files and tests that they name exist."""
 
 import ast
 import importlib.machinery
@@ -14,11 +14,11 @@ MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 TARGETS = re.search(r"^\.PHONY: ((?:.*\\\n)*.*)", MAKEFILE, re.MULTILINE)[1].replace("\\", "")
 FILES = [path for path in (ROOT / "scripts").iterdir() if path.is_file()]
 SCRIPTS = sorted(path.name for path in FILES if path.name != "setup")
-"""Those in Python."""
+"""Scripts in Python."""
 
 
 def loaded(name):
-    """Return a script as a module, without its command."""
+    """Return a script as a module, without running its command."""
     loader = importlib.machinery.SourceFileLoader(
         name.replace("-", "_"), str(ROOT / "scripts" / name)
     )
@@ -36,7 +36,7 @@ def names_of_tests(path):
 
 @pytest.mark.parametrize("target", TARGETS.split())
 def test_targets_name_files_that_are_there(target):
-    """Nothing is built: what is to be installed first counts as there."""
+    """Nothing is built; files to be installed first count as present."""
     there = [word for one in ("packages", "installed", "docs") for word in ("-o", f".venv/{one}")]
     run = ["make", "-n", *there, target]
     done = subprocess.run(run, cwd=ROOT, capture_output=True, text=True)
@@ -47,7 +47,7 @@ def test_targets_name_files_that_are_there(target):
 
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_scripts_name_tests_that_are_there(name):
-    """In lists of files, and where single tests are left out."""
+    """Names occur in lists of files, and in lists of tests that are left out."""
     for value in vars(loaded(name)).values():
         words = [value] if isinstance(value, str) else value
         if not isinstance(words, str | list | tuple):

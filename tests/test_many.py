@@ -1,4 +1,4 @@
-"""What many runs cost beside another build, and the scatter of many runs with disorder."""
+"""The cost of many runs beside another build, and the scatter of many runs with disorder."""
 
 import contextlib
 from pathlib import Path
@@ -42,7 +42,7 @@ def test_all_cases_are_quick_and_known():
 
 
 def test_errors_of_means_are_those_of_independent_values():
-    """With groups of one, the jackknife of a mean is std/sqrt(n) exactly."""
+    """With groups of one, the jackknife error of a mean is exactly std/sqrt(n)."""
     values = np.random.default_rng(0).normal(size=50)
     error = scatter.errors(values, np.arange(50), np.mean)
     assert error == pytest.approx(values.std(ddof=1) / np.sqrt(50), rel=1e-12)

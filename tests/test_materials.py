@@ -26,7 +26,7 @@ def test_the_paper_is_a_slab_of_3_GPa():
 
 @pytest.mark.parametrize("l", [2.5e-3, 1.25e-3])
 def test_waves_are_those_of_plane_stress_with_a_third(l):
-    """But for whole blocks at the edges, which the mass of the slab is spread over."""
+    """The speeds agree apart from the effect of whole blocks at the edges."""
     slider = Slider.of_material(E=E, width=B, density=RHO, L=0.14, H=0.075, l=l)
     c = l * math.sqrt(slider.k / slider.m)
     edges = math.sqrt((1 + l / 0.14) * (1 + l / 0.075))
@@ -48,7 +48,7 @@ def test_waves_are_those_of_plane_strain_with_a_quarter(l):
 
 
 def test_a_bulk_viscosity_stays_and_the_paper_s_falls_with_l():
-    """Waves decay at viscosity q^2/(2 rho), rho that of the blocks."""
+    """Waves decay at the rate viscosity q^2/(2 rho), with the density of the blocks."""
     viscosity, q = 5e3, 20.0
     found = []
     for given in (viscosity, None):
@@ -68,7 +68,7 @@ def test_a_bulk_viscosity_stays_and_the_paper_s_falls_with_l():
     ("dashpots", "at_0", "at_45"), [("full", (1, 1), (1, 1)), ("along", (1, 2), (0.5, 2.5))]
 )
 def test_long_waves_decay_as_a_material_says(dashpots, at_0, at_45, l):
-    """Over viscosity q^2/(2 rho): the shear and the pressure wave, at 0, 90 and 45 degrees."""
+    """Decay rates over viscosity q^2/(2 rho): shear and pressure waves at 0, 90 and 45 degrees."""
     viscosity, q = 5e3, 1e-3 / l
     how = {"E": E, "width": B, "density": RHO, "viscosity": viscosity, "dashpots": dashpots}
     scene = setup1(slider=Slider.of_material(**how, L=0.14, H=0.075, l=l))

@@ -1,4 +1,4 @@
-"""Measured errors: records that differ by what is known, and what is said of them."""
+"""Measured errors: records with known differences, and the texts on errors."""
 
 import dataclasses
 import json
@@ -33,7 +33,7 @@ def main_events(record):
 
 
 def without(record, events):
-    """Return the record without some events, which are counted anew."""
+    """Return the record without some events, with new numbers for the others."""
     kept = ~record.events.index.isin(events)
     arrays = {name: array[kept] for name, array in record.arrays.items()}
     return record.replace(events=record.events[kept], arrays=arrays)
@@ -46,7 +46,7 @@ def test_a_record_does_not_differ_from_itself(ladder):
     found = differences(ladder, ladder).errors()
     assert found["events"] == ladder.events["is_main"].sum() > 5
     assert [found[name] for name in ("start", "arrest", "length", "stress")] == [0, 0, 0, 0]
-    assert found["rupture"] is None  # the ladder has no motion
+    assert found["rupture"] is None  # the quasi-static sequence has no motion
     names = ("start", "arrest", "length", "stress")
     assert found["compared"] == dict.fromkeys(names, found["events"])
     table = differences(ladder, ladder).events
@@ -80,7 +80,7 @@ def test_known_differences_are_found(ladder):
 
 
 def test_front_speeds_are_relative_and_lost_ones_count(ladder):
-    """Times stretched by 5 % make speeds 5 % slower; a front that is not there is all wrong."""
+    """Times stretched by 5 % make speeds 5 % slower; a missing front has the error 1."""
     times = ladder.rupture_times
     e = int(np.argmax(np.isfinite(times).sum(axis=1)))
     front = np.full(times.shape, np.nan)
@@ -96,7 +96,7 @@ def test_front_speeds_are_relative_and_lost_ones_count(ladder):
 
 
 def test_fronts_of_events_that_end_elsewhere_are_not_the_same(ladder):
-    """Events without a single speed in common part runs, too, if front speeds are wanted."""
+    """If front speeds are wanted, events without common speeds make runs differ, too."""
     main = main_events(ladder)
     longer = differences(changed(ladder, main[2], L_p_over_L=0.1), ladder)
     assert list(longer.beyond(0.01, "front_speed")["event"]) == [main[2]]
@@ -105,11 +105,11 @@ def test_fronts_of_events_that_end_elsewhere_are_not_the_same(ladder):
 
 
 def test_an_event_after_the_end_is_not_compared(ladder):
-    """A run that ends just before its last event differs by what it reached, or more."""
+    """A run that ends just before its last event differs at least by the force it reached."""
     main = main_events(ladder)
     t = float(ladder.events["t_start"][main[-1]])
     short = pyfric.simulate(ladder.scene, t - 1e-4, fidelity="quasistatic")
-    late = changed(ladder, main[-1], t_start=-2e-4)  # the other one has it just before
+    late = changed(ladder, main[-1], t_start=-2e-4)  # the other run has it just before
     for found in (differences(late, short), differences(short, late)):
         assert found.errors()["start"] < 1e-3
         assert found.open.sum() == 1
@@ -119,7 +119,7 @@ def test_an_event_after_the_end_is_not_compared(ladder):
 
 
 def test_an_event_that_began_later_is_compared_where_the_other_run_goes_on(ladder):
-    """Its force is off by far more than the driver adds until the shorter run ends."""
+    """The error of its force is far larger than the driver's change up to the shorter run's end."""
     main, F_N = main_events(ladder), ladder.scene.F_N
     t = float(ladder.events["t_start"][main[-1]])
     short = pyfric.simulate(ladder.scene, t + 1e-6, fidelity="quasistatic")
@@ -130,7 +130,7 @@ def test_an_event_that_began_later_is_compared_where_the_other_run_goes_on(ladde
 
 
 def test_an_event_begun_while_the_last_one_goes_on_is_part_of_it(ladder):
-    """Two runs of which one sees a pause inside its last event: nothing to compare."""
+    """One of two runs has a pause inside its last event: there is nothing to compare."""
     main = main_events(ladder)
     fewer = without(ladder, range(main[-2] + 1, len(ladder.events) + 1))
     assert differences(ladder, fewer).errors()["start"] > 1e-3
@@ -141,7 +141,7 @@ def test_an_event_begun_while_the_last_one_goes_on_is_part_of_it(ladder):
 
 @pytest.mark.parametrize("parts", [False, True])
 def test_an_event_that_goes_on_is_compared_by_its_force(ladder, parts):
-    """Two runs that part inside their last event, which a pause may part in one of them."""
+    """Two runs separate inside their last event, which a pause may split in one of them."""
     last, F_N = main_events(ladder)[-2:], ladder.scene.F_N
     one = on = going_on(without(ladder, range(last[0] + 1, len(ladder.events) + 1)), last[0])
     if parts:
@@ -157,7 +157,7 @@ def test_an_event_that_goes_on_is_compared_by_its_force(ladder, parts):
 
 
 def test_an_event_that_has_ended_in_one_run_alone_has_no_order(ladder):
-    """But for one that ends too late for the pause after it to be known."""
+    """The exception is an event so late that the pause after it is unknown."""
     last = main_events(ladder)[-1]
     ended = without(ladder, range(last + 1, len(ladder.events) + 1))
     on = going_on(ended, last)
@@ -177,11 +177,11 @@ def test_other_blocks_or_a_further_slip_are_another_turn(ladder):
         run.replace(events=run.events.assign(finished=run.events.index != event))
         for run in (changed(ladder, event, n_episodes=1), ladder)
     )
-    assert differences(one, other).turned  # goes on in both runs
+    assert differences(one, other).turned  # the event goes on in both runs
 
 
 def test_arrests_near_the_end_of_both_runs_are_compared(ladder):
-    """Both have come to rest, too late to know whether the event goes on."""
+    """Both runs have come to rest, too late to know whether the event goes on."""
     last, F_N = main_events(ladder)[-1], ladder.scene.F_N
     ended = without(ladder, range(last + 1, len(ladder.events) + 1))
     events = ended.events
@@ -192,12 +192,12 @@ def test_arrests_near_the_end_of_both_runs_are_compared(ladder):
 
 
 def test_arrests_are_compared_where_one_run_ends_soon_after(ladder):
-    """It has come to rest, too late to know whether the event goes on."""
+    """This run has come to rest, too late to know whether the event goes on."""
     last, F_N = main_events(ladder)[-1], ladder.scene.F_N
     ended = without(ladder, range(last + 1, len(ladder.events) + 1))
     events = ended.events
     events.loc[last, "finished"] = False
-    events.loc[last, "F_T_arrest"] += 1e-7 * F_N  # far less than between samples
+    events.loc[last, "F_T_arrest"] += 1e-7 * F_N  # far less than the change between samples
     early = ended.replace(events=events)
     assert differences(ended, early).errors()["arrest"] == pytest.approx(1e-7)
     assert differences(early, ended).errors()["arrest"] == pytest.approx(1e-7)
@@ -216,12 +216,12 @@ def resampled(record, t, force):
 
 
 def test_runs_without_slip_are_compared_by_their_loading_curves(ladder):
-    """Which measures loading curves, and nothing else."""
+    """Such runs measure errors of loading curves alone."""
     t = float(ladder.events["t_start"].iloc[0])
     one = pyfric.simulate(ladder.scene, 0.9 * t, fidelity="quasistatic")
     assert not len(one.events)
     off = one.curve.assign(F_T=one.curve["F_T"] * 1.5)
-    found = differences(one, one.replace(curve=off)).errors()  # two samples
+    found = differences(one, one.replace(curve=off)).errors()  # a change at two samples
     end = one.curve["F_T"].iloc[-1] / one.scene.F_N
     assert found["curve"] == pytest.approx(0.5 * end, rel=1e-12)
     fine = resampled_at(one, np.linspace(0, one.curve["t"].iloc[-1], 100))
@@ -276,7 +276,7 @@ def test_beyond_the_tolerance_is_said():
 
 
 def test_what_was_not_measured_is_never_zero(ladder, tmp_path):
-    """None in numbers, text, JSON and on the page, as plain as a broken promise."""
+    """Unmeasured errors are None in numbers, text, JSON and on the page."""
     for want in ("precursors", "stress", "front_speed", None):
         errors = Errors(want=want, tolerance=0.01)
         assert errors.measured() is None
@@ -309,7 +309,7 @@ def test_the_number_that_was_wanted_has_to_be_known():
 def test_measured_errors_are_told_apart_from_others():
     some = {"arrest": 0.01, "events": 3, "covered": 0.5}
     errors = Errors(want="precursors", tolerance=0.1, **some)
-    assert (errors.measured(), errors.holds) == (None, None)  # no start was compared
+    assert (errors.measured(), errors.holds) == (None, None)  # no start force was compared
     assert Errors(want="precursors", tolerance=0.1, start=0.02, **some).holds is True
     said = str(errors)
     assert "measured errors, up to 0.5 s (3 events):\n  force at arrest within 0.01 F_N\n" in said
@@ -326,7 +326,7 @@ def test_a_record_that_nothing_was_compared_with_says_so(ladder):
 
 
 def test_rupture_times_of_blocks_that_one_front_alone_passes_count(ladder):
-    """Three blocks have no front speed, but rupture times; a block that one front misses is 1."""
+    """Three blocks have rupture times without front speeds; a missing block has the error 1."""
     times, e = np.full(ladder.rupture_times.shape, np.nan), main_events(ladder)[0] - 1
     times[e, ladder.scene.n_of_i <= 3] = 1e-6 * np.arange(3)
     front, slow = (ladder.replace(rupture_times=by * times) for by in (1.0, 1.04))
@@ -343,7 +343,7 @@ def test_rupture_times_of_blocks_that_one_front_alone_passes_count(ladder):
 
 
 def test_fronts_of_an_event_that_goes_on_are_compared_as_far_as_both_have_come(ladder):
-    """One run is some blocks further; where both have been, its times are 3 % longer."""
+    """One run is some blocks ahead; on common blocks its times are 3 % longer."""
     N_x, event, short = ladder.scene.N_x, main_events(ladder)[-1], 4
     ladder = without(ladder, range(event + 1, len(ladder.events) + 1))
     times = np.full(ladder.region.shape, np.nan)
@@ -392,5 +392,5 @@ def test_a_prescribed_interface_is_compared_by_its_rupture_times():
         == run.events["t_start"].loc[1]
     )
     assert differences(late, run).beyond(2e-6 / span).empty
-    lost = differences(run, without(run, [1])).errors()  # it never ruptures
+    lost = differences(run, without(run, [1])).errors()  # the block never ruptures
     assert lost["rupture"] == pytest.approx(run.curve["t"].iloc[-1] / span)

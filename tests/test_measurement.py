@@ -1,4 +1,4 @@
-"""Measurements as objects: they add, are shared, priors count, fits are saved; a population."""
+"""Measurements as objects: sums, shared parameters, priors, saved fits, populations."""
 
 import dataclasses
 import functools
@@ -115,7 +115,7 @@ def test_curves_and_tables_stand_for_measurements():
 
 
 def test_a_prior_is_a_measurement(monkeypatch):
-    """A quasi-static sequence does not depend on the mass: the prior is all that is known of it."""
+    """Quasi-static sequences do not depend on the mass; only the prior determines it."""
     monkeypatch.setattr(fits, "STARTS", 1)
     data = Events(events(curve()).iloc[:9], "all") + Known("M", 0.07, 0.004)
     found = pyfric.fit(SCENE, data, {"M": (0.05, 0.1)}, fidelity="quasistatic")
@@ -126,7 +126,7 @@ def test_a_prior_is_a_measurement(monkeypatch):
 
 
 def test_parameters_are_shared_by_name(monkeypatch):
-    """mu_k is that of both experiments, the spring that of the second machine."""
+    """mu_k is the same in both experiments; the spring belongs to the second machine."""
     monkeypatch.setattr(fits, "STARTS", 2)
     K = SCENE.driver.K
     data = [Events(events(curve(mu_k=0.44, K=K * share)).iloc[:12], "all") for share in (1, 0.8)]
@@ -142,7 +142,7 @@ def test_parameters_are_shared_by_name(monkeypatch):
 
 
 def test_a_saved_fit_goes_on(monkeypatch, tmp_path):
-    """Profiles, posterior and page of a fit that was read are those of the fit."""
+    """A fit that was read gives the same profiles, posterior and page."""
     monkeypatch.setattr(fits, "STARTS", 1)
     bounds, data = {"mu_k": (0.42, 0.46)}, events(curve(mu_k=0.44)).iloc[:12]
     short = pyfric.fit(SCENE, data, bounds, level=None, **STATIC)
@@ -179,9 +179,9 @@ NEARBY = {part.name for part in dataclasses.fields(profiles.Policies)} - {"off",
 
 @pytest.mark.parametrize("name", sorted(NEARBY))
 def test_policies_of_profiles_move_intervals_little(name):
-    """Twice or half of each, on valleys that jumps cut: by a seventh of their width.
+    """Twice or half of each setting moves intervals by at most a seventh of their width.
 
-    Half of the points is too few: an end may then miss a third of the width.
+    Valleys are cut by jumps. With half the points, an end may be off by a third of the width.
     """
     usual = profiles.POLICIES
     for factor, slope in itertools.product((0.5, 2.0), (0.8, 0.95)):
@@ -203,7 +203,7 @@ def changed(policies, name, factor):
 
 @functools.cache
 def wrong():
-    """No constant mu_k has these forces at both speeds."""
+    """No constant mu_k gives these forces at both speeds."""
     speeds = {0.304: SCENE.driver.V, 0.504: 1.5 * SCENE.driver.V}  # as if mu_k grew with V
     two = [events(curve(seed=1, mu_k=mu_k, V=V)).iloc[:9] for mu_k, V in speeds.items()]
     scenes = [SCENE.replace(V=V) for V in speeds.values()]
@@ -220,8 +220,8 @@ def test_policies_of_wrong_models_move_intervals_little(name):
         low, high = profiles.known_of(problem, u, 0.9, lambda text: None, policies).intervals[
             "mu_k"
         ]
-        assert not low > 0.305  # that of the first curve; an open end is NaN
-        assert not high < 0.49  # near that of the second
+        assert not low > 0.305  # mu_k of the first curve; an open end is NaN
+        assert not high < 0.49  # near mu_k of the second curve
 
 
 @pytest.mark.parametrize(
@@ -256,7 +256,7 @@ def test_bad_measurements_are_refused(make, text):
 
 
 def test_means_of_a_curve_are_those_of_the_run():
-    """Against means of samples; the line between points of a run is straight."""
+    """The means agree with means of samples; a run is linear between its points."""
     record = run()
     fine = sampled(record, "10 us")
     part = CurveOf(Curve.of(t=fine.t, F_T=fine.force(), F_N=SCENE.F_N), error=1e-3, points=60)
@@ -325,9 +325,9 @@ STICK_SLIP = {"fidelity": "hybrid", "geometry": "linear"}
 
 
 def scattered(n, mu_s, mu_k, scatter, seed):
-    """Return events of a block on a spring whose strength is another one each time.
+    """Return events of a block on a spring whose strength changes from event to event.
 
-    It slips for half a period of the spring, as far beyond mu_k as it was before.
+    The block slips for half a period of the spring, and overshoots mu_k symmetrically.
     """
     peaks = mu_s + scatter * np.random.default_rng(seed).standard_normal(n)
     valleys = 2 * mu_k - peaks
@@ -342,7 +342,7 @@ def scattered(n, mu_s, mu_k, scatter, seed):
 
 
 def test_events_that_do_not_repeat_are_a_population():
-    """Found by the fit itself; mean forces tell both coefficients within their intervals."""
+    """The fit finds this itself; mean forces give both coefficients within their intervals."""
     table = scattered(80, 0.38, 0.32, 0.015, seed=1)
     bounds, said = {"mu_s": (0.3, 0.5), "mu_k": (0.2, 0.4)}, []
     found = pyfric.fit(BLOCK, table, bounds, progress=said.append, **STICK_SLIP)
@@ -362,7 +362,7 @@ def test_events_that_do_not_repeat_are_a_population():
 
 
 def test_how_long_runs_of_a_population_are_is_told_by_the_driver():
-    """Forces between events of a slider that slides hardly rise, and say nothing of loading."""
+    """Forces of a sliding slider hardly rise between events, and do not show the loading."""
     table = scattered(400, 0.38, 0.32, 0.01, seed=1)
     sticks, slides = (Sizes(table.assign(rate=rate)) for rate in (RATE, 0.01 * RATE))
     first, apart = 0.38 / RATE, table["t_start"].diff().mean()
@@ -373,18 +373,18 @@ def test_how_long_runs_of_a_population_are_is_told_by_the_driver():
     assert sticks.doubts(BLOCK) == ()
     assert "0.01 of what they would if the slider stuck" in slides.doubts(BLOCK)[0]
     rare = table.assign(t_start=50 * table["t_start"], t_stop=50 * table["t_stop"])
-    assert Sizes(rare).lasts(BLOCK) < 1.1 * (first + 60 * apart)  # not 50 times as long
+    assert Sizes(rare).lasts(BLOCK) < 1.1 * (first + 60 * apart)  # not for 50 times as long
 
 
 def test_events_of_runs_of_a_population_are_found_as_those_of_the_curve():
-    """Where the slider swings for longer than it sticks, forces of its catalogue are others."""
+    """If vibrations last longer than sticks, forces of the catalogue differ."""
     fast = BLOCK.replace(V=4 * SPEED, k=1e4, mu_k=0.37)
     record = pyfric.simulate(fast, 2.0, progress=False, **STICK_SLIP)
     part, at = Sizes(sampled(record, "0.5 ms", noise=1e-3, seed=1)), At({})
     off = part.residuals(part.seen(record), at)
     assert np.abs(off).max() < 3
     peaks = [large(of)["peak"].iloc[1:].mean() for of in (part.seen(record), events(record))]
-    assert peaks[0] - peaks[1] > 0.005  # the swing goes on after the slip has begun
+    assert peaks[0] - peaks[1] > 0.005  # vibrations go on after the slip has begun
 
 
 def test_scatter_of_strength_is_a_parameter():
@@ -396,7 +396,7 @@ def test_scatter_of_strength_is_a_parameter():
 
 
 def test_means_of_correlated_events_have_larger_errors():
-    """Against the variance of means of many sequences x_n = r x_(n-1) + noise."""
+    """Errors agree with the variance of means of many sequences x_n = r x_(n-1) + noise."""
     rng, n, r = np.random.default_rng(2), 400, 0.6
     table = scattered(n, 0.38, 0.32, 0.0, seed=0)
     means, expected = [], []
@@ -410,7 +410,7 @@ def test_means_of_correlated_events_have_larger_errors():
 
 
 def test_periodic_events_are_compared_one_by_one(monkeypatch):
-    """As are those that the model scatters, too."""
+    """Events that scatter in the model, too, are also compared one by one."""
     monkeypatch.setattr(fits, "STARTS", 1)
     table = scattered(20, 0.38, 0.32, 0.0, seed=1)
     found = pyfric.fit(
@@ -429,13 +429,13 @@ TRUE = {"a": 0.0123, "b": 0.0161, "D_c": 9e-6}
 
 
 def spring_slider(**law):
-    """Return a block on a spring: blocks of a chain that a plate pushes move as one."""
+    """Return a spring-slider: blocks of a chain, pushed by a plate, that move as one."""
     law = pyfric.laws.RateAndState(**({"f_star": 0.6, "V_star": 1e-6} | TRUE | law))
     return pyfric.chain(L=5e-3, F_N=WEIGHT, K=SPRING, V=V_0, side="top", protocol=STEPS, law=law)
 
 
 def by_ode(t, a, b, D_c):
-    """Return F_T/F_N of a spring-slider without mass, by SciPy: K (X(t) - x) = F_N f(v, psi)."""
+    """Return F_T/F_N of a massless spring-slider by SciPy: K (X(t) - x) = F_N f(v, psi)."""
 
     def slow(load, psi):
         return 2 * 1e-6 * np.exp(-(0.6 + b * psi) / a) * np.sinh(load / (a * WEIGHT))
@@ -459,7 +459,7 @@ def by_ode(t, a, b, D_c):
 
 
 def test_velocity_steps_tell_a_b_and_D_c():
-    """As a fit of the spring-slider by SciPy alone, with the same noise."""
+    """The fit agrees with a fit of the spring-slider by SciPy, with the same noise."""
     noise, t = 5e-4, 0.05 * np.arange(479)
     record = pyfric.simulate(spring_slider(), 24.0, progress=False, **RATED)
     clean = by_ode(t, **TRUE)
@@ -486,7 +486,7 @@ def test_velocity_steps_tell_a_b_and_D_c():
 
 
 def test_stored_velocity_steps_hold_their_truths():
-    """Of 150 intervals of 90 %, 135 +- 4 should."""
+    """135 +- 4 of 150 intervals of 90 % should hold the truth."""
     table = pd.read_csv(STORED)
     held = 0
     for name in velocity_steps.RANGES:

@@ -1,4 +1,4 @@
-"""What takes long is made once, and no more is kept than there is room for."""
+"""Slow values are made once, and no more are kept than there is room for."""
 
 from pyfric.statics import Memory
 
@@ -11,7 +11,7 @@ def test_what_is_kept_is_made_once():
 
     assert [get(key) for key in "abab"] == list("ABAB")
     assert made == list("ab")
-    get("c")  # the longest unused goes: a
+    get("c")  # the longest unused value, a, is dropped
     assert "a" not in memory
     get("b")
     assert made == list("abc")

@@ -1,4 +1,4 @@
-"""How methods converge: orders that theory knows, failures that are kept, peers that agree."""
+"""Convergence of methods: orders from theory, stored failures, agreement of other programs."""
 
 import functools
 
@@ -17,7 +17,7 @@ SHARES = (2.0, 0.9, 0.5, 0.25, 0.125)
 
 @functools.cache
 def event():
-    """The fourth main event of the Fig. 1 scene on a coarse lattice."""
+    """Return the fourth main event of the Fig. 1 scene on a coarse lattice."""
     lines = (
         methods.Method("rk4", "step_end", "finite", SHARES),
         methods.Method("rk4", "located", "finite", SHARES),
@@ -41,7 +41,7 @@ def order(stepper, switching, geometry, question="rupture"):
 
 @pytest.mark.slow
 def test_the_reference_has_converged():
-    """Halving its steps takes its changes down by 2^4."""
+    """Halving its steps divides its changes by 2^4."""
     for _, line in event()[event()["scene"] == "reference"].groupby("geometry"):
         for question in ("rupture", "stress"):
             first, second = line[question]
@@ -49,7 +49,7 @@ def test_the_reference_has_converged():
 
 
 def test_located_switching_keeps_the_order_of_the_stepper():
-    """The coarsest steps, nine tenths of the limit, are not yet in the range of the power law."""
+    """The coarsest steps, nine tenths of the limit, are outside the range of the power law."""
     assert order("rk4", "located", "finite") > 3.2
     assert order("rk4", "located", "finite", "stress") > 3.2
     assert order("verlet", "located", "finite") == pytest.approx(2, abs=0.3)
@@ -68,7 +68,7 @@ def test_the_energy_budget_closes_with_the_order_of_the_stepper():
 
 
 def test_linear_geometry_is_another_model():
-    """Refining steps does not help against the finite reference."""
+    """Finer steps do not reduce its difference from the reference in finite geometry."""
     line = event()[(event()["geometry"] == "linear") & (event()["stepper"] == "rk4")]
     line = line[(line["scene"] == "event") & (line["share"] <= 0.5)]
     assert np.ptp(line["stress"]) < 0.01 * line["stress"].min()

@@ -1,4 +1,4 @@
-"""Modes of the slider at fixed contact states, against dense matrices and one another."""
+"""Modes of the slider at fixed contact states, compared with dense matrices and each other."""
 
 import functools
 
@@ -21,7 +21,7 @@ SCENES = {
 
 @functools.cache
 def systems(name):
-    """Return spaces of the closed slider, and with eight released blocks: extended, and own."""
+    """Return spaces of the closed slider, and two with eight released blocks: extended, and new."""
     solver = StaticSolver(*SCENES[name])
     stuck = np.ones(solver.scene.N_x, dtype=bool)
     closed = Space(solver, stuck.copy(), modes=24)
@@ -59,7 +59,7 @@ def test_slow_modes_of_released_blocks(name):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_motion_outside_the_space_is_no_slower_than_the_cut(name):
-    """Also that of the extended space, whose cut is that of the closed slider."""
+    """The extended space is included, with the cut of the closed slider."""
     closed, extended, own = systems(name)
     assert extended.cut == closed.cut
     for one in (closed, extended, own):
@@ -79,7 +79,7 @@ def test_the_closed_space_alone_misses_slower_motion(name):
     [("rk4", ()), ("rk46", (1 / 120, 1 / 720)), ("rk46_waves", (0.007856772044, 0.000959998595))],
 )
 def test_amplitudes_grow_as_in_steps(stepper, last):
-    """R(z) of each stepper, by its polynomial; the rates themselves are the exact ones."""
+    """Growth is R(z) of each stepper, by its polynomial, at the exact rates."""
     solver = StaticSolver(*SCENES["free"])
     stuck, dt = np.ones(solver.scene.N_x, dtype=bool), 2e-7
     system = modes_of(Space(solver, stuck, modes=12), dt, stepper)
@@ -96,7 +96,7 @@ def test_amplitudes_grow_as_in_steps(stepper, last):
 
 
 def exact_modes(system):
-    """Rates (1/s) and shapes of all damped modes of the free coordinates, by dense matrices."""
+    """Return rates (1/s) and shapes of all damped modes of free coordinates, by dense matrices."""
     free, n = system.free, len(system.free)
     K, C = (matrix[free][:, free].toarray() for matrix in (system.K, system.C))
     M = system.M[free]
@@ -106,14 +106,14 @@ def exact_modes(system):
 
 
 def apart(shape, true, M):
-    """The part of a shape that is orthogonal in M to another one, over its length."""
+    """Return the part of a shape that is orthogonal in M to another shape, over its length."""
     rest = shape - np.vdot(true * M, shape) / np.vdot(true * M, true) * true
     return np.sqrt(np.vdot(rest * M, rest).real / np.vdot(shape * M, shape).real)
 
 
 @pytest.mark.parametrize("name", ["rod", "free"])
 def test_corrected_shapes_are_the_exact_ones_as_far_as_modes_are_slow(name):
-    """What a correction leaves of the error falls with |lambda|; measured 1.9 |lambda|/cut."""
+    """The ratio of errors after and before a correction is 1.9 |lambda|/cut."""
     system, _, _ = systems(name)
     rates, exact = exact_modes(system)
     found, free = modes_of(system), system.free
@@ -129,7 +129,7 @@ def test_corrected_shapes_are_the_exact_ones_as_far_as_modes_are_slow(name):
 
 @pytest.mark.parametrize("name", ["rod", "free"])
 def test_corrected_rates_are_as_close_to_the_exact_ones_as_they_say(name):
-    """Measured 0.3 to 0.8 of what they say."""
+    """Errors are 0.3 to 0.8 of their estimates."""
     system, _, _ = systems(name)
     modes, (exact, _) = modes_of(system), exact_modes(system)
     slow = np.flatnonzero((modes.rates.imag > 0) & (np.abs(modes.rates) < 0.4 * system.cut))
@@ -157,7 +157,7 @@ def test_modes_are_frozen():
 
 
 def test_a_slider_that_one_block_holds_is_unstable_under_its_load():
-    """It turns over about that block, unless bonds cannot rotate."""
+    """The slider turns over about that block, unless bonds cannot rotate."""
     scene = setup2(L=0.012, H=0.006, F_N=84.9882, theta=0.550417, k_f=4.87537e7, K=78409.2)
     stuck = np.arange(scene.N_x) == scene.N_x - 1
     assert Space(StaticSolver(scene, "linear"), stuck).cut > 0
@@ -167,4 +167,4 @@ def test_a_slider_that_one_block_holds_is_unstable_under_its_load():
     rests = RestStates(StaticSolver(scene, "finite"), 1e-7, "rk4", made)
     for _ in range(2):
         assert rests.at(np.zeros(scene.N_x), stuck, 0.0, None, 1e-6) is None
-    assert made["modal_bases"] == 1  # it is not sought again
+    assert made["modal_bases"] == 1  # the basis is not computed again

@@ -11,12 +11,12 @@ from pyfric.scene import chain, preset
 
 @pytest.fixture(autouse=True)
 def short(monkeypatch):
-    """Parts of chains that are shorter than pays."""
+    """Let parts of chains be shorter than those that save time."""
     monkeypatch.setattr(moving, "LEAST", 0)
 
 
 def pulled(N_x=60, **changes):
-    """A chain under a moving plate, with a piece at its start that is weak."""
+    """Return a chain under a moving plate, with a weak piece at its start."""
     mu_s = 0.6 + 0.02 * (np.arange(N_x) * 7 % 20)
     mu_s[: N_x // 4] = np.linspace(0.45, 0.5, N_x // 4)
     own = {"L": (N_x - 1) * 2.5e-3, "mu_s": mu_s.tolist(), "V": 1e-6}
@@ -28,7 +28,7 @@ def pushed(**changes):
 
 
 def both(scene, t_end, monkeypatch, **how):
-    """The run by parts, and that of the whole chain."""
+    """Return the run by parts, and that of the whole chain."""
     parts = pyfric.simulate(scene, t_end, fidelity="hybrid", **how)
     monkeypatch.setattr(hybrid, "has_parts", lambda scene: False)
     return parts, pyfric.simulate(scene, t_end, fidelity="hybrid", **how)
@@ -91,7 +91,7 @@ def test_a_part_has_the_forces_of_the_chain():
         inner = slice(first > 0, None if end == 60 else -1)
         f = core.evaluate(model, whole, 1e-3).f[first:end]
         assert np.array_equal(own.f[inner], f[inner])
-        assert (own.F_T != 0) == (end == 60)  # the driver is at the right side
+        assert (own.F_T != 0) == (end == 60)  # the driver is at the right end
 
 
 def test_parts_begin_where_they_pay(monkeypatch):

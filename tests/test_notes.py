@@ -1,4 +1,4 @@
-"""Notes on laws: what the driver does not reach, what steps do not resolve."""
+"""Notes on laws: friction that the driver does not reach or steps do not resolve."""
 
 import pytest
 
@@ -32,7 +32,7 @@ def test_a_chain_under_stress_slips_without_its_driver():
 
 
 def test_steps_that_do_not_resolve_weakening():
-    """m ds/dt^2 = drop p s/d_c; with speed m dv/dt = mu_s p |dfactor/dv| v."""
+    """Slip weakening: m d^2s/dt^2 = drop p s/d_c. By speed: m dv/dt = mu_s p |dfactor/dv| v."""
     scene = setup1(d_c=1e-8)
     growth = (0.25 * 3500 / 57 / 1e-8 / scene.m) ** 0.5
     assert law_notes(scene, 0.3, 0.99 / growth) == ()

@@ -1,4 +1,4 @@
-"""Where slip loses stability before the events of a record, and over which length."""
+"""Place and length of loss of stability before the events of a record."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from pyfric.values import SceneError
 
 
 def test_nucleation_is_where_the_slipping_part_is_no_longer_stable():
-    """An eigenvalue of springs less weakening, by NumPy, passes zero within one more block."""
+    """With one more block an eigenvalue of stiffness minus weakening, by NumPy, passes zero."""
     scene = links(5, K=5e6, V=1e-2)
     record = run(scene, 9e-3, "hybrid")
     one = analysis.nucleations(record).iloc[0]
@@ -30,7 +30,7 @@ def test_nucleation_is_where_the_slipping_part_is_no_longer_stable():
 
 
 def test_events_name_their_length_of_nucleation(tmp_path):
-    """Kept in files; none where the driver holds."""
+    """Files keep lengths of nucleation; no length exists while the driver holds."""
     scene = rod(V=1e-2)
     record = run(scene, 8.2e-3, "hybrid")
     found, table = record.events["nucleation_length"], analysis.nucleations(record)
@@ -54,7 +54,7 @@ def test_nucleation_is_refused_without_weakening():
 
 @pytest.mark.parametrize("K", [0.0, 4e6])
 def test_a_pushed_slider_with_weakening_has_a_record(K):
-    """It has no static states, from which nucleation could be followed."""
+    """Such a slider has no static states for the search of nucleation."""
     scene = pyfric.chain(L=0.025, d_c="1 um", push=((1, 250.0),), K=K)
     record = pyfric.simulate(scene, 2e-4, fidelity="dynamic", progress=False)
     assert record.done

@@ -1,4 +1,4 @@
-"""Numbers in module constants: of what kind each is; the docs list the fitted ones."""
+"""Numbers in module constants: their kinds; the docs list the fitted numbers."""
 
 import ast
 import importlib
@@ -207,10 +207,10 @@ KINDS = {
         "waves": "SOFTEST STIFFEST",
     },
 }
-"""Kinds of numbers that are not fitted, by module. A policy is a choice that could be another one:
-defaults, shares of a tolerance, budgets of time, limits of notes. A cap ends an iteration that
-should have ended before; a size costs time or memory only. Others follow from a formula beside
-them, or are what double precision leaves."""
+"""Kinds of numbers that are not fitted, by module. A policy is a choice: a default, a share of a
+tolerance, a budget of time, the limit of a note. A cap ends an iteration that should have ended
+before. A size costs only time or memory. Others follow from a formula beside them, or from double
+precision."""
 
 FORMULAS = {
     "core/memory": (1024.0,),  # bytes of a kilobyte
@@ -238,14 +238,14 @@ FORMULAS = {
     "sweeps/measures": (0.05, 0.95),  # quantiles
     "sweeps/phases": (1e-3, 0.45, 0.7),  # default tolerance; mu_k and mu_s of a chain
     "sweeps/spacings": (0.1, 3.0),  # damping of the paper; default end
-    "theory/chain": (30.0,),  # where an integrand has ended
+    "theory/chain": (30.0,),  # where an integrand is negligible
     "theory/waves": (0.499999, 0.99),  # range of Poisson's ratio
 }
 """Other numbers in the bodies of functions, by module."""
 PRESETS = ("presets",)
 """Modules whose functions hold values of scenes."""
 UNITS, ROUNDED = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 10.0, 1e3, 1e6, 1e9), 1e-9
-"""Numbers that need no name: small ones and powers of ten, and those that are rounding."""
+"""Numbers that need no name: small ones, powers of ten, and limits of rounding."""
 
 
 FORTRAN = {
@@ -267,11 +267,11 @@ FORTRAN = {
         "rate_state": "SMALL",
     },
 }
-"""Real parameters of the core, as `KINDS`; none is fitted. Those of steppers are coefficients."""
+"""Real parameters of the core, as in `KINDS`. Steppers have coefficients; none is fitted."""
 
 
 def has_number(node):
-    """Whether a number is among what is assigned."""
+    """Whether an assigned value contains a number."""
     numbers = (int, float)
     return any(
         isinstance(one, ast.Constant) and type(one.value) in numbers for one in ast.walk(node)
@@ -279,7 +279,7 @@ def has_number(node):
 
 
 def numbers(root=ROOT):
-    """The names of constants that hold numbers, "module.NAME"."""
+    """Return the names of constants that hold numbers, "module.NAME"."""
     found = set()
     for path in (file for room in ROOMS for file in (root / "pyfric" / room).rglob("*.py")):
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
@@ -294,7 +294,7 @@ def numbers(root=ROOT):
 
 
 def unnamed(root=ROOT):
-    """Numbers in bodies of functions that are neither small, units nor rounding, by module."""
+    """Return numbers in functions that are not small, units or rounding, by module."""
     found = {}
     files = (file for room in ROOMS for file in (root / "pyfric" / room).rglob("*.py"))
     for path in (file for file in files if file.stem not in PRESETS):
@@ -309,7 +309,7 @@ def unnamed(root=ROOT):
 
 
 def parameters(folder=ROOT / "fortran"):
-    """Real parameters of modules of the core, "module.NAME"."""
+    """Return the real parameters of modules of the core, "module.NAME"."""
     found = set()
     for path in folder.glob("*.f90"):
         for line in path.read_text(encoding="utf-8").splitlines():
@@ -321,7 +321,7 @@ def parameters(folder=ROOT / "fortran"):
 
 
 def told(table):
-    """The rows of a table of the page, 0 for fitted numbers and 1 for prices, and their names."""
+    """Return rows and names of a table of the page: 0 for fitted numbers, 1 for prices."""
     text = PAGE.read_text(encoding="utf-8").split("## Prices")[table]
     rows = [line for line in text.splitlines() if line[:3] == "| `"]
     return rows, [name for row in rows for name in re.findall(r"`([a-z_]+\.[A-Z_]+)`", row)]

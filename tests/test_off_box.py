@@ -1,4 +1,4 @@
-"""Engines against stored runs of scenes away from the paper's (`reference_data/off_box.py`)."""
+"""Engines compared with stored runs of scenes unlike the paper's (`reference_data/off_box.py`)."""
 
 import functools
 
@@ -12,16 +12,16 @@ from pyfric.engines.jump import Ringing
 from pyfric.engines.ring_down import RingDown
 
 FORCE = 1e-6
-"""Start and arrest forces of every event, over F_N, and the accuracy that is asked for."""
+"""Tolerance of start and arrest forces of every event, over F_N, and requested accuracy."""
 LOOSER = 1e-5
 """The default accuracy, over F_N."""
 CURVE = 2e-5
-"""F_T(t) at every point, over F_N: within microseconds of a stop it holds what rings down fast, and
-what a jump may drop of that."""
+"""Tolerance of F_T(t) at every point, over F_N. Within microseconds of a stop it includes fast
+vibrations, of which a jump may drop a part."""
 RUPTURE = 1e-7
-"""Rupture times in events, s: half of the paper's step; neighbours break 1 to 2 us apart."""
+"""Tolerance of rupture times, s: half of the paper's step. Neighbours break 1 to 2 us apart."""
 LADDER = 1e-9
-"""Forces of the quasi-static engine over F_N, on any kernel of BLAS."""
+"""Tolerance of forces of the quasi-static engine over F_N, on any kernel of BLAS."""
 
 reference = functools.cache(off_box.load)
 ALL, CASES = off_box.names(), off_box.cases()
@@ -30,11 +30,11 @@ LONG = (
     *("no_kinetic_finite", "no_kinetic_linear", "protocol_finite", "soft_foundation_finite"),
     *("stiff_foundation_finite", "viscosity_20_finite", "weakening_finite"),
 )
-"""Sets of which nearly all is stepped after the first events: whole by `make test-slow`."""
+"""Sets with hardly any jumps after the first events; only `make test-slow` runs them to the end."""
 EARLY = 2
-"""So many main events of four or more blocks are compared by default, at least."""
+"""Least number of main events of four or more blocks that are compared by default."""
 STEPPED = "viscosity_20_finite"
-"""Nothing is spared there: by default it is only seen that the first fifth is as stored."""
+"""A set without jumps. By default only its first fifth is compared."""
 LEAST = "digest_chain_linear"
 """A set of one small event."""
 SHARP = {name for name, case in off_box.CASES.items() if not case.scene.interface.d_c}
@@ -65,7 +65,7 @@ def test_reference_is_determined_and_of_its_scene(name):
 
 
 def early(name):
-    """Return the set, or of a long one what is before its third large event or so."""
+    """Return the set; of a long one, the part before about its third large event."""
     known = reference(name)
     if name not in LONG:
         return known
@@ -130,16 +130,16 @@ def test_what_jumps_spare_is_what_the_page_says():
 
 ESTIMATED = ("digest_fig1_finite", "digest_fig1_linear", "slender_finite")
 MORE = ("digest_law_finite", "protocol_finite", "steep_finite")
-"""Sets on which the estimates of jumps are compared with steps."""
+"""Sets on which estimates of errors of jumps are compared with steps."""
 TIMES, STEPS_LEAVE = 5.0, 1e-9
-"""Real error over the estimate; what steps of rk4 themselves leave, over F_N."""
+"""Largest ratio of error and estimate; error of steps of rk4 themselves, over F_N."""
 
 
 def beyond_estimates(known):
-    """Return a hybrid run, and by how much each jump exceeds what its error may be, over F_N.
+    """Return a hybrid run, and the excess of each jump's error over its limit, over F_N.
 
-    Compared is how far each block that sticks is from slipping or opening, after the jump and after
-    its steps on a copy.
+    The margins of sticking blocks against slip and opening are compared: after the jump, and after
+    the same steps on a copy.
     """
     excess, land = [], RingDown._land
 
@@ -162,7 +162,7 @@ def beyond_estimates(known):
 
 @functools.cache
 def runs(name):
-    """How far a hybrid run is from its set, and its jumps from their steps if that is compared."""
+    """Return errors of a hybrid run and, for some sets, of its jumps against steps."""
     known = early(name)
     record, excess = beyond_estimates(known) if name in ESTIMATED else (known.hybrid(FORCE), None)
     return known.apart(record), excess
@@ -189,7 +189,7 @@ def test_hybrid_is_full_dynamics(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LONG)
 def test_hybrid_is_full_dynamics_up_to_the_end(name):
-    """The same of all events: by default, of those that come first."""
+    """All events agree; by default the first ones are compared."""
     known = reference(name)
     check(known.apart(known.hybrid(FORCE)))
 

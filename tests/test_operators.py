@@ -55,7 +55,7 @@ def test_mass_of_rod_and_blocks():
     inertia = 0.01 * 0.015**2 / 12 + m * sum(x * x for x in scene.x)
     np.testing.assert_allclose(mass(scene)[-3:], [0.01 + N_x * m] * 2 + [inertia], rtol=1e-14)
     assert (mass(scene)[:-3] == m).all()
-    # Kinetic energy of the blocks does not depend on the coordinates used.
+    # The kinetic energy of blocks does not depend on the coordinates.
     T, q = coordinates(scene), np.random.default_rng(2).standard_normal(len(mass(scene)))
     rod = 0.01 * (q[-3] ** 2 + q[-2] ** 2) + 0.01 * 0.015**2 / 12 * q[-1] ** 2
     assert np.sum(mass(scene) * q**2) == pytest.approx(m * np.sum((T @ q) ** 2) + rod, rel=1e-13)
@@ -63,7 +63,7 @@ def test_mass_of_rod_and_blocks():
 
 @pytest.mark.parametrize("scene", [small_rod(side="right"), small_rod(h=0.01), small_scene()])
 def test_stiffness_is_the_curvature_of_the_energy(scene):
-    """Bonds, foundation of the closed blocks, driver spring and mattress, summed one by one."""
+    """The energy sums bonds, foundation of closed blocks, driver spring and mattress one by one."""
     closed = np.arange(scene.N_x) % 3 > 0
     K = stiffness(scene, closed=closed)
     T = coordinates(scene)
@@ -93,7 +93,7 @@ def test_damping_dissipates_eta_times_relative_velocity_squared(scene):
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
 @pytest.mark.parametrize("dashpots", ["full", "along"])
 def test_dashpots_turn_with_bonds_as_in_the_core(geometry, dashpots):
-    """The dissipated power of a deformed, moving slider."""
+    """The dissipated power of a deformed, moving slider agrees with the core."""
     scene = small_scene().replace({"slider.dashpots": dashpots})
     state, random = loaded_state(scene, geometry).state(scene, 1e-7), np.random.default_rng(6)
     state.y[:, :2] += 0.1 * scene.slider.l * random.uniform(-1, 1, state.y[:, :2].shape)
@@ -105,7 +105,7 @@ def test_dashpots_turn_with_bonds_as_in_the_core(geometry, dashpots):
 
 
 def test_a_space_takes_what_shapes_add_and_leaves_out_rounding():
-    """Shapes that differ from the basis by 1e-7 are new directions; combinations of it are not."""
+    """Shapes that differ from the basis by 1e-7 are new; combinations of the basis are not."""
     random = np.random.default_rng(5)
     M = random.uniform(0.5, 2.0, 40)
     basis = np.linalg.qr(random.standard_normal((40, 6)))[0] / np.sqrt(M)[:, None]
@@ -134,7 +134,7 @@ def test_long_waves_are_isotropic(angle):
 
 
 def test_wave_speeds_of_setup_1():
-    """1677 and 968 m/s with the mass per area M/(L H), 1720 and 993 m/s with m = M/N."""
+    """Waves have 1677 and 968 m/s with M/(L H) as mass per area, 1720 and 993 m/s with m = M/N."""
     scene = setup1()
     slider = scene.slider
     q = np.array([1e-3 / slider.l, 0.0])
@@ -163,7 +163,7 @@ def test_operators_carry_plane_waves(ql):
 
 
 def test_slow_modes_of_the_stuck_slider():
-    """Decay times 3.9, 4.7, 1.9 and 0.28 ms (model.md, measured with another program)."""
+    """Decay times are 3.9, 4.7, 1.9 and 0.28 ms, as with another program (model.md)."""
     M, K, C = operators(setup1())
     N_x = setup1().N_x
     root = sp.diags_array(1 / np.sqrt(M[N_x:]))  # bottom u_x, the first N_x coordinates, held
@@ -188,7 +188,7 @@ def ends_of_rays(stepper, theta):
 
 @pytest.mark.parametrize("name", ["rk46", "rk46_waves"])
 def test_stable_part_of_rays_of_six_stages(name):
-    """From 0 to the end that is found, and not just beyond it; undamped motion grows slowly."""
+    """A ray is stable up to the found end, and not just beyond it; undamped motion grows slowly."""
     stepper, theta = STEPPERS[name], np.linspace(np.pi / 2, np.pi, 91)
     ends, most = ends_of_rays(stepper, theta), 1 + GROWN
     ray = np.exp(1j * theta)
@@ -222,12 +222,12 @@ def test_each_ray_leaves_the_rk4_region_once():
     ],
 )
 def test_limits_of_the_two_setups(scene, expected):
-    """The figures of model.md, damped and undamped."""
+    """The limits are those of model.md, damped and undamped."""
     assert stability_limit(scene)[0] == pytest.approx(expected, rel=0.01)
 
 
 def test_limits_in_closed_form():
-    """Undamped sqrt(8 m/(6 k)); damped by the overdamped shear wave at the zone edge."""
+    """The undamped limit is sqrt(8 m/(6 k)); an overdamped shear wave sets the damped one."""
     scene = setup1(eta=0.0)
     assert stability_limit(scene)[0] == pytest.approx(
         math.sqrt(8 * scene.m / (6 * scene.slider.k)), rel=1e-9
@@ -240,7 +240,7 @@ def test_limits_in_closed_form():
 
 
 def full_limit(scene: Scene) -> float:
-    """Limit from all eigenvalues of the whole lattice: |R| <= 1, by bisection over dt."""
+    """Return the limit by all eigenvalues of the whole lattice: |R| <= 1, by bisection."""
     M, K, C = operators(scene)
     n = len(M)
     A = np.block(

@@ -1,4 +1,4 @@
-"""The folder of figures and its page: what is there is shown, with captions, costs and claims."""
+"""The folder of figures and its page, which shows all files with captions, costs and claims."""
 
 import json
 import re
@@ -31,7 +31,7 @@ NAMES = ("fig1b", "fig2a", "fig2b", "fig3b")
 
 
 class Page(HTMLParser):
-    """Texts, tags and links of a page; tags have to close in order."""
+    """Parser of texts, tags and links of a page; tags have to close in order."""
 
     def __init__(self, text):
         super().__init__()
@@ -87,15 +87,15 @@ def test_page_shows_every_figure_with_caption_and_links(folder):
         wanted = {f"{name}.png", f"{name}.pdf", *(p.name for p in folder.glob(f"{name}_*.csv"))}
         assert wanted <= set(page.links)
     inside = [link[1:] for link in page.links if link.startswith("#")]
-    assert inside == page.ids  # the contents
+    assert inside == page.ids  # links of the contents
     outside = [link for link in page.links if not link.startswith("#")]
-    assert all((folder / link).is_file() for link in outside)  # nothing from elsewhere
+    assert all((folder / link).is_file() for link in outside)  # no file from elsewhere
     assert "http" not in text
     assert pyfric.__version__ in words
 
 
 def plain(html):
-    """Text without tags and spaces."""
+    """Return text without tags and spaces."""
     return re.sub(r"<[^>]*>|\s", "", html)
 
 

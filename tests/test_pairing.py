@@ -43,7 +43,7 @@ def test_distances_are_forces_times_and_blocks():
 
 
 def test_an_event_more_is_passed_over():
-    """A micro-slip at nearly the same force is not the event of many blocks."""
+    """A micro-slip at nearly the same force is not paired with an event of many blocks."""
     a = events((0.1, 300.0, 1, 3), (0.2, 700.0, 1, 7), (0.3, 999.0, 1, 12))
     b = events((0.1, 300.0, 1, 3), (0.1999, 699.0, 1, 1), (0.21, 720.0, 1, 8), (0.3, 999.0, 1, 12))
     assert [list(one) for one in paired(a, b, preset("fig1"))] == [[0, 1, 2], [0, 2, 3]]

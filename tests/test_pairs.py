@@ -1,4 +1,4 @@
-"""Two levels and their difference: runs whose errors are known, closed forms, traps."""
+"""Two levels and their difference: runs with known errors, closed forms, traps."""
 
 import dataclasses
 import math
@@ -28,12 +28,12 @@ def main_events(record):
 
 
 class Known:
-    """Runs whose start forces are off by known errors, over F_N.
+    """Runs with known errors of start forces, over F_N.
 
-    `static` is the error without inertia, `bonds` that of linear geometry, `step` that of the first
-    step of a plan, of order 6. Steps of at least `turn` such steps take a wrong turn: an event is
-    0.1 L longer, and the next one starts at 0.005 F_N more. From main event `chaos` on, runs differ
-    by `noise` whatever the step.
+    `static` is the error without inertia, `bonds` that of linear geometry, and `step` that of the
+    first step of a plan, of order 6. Steps of at least `turn` first steps take a wrong turn: an
+    event is 0.1 L longer, and the next event starts at 0.005 F_N more. From main event `chaos` on,
+    runs differ by `noise` for any step.
     """
 
     def __init__(
@@ -131,7 +131,7 @@ def test_the_error_is_that_of_the_coarser_run(ladder):
 
 
 def test_an_event_that_turned_has_a_factor_of_safety(ladder):
-    """Its difference of 0.005 F_N is within 0.01, but three times that is not."""
+    """The difference of 0.005 F_N is within 0.01, but three times 0.005 is not."""
     known = Known(ladder, turn=0.9)
     record = known.made(tolerance=0.012)
     assert record.method.dt == pytest.approx(known.asked[-1][-1])
@@ -314,7 +314,7 @@ def test_a_named_static_sequence_is_compared_with_dynamics(ladder):
 
 
 def one_block(dt_share):
-    """One undamped block that slips once: its neighbour carries too much load to move.
+    """Return one undamped block that slips once; its neighbour's load is too large to move.
 
     m u'' = K V t - (K + k) u - mu_k p from u = 0, where K V t = mu_s p.
     """
@@ -377,14 +377,14 @@ def test_what_is_not_asked_for_is_not_measured():
 
 
 def truth(record):
-    """Return full dynamics with a fifth of the steps of a record, as far as it goes."""
+    """Return full dynamics with a fifth of the step of a record, up to the record's end."""
     how = {"fidelity": "dynamic", "dt": record.method.dt / 5, "t_gap": record.method.t_gap}
     how |= {"energies": False, "progress": False}
     return pyfric.simulate(record.scene, record.final_state.t, **how)
 
 
 ROUNDING = 1e-7
-"""Errors of full dynamics with a fifth of the steps are of this size, over F_N."""
+"""Errors of full dynamics with a fifth of the step are of this size, over F_N."""
 DISORDERED = setup1(
     L=0.03, H=0.01, F_N=490.0, h=5e-3, K=2e6, V=0.049, mu_s=Spread(mean=0.7, std=0.05, seed=4)
 )
@@ -407,7 +407,7 @@ TRAPS = {
 
 @pytest.mark.parametrize(("scene", "t_end", "tolerance", "ends"), TRAPS.values(), ids=TRAPS)
 def test_what_ends_inside_an_event_is_measured_or_said(scene, t_end, tolerance, ends):
-    """Earlier builds said that errors of 1e-8 were measured where nothing was compared."""
+    """A run that ends inside an event has a measured error, or a note that it has none."""
     how = {"tolerance": tolerance, "stop_when": ends, "t_gap": 3e-4}
     record = pyfric.simulate(scene, t_end, **how, progress=False)
     real = pyfric.record.differences(record, truth(record)).errors()
@@ -421,9 +421,9 @@ def test_what_ends_inside_an_event_is_measured_or_said(scene, t_end, tolerance, 
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_levels_do_not_agree_on_a_wrong_history(side):
-    """With steps of RK4 of 0.87 and 0.9 of its limit, events 3 to 6 are others, alike in both.
+    """With steps of RK4 of 0.87 and 0.9 of its limit, events 3 to 6 are equally wrong in both.
 
-    Known are the forces of full dynamics with steps of a tenth of the limit.
+    The oracle is full dynamics with steps of a tenth of the limit.
     """
     slider = {"L": 0.02, "H": 0.0125, "h": 0.0025, "K": 2747160.0, "eta": 11.2631, "F_N": 94.0443}
     interface = {"mu_s": 0.571278, "mu_k": 0.435512, "k_f": 9075060.0}

@@ -1,6 +1,6 @@
-"""The longest pause inside an event: the paper's scenes, three times of a scene, and the note.
+"""The longest pause inside an event: the paper's scenes, its three time scales, and the note.
 
-With it, and with the time step, a scene in other units is the same scene.
+A scene in other units has the same pause and time step.
 """
 
 import re
@@ -15,7 +15,7 @@ from pyfric.record import build_catalogue
 from pyfric.scene import PRESETS, preset, setup1, setup2
 
 OTHERS = ("burridge_knopoff", "rate_and_state", "rate_and_state_pmma", "run4", "slow", "tpv3")
-"""Presets that are not at F_N and V of a setup of the paper."""
+"""Presets with other F_N or V than a setup of the paper."""
 
 
 def test_the_papers_scenes_keep_a_millisecond():
@@ -34,8 +34,8 @@ def test_the_papers_scenes_keep_a_millisecond():
         ),  # 0.9e-3 * 3500 N/(4e6 N/m * 7.875 mm/s) = 0.1 ms, transits
         (setup1(F_N=1750.0), 0.5e-3),  # half the force, half the time
         (setup1(V=1e-6), 18.65e-3),  # 4 times 4.66 ms
-        (setup1(V=7.875e-5, eta=0.0), 10e-3),  # the driver alone
-        (setup1(V=0.0), 0.4230e-3),  # 3 transits: nothing else begins
+        (setup1(V=7.875e-5, eta=0.0), 10e-3),  # the driver alone decides
+        (setup1(V=0.0), 0.4230e-3),  # 3 transits decide alone
         (preset("tpv3"), 15.50),
     ],
 )
@@ -81,7 +81,7 @@ UNITS = {
     "mm, ms, g": (1e3, 1e3, 1e3),
     "cm, s, g": (1e2, 1.0, 1e3),
 }
-"""Systems of units -> numbers of theirs in 1 m, 1 s and 1 kg."""
+"""Systems of units -> numbers of their units in 1 m, 1 s and 1 kg."""
 SCENES = {
     "fast rod": (setup1(**SMALL, V=20e-3), 6e-3, "dynamic"),
     "finite": (setup1(**SMALL, V=10e-3), 8e-3, "hybrid"),
@@ -102,7 +102,7 @@ SCENES = {
 
 
 def in_units(scene, m, s, kg):
-    """Return the scene with the numbers of other units: another scene of the same physics."""
+    """Return the scene with numbers in other units, of the same physics."""
     base = {"m": m, "s": s, "kg": kg, "N": kg * m / s**2}
 
     def there(found):
@@ -121,7 +121,7 @@ def test_steps_of_a_preset_are_those_of_its_name():
 
 @pytest.mark.parametrize("name", SCENES)
 def test_other_units_give_the_same_catalogue(name):
-    """Steps and pauses have their defaults. Powers of two leave all but the last digits alone."""
+    """Steps and pauses are defaults. Powers of two change only the last digits."""
     scene, t_end, engine = SCENES[name]
     how = {"fidelity": engine, "progress": False, "threads": 1}
     known = pyfric.simulate(scene, t_end, **how)

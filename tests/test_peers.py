@@ -11,9 +11,9 @@ from twin import Slab, bond_forces
 
 GEOMETRIES = ("linear", "finite")
 RTOL = 1e-12
-"""Tolerance of a force, relative to the largest: the peers sum in another order than the twin."""
+"""Tolerance of a force over the largest one. The peers sum in another order than the twin."""
 RTOL_LAMMPS = 1e-10
-"""The same for LAMMPS, which subtracts absolute coordinates and lengths: rounding over strain."""
+"""Tolerance for LAMMPS, which subtracts absolute coordinates and lengths: rounding over strain."""
 
 
 def make_scene(N_x=7, N_z=5, eta=7.6):

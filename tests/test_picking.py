@@ -1,4 +1,4 @@
-"""Events of loading curves: those of own runs, sampled, are the catalogue's."""
+"""Events of loading curves: sampled runs have the events of their catalogue."""
 
 import functools
 
@@ -38,7 +38,7 @@ def test_a_run_sampled_fully_has_the_events_of_its_catalogue():
 
 
 def test_stiffness_and_rate_are_those_of_the_apparatus():
-    """Static condensation of the stuck slider, in series with the driver's spring."""
+    """The stiffness is that of the condensed stuck slider, in series with the driver's spring."""
     own = events(run())
     np.testing.assert_allclose(own["rate"], own["stiffness"] * 0.7875e-3, rtol=1e-9)
     np.testing.assert_allclose(own["stiffness"], own["stiffness"].iloc[0], rtol=2e-3)
@@ -49,7 +49,7 @@ def test_stiffness_and_rate_are_those_of_the_apparatus():
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("changes", [{}, {"mu_k": 0.5}, {"mu_s": 0.6}])
 def test_in_noise_no_event_above_five_sigma_is_lost(seed, changes):
-    """Drops are right within their errors, and nothing is found that is not there."""
+    """Drops are right within their errors, and there are no false events."""
     record = run(**changes)
     found = events(sampled(record, STEP, noise=NOISE, seed=seed), noise=NOISE)
     known = events(record, t_gap=8 * STEP)
@@ -77,7 +77,7 @@ def test_errors_of_drops_are_what_they_say():
 
 
 def test_the_time_of_a_fall_moves_both_of_its_forces():
-    """In steps of 2 ms, loading adds more than noise; misfits of both ends are independent."""
+    """In steps of 2 ms loading adds more than noise; misfits of both ends are independent."""
     sums, products = {"peak": [], "valley": []}, []
     for seed in range(24):
         record = run(mu_k=0.43 + 5e-3 * (seed % 8))  # events fall at other parts of a step
@@ -98,7 +98,7 @@ def test_the_time_of_a_fall_moves_both_of_its_forces():
 
 
 def test_full_dynamics_has_the_same_events():
-    """Ring-down is not slip: the drops of static forces are found in noise."""
+    """Ring-down is no slip: in noise, drops of static forces are found."""
     record = run("hybrid", 0.8)
     found = events(sampled(record, STEP, noise=NOISE), noise=NOISE)
     known = events(record, t_gap=8 * STEP, threshold=5 * NOISE)
@@ -156,7 +156,7 @@ def test_gaps_and_thresholds():
 
 @pytest.mark.parametrize(("end", "seen"), [(0.88, 16), (0.93, 15)])
 def test_a_long_gap_has_no_events(end, seen):
-    """What falls in it is not known, nor how long ago the event before the next one was."""
+    """Falls in a gap are unknown, and so is the recurrence of the next event."""
     t = np.arange(4000) * STEP
     f = 0.4 + 0.1 * (t / 0.1 % 1) + NOISE * np.random.default_rng(0).standard_normal(4000)
     whole = events(Curve.of(t=t, mu=f), noise=NOISE)
@@ -179,7 +179,7 @@ PERIOD, DROP = 0.1, 0.05
 
 
 def saw(t):
-    """Falls of 0.05 each 0.1 s."""
+    """Return a curve with falls of 0.05 every 0.1 s."""
     return 0.45 + DROP * (t % PERIOD) / PERIOD
 
 
@@ -197,7 +197,7 @@ def found_all(found, n=19):
 
 
 def test_means_are_over_times_and_not_over_samples():
-    """At 100 Hz eight samples are most of a period, and single ones tell the falls."""
+    """At 100 Hz eight samples are most of a period, and single samples show the falls."""
     t = np.concatenate([np.arange(0, 1, 0.01), np.arange(1, 2, 0.001)])
     found = events(Curve.of(t=t, mu=noisy(t)))
     assert len(found) == 19
@@ -213,7 +213,7 @@ def test_means_are_over_times_and_not_over_samples():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_no_drop_is_below_the_threshold(seed):
-    """Neither the one that is told, nor the one that was asked for."""
+    """No drop is below the reported or the given threshold."""
     rng = np.random.default_rng(seed)
     t = np.arange(6000) * STEP
     sizes = np.cumsum(rng.exponential(2.5e-3, 150))[np.minimum((t / 0.02).astype(int), 149)]
@@ -264,7 +264,7 @@ def test_rest_at_both_ends_and_coarse_digits_are_no_clipping():
 
 
 def falls(f):
-    """Maxima and the minima that follow, one by one: an oracle."""
+    """Return maxima and the next minima, one by one, as an oracle."""
     drops, k = [], 0
     while k + 1 < len(f):
         top = k
@@ -279,7 +279,7 @@ def falls(f):
 
 @pytest.mark.parametrize("curve", ["steps", "spline", "slow"])
 def test_without_noise_events_are_falls_between_turning_points(curve):
-    """A curve of another code, an event each few samples, or a line through points."""
+    """The curve is from another code, has an event every few samples, or joins points."""
     rng = np.random.default_rng(0)
     t = np.arange(1200) * 8e-4
     if curve == "spline":
@@ -315,7 +315,7 @@ def test_noise_that_is_not_white_is_said():
 
 
 def test_falls_that_means_do_not_tell_apart_are_said():
-    t = np.arange(0, 2, 0.016)  # six samples each
+    t = np.arange(0, 2, 0.016)  # six samples in each period
     f = noisy(t)
     found = events(Curve.of(t=t, mu=f), noise=NOISE)
     assert len(found) < 19
@@ -359,7 +359,7 @@ def test_a_fit_says_what_events_leave_out():
 
 
 def plain_line(x, y):
-    """The same for one line, in plain loops: an oracle."""
+    """Return one robust line by plain loops, as an oracle."""
     weights, centre, value, slope = np.ones(len(x)), x.mean(), y.mean(), 0.0
     for _ in range(5):
         at, mean = (weights * x).sum() / weights.sum(), (weights * y).sum() / weights.sum()
@@ -406,7 +406,7 @@ def test_lines_do_not_follow_outliers():
 
 
 def test_a_small_fall_just_before_a_large_one_is_part_of_it():
-    """Its force grows between both: as a laboratory sees it, but for the time within a step."""
+    """The force grows between both falls; a laboratory would also see a single event."""
     scene = pyfric.preset("fig1", {"l": "5 mm", "mu_s": 0.7487686, "mu_k": 0.4919614})
     record = pyfric.simulate(scene, 1.2, fidelity="quasistatic", progress=False)
     large = record.events["n_blocks"] == scene.N_x

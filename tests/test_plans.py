@@ -1,4 +1,4 @@
-"""The study of promises: draws that stay, verdicts on errors that are known, counts."""
+"""The study of promised errors: reproducible draws, verdicts on known errors, counts."""
 
 import dataclasses
 
@@ -51,9 +51,9 @@ def test_a_promise_is_judged_by_the_real_error(ladder, real, measured, broken, d
 
 
 WRONG_TURNS = [(3, 36, 0.1, 2), (12, 33, 0.05, 2), (12, 86, 0.05, 1)]
-"""Seed, number and least viscosity of trials in which two equally strict hybrid runs were wrong,
-and how many events can be trusted at least. In the last one, blocks slip 346 and 344 times in the
-second main event of two runs."""
+"""Trials in which two equally strict hybrid runs were wrong: seed, number, least viscosity, and
+least number of trusted events. In the last trial, blocks slip 346 and 344 times in the second main
+event of two runs."""
 
 
 @pytest.mark.slow

@@ -78,7 +78,7 @@ def test_a_plate_in_files_and_texts():
 
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_a_plate_of_one_block_is_that_block(geometry):
-    """To the bit: in dynamics, hybrid runs and the ladder."""
+    """Bits agree in dynamics, hybrid runs and quasi-static sequences."""
     one = small(h=5e-3)
     two = one.replace(h_top=one.driver.h)
     for fidelity in ("dynamic", "hybrid") + ("quasistatic",) * (geometry == "linear"):
@@ -92,7 +92,7 @@ def test_a_plate_of_one_block_is_that_block(geometry):
 
 
 def at_rest(scene, geometry):
-    """A state of rest with a displaced interface under the pushing plate."""
+    """Return a state of rest with a displaced interface under the pushing plate."""
     solver = StaticSolver(scene, geometry)
     rng, unit = np.random.default_rng(0), scene.F_N / scene.slider.k / scene.N_x
     u_x = solver.loaded.u[0, 0] + 0.1 * unit * rng.standard_normal(scene.N_x)
@@ -102,7 +102,7 @@ def at_rest(scene, geometry):
 @every
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_static_states_are_at_rest_for_the_twin(scene, geometry):
-    """Also the loaded one, in which the plate pushes no block although their u_x differ."""
+    """The loaded state is at rest, too: the plate pushes no block although their u_x differ."""
     solver, _, pushed = at_rest(scene, geometry)
     if not (scene.rigid and scene.driver.side == "top"):
         assert np.ptp(solver.u_drv0) > 0.1 * np.abs(solver.u_drv0).max()
@@ -124,7 +124,7 @@ def test_static_states_are_at_rest_for_the_twin(scene, geometry):
 
 @at_sides
 def test_forces_of_the_plate_turn_the_slider(scene):
-    """sum p x = sum load x + sum F_j h_j + kappa phi: they act where their blocks are."""
+    """Forces of the plate act at their blocks: sum p x = sum load x + sum F_j h_j + kappa phi."""
     solver, _, found = at_rest(scene, "linear")
     y = found.state(scene, 1e-7).y
     forces = twin.driver_forces(scene, found.drive / scene.driver.V, y, solver.u_drv0)
@@ -136,7 +136,7 @@ def test_forces_of_the_plate_turn_the_slider(scene):
 
 @every
 def test_the_condensed_slider_is_the_whole_one(scene):
-    """Springs attached to the interface's answer, and springs in the sparse matrix."""
+    """Springs on the condensed slider act like springs in the sparse matrix."""
     solver, u_x, there = at_rest(scene, "linear")
     problem, none = ContactProblem(scene), np.zeros(scene.N_x, dtype=bool)
     here = problem.solve(u_x, there.drive, free=none)
@@ -157,7 +157,7 @@ def test_the_condensed_slider_is_the_whole_one(scene):
 @every
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_soft_and_stiff_plates(scene, geometry):
-    """A soft one pushes with K X; a stiff one moves its blocks by X, all alike."""
+    """A soft plate pushes with K X; a stiff plate moves all its blocks by X."""
     for K in (1.0, 1e14):
         solver = StaticSolver(scene.replace(K=K), geometry)
         drive = 1e-6
@@ -195,7 +195,7 @@ def test_the_ladder_begins_where_a_block_is_at_its_threshold(scene):
     ],
 )
 def test_energy_is_conserved(geometry, name):
-    """At the order of the stepper; the springs' energy is more than F_T^2/2K."""
+    """The budget closes to the order of the stepper; the springs' energy exceeds F_T^2/2K."""
     scene = PLATES[name]
     errors = []
     for share in (0.5, 0.125):
@@ -284,7 +284,7 @@ OTHERS = {
     ("name", "what"), [*(("free", what) for what in OTHERS), ("one", "speed"), ("one", "higher")]
 )
 def test_another_driver_goes_on_without_a_jump(name, what):
-    """F_T stays; each block is pushed as before if they are the same."""
+    """F_T stays the same, and so do forces on blocks that both plates drive."""
     changes = OTHERS[what]
     scene = small("free", h=2e-3) if name == "one" else PLATES[name]
     how = {"geometry": "linear", "sample": 2e-6}
@@ -339,7 +339,7 @@ def test_a_prescribed_slab_under_a_plate():
     now = state.y, state.rod, state.mode, state.u_drv0, state.slip
     there = twin.right_hand_side(scene, "linear", t, *now)
     assert here.F_T == pytest.approx(there.F_T, rel=1e-12)
-    largest = 6 * scene.slider.k * np.abs(state.y[:, :2]).max() / scene.m  # of what is added
+    largest = 6 * scene.slider.k * np.abs(state.y[:, :2]).max() / scene.m  # largest term of the sum
     np.testing.assert_allclose(here.a, there.dydt[:, 2:], rtol=0, atol=ROUNDING * largest)
 
 

@@ -1,4 +1,4 @@
-"""Draws from posteriors: against the exact normal distribution of a linear problem."""
+"""Draws from posteriors, compared with the exact normal distribution of a linear problem."""
 
 import dataclasses
 import functools
@@ -20,7 +20,7 @@ ERROR = 1e-3
 
 @functools.cache
 def linear():
-    """A fit of what is added to a curve, which needs one run: residuals are linear."""
+    """Return a fit of offset and drift, with linear residuals from a single run."""
     table = (
         events(pyfric.simulate(SCENE, 0.9, fidelity="quasistatic")).iloc[-6:].copy()
     )  # drops are large

@@ -1,4 +1,4 @@
-"""The study of precursors: its rule on numbers made up, its lengths, and its stored result."""
+"""The study of precursors: its rule on synthetic numbers, its lengths, and its stored result."""
 
 import math
 from pathlib import Path
@@ -20,7 +20,7 @@ FACTORS |= {"l": (1, 1, 1, 0.5), "mu": (1, 1, 1, 1), "H, L": (0.5, 0.5, 1, 1), "
 
 
 def made_up(of, noise=0.0):
-    """Return points in which a scale sets the count, falling from 15 to 0."""
+    """Return points whose counts fall from 15 to 0 with one of the scales."""
     rows, rng = [], np.random.default_rng(0)
     for name, (L, H, h, l) in FACTORS.items():
         about = {"L": 0.14 * L, "H": 0.075 * H, "h": 5e-3 * h, "l": 5e-3 * l}
@@ -45,7 +45,7 @@ def made_up(of, noise=0.0):
     ],
 )
 def test_the_rule_tells_which_scale_sets_the_count(scale, noise, said):
-    """The share of the true scale is high, and that of others low; noise tells nothing."""
+    """The share of the true scale is high; all other shares, and all with noise, are low."""
     table = found.collapse(made_up(found.SCALES[scale], noise), draws=100)
     assert found.verdict(table) == said
     shares = table.set_index("scale")["share"]
@@ -56,13 +56,13 @@ def test_the_rule_tells_which_scale_sets_the_count(scale, noise, said):
 
 
 def test_a_series_does_not_predict_itself():
-    """A curve through the own points would explain all of a series that differs from all others."""
+    """The share is low for a series unlike the others, although a curve fits its own points."""
     x = np.tile(SHARES, 3)
     series = np.repeat(["a", "b", "c"], len(SHARES))
     y = -np.log(x) + np.where(series == "c", 5.0, 0.0)
     assert found.share(x, -np.log(x), series) == pytest.approx(1.0)
     assert found.share(x, y, series) < 0
-    assert found.share(x, np.log(x), series) < 0.1  # counts that rise have no falling curve
+    assert found.share(x, np.log(x), series) < 0.1  # no falling curve fits rising counts
 
 
 def test_the_end_is_the_last_fall_below_one_half():
@@ -111,7 +111,7 @@ def test_scenes_have_the_nucleation_length_that_is_asked_for(name, share):
 
 
 def test_nucleation_lengths_are_those_of_theory():
-    """1.158 E/(2 W) with W = drop/(2 d_c); E B = 4 k/3. Rate and state: two cases of a/b."""
+    """Weakening: 1.158 E/(2 W), W = drop/(2 d_c), E B = 4 k/3. Rate and state: two cases of a/b."""
     scene = precursors.scene_at(precursors.SERIES["base"], 0.1)
     E_B, L_x = 4 / 3 * scene.slider.k, scene.slider.l * scene.N_x
     W_B = 0.25 * scene.F_N / L_x / (2 * scene.interface.d_c)
@@ -147,7 +147,7 @@ def small(monkeypatch):
 
 
 def test_runs_that_are_there_are_not_made_again(small, tmp_path, monkeypatch):
-    """What was made before a stop stays, and more seeds add runs; counts are those of records."""
+    """Finished runs stay after a stop, and more seeds add runs; counts are those of records."""
     made, real = [], precursors._made
 
     def counted(job):
@@ -197,7 +197,7 @@ def page():
 
 
 def test_stored_tables_are_those_of_the_stored_runs(stored):
-    """Points and ends are found again; every point of every series has its seeds."""
+    """Points and ends follow from the stored runs; every point of every series has its seeds."""
     runs = stored["runs"]
     for name, series in precursors.SERIES.items():
         own = runs[runs["series"] == name]

@@ -33,7 +33,7 @@ WALLS = [
 def small(N_x=7, N_z=4, walls=(), **changes):
     l, rest = 2.5e-3, {"p": lambda x: 60 + 1e3 * x, "tau": lambda x: 20 - 2e3 * x}
     size = {"L": (N_x - 1) * l, "H": (N_z - 1) * l, "l": l, "K": 4e6, "V": 0.02}
-    rest |= {"dashpots": "full"}  # the twin's
+    rest |= {"dashpots": "full"}  # dashpots of the twin
     return slab(**size | rest | {"walls": Walls(**dict(walls))} | changes)
 
 
@@ -61,7 +61,7 @@ def test_forces_are_numbers_lists_or_functions_of_x():
     np.testing.assert_array_equal(scene.shear, 20 - 2e3 * x)
     assert small(p=tuple(60 + 1e3 * x), tau=list(20 - 2e3 * x)) == scene
     assert not scene.load.any()
-    ends = small(walls={"left": "absorbing", "right": "absorbing"})  # half blocks have half
+    ends = small(walls={"left": "absorbing", "right": "absorbing"})  # half blocks have half of p
     np.testing.assert_array_equal(ends.p_prescribed[[0, -1]], scene.p_prescribed[[0, -1]] / 2)
     np.testing.assert_array_equal(ends.shear[[0, -1]], scene.shear[[0, -1]] / 2)
     np.testing.assert_array_equal(ends.p_prescribed[1:-1], scene.p_prescribed[1:-1])
@@ -216,7 +216,7 @@ def test_split_runs_threads_and_the_whole_give_the_same_bits():
 
 @pytest.mark.parametrize("beyond", ["absorbing", "free", "mirrored"])
 def test_a_row_that_starts_to_slide_loses_rho_c_S_v_until_the_wave_returns(beyond):
-    """Uniform slip sends a plane shear wave up; at a free top it returns after 2 H/c_S."""
+    """Uniform slip sends up a plane shear wave, which returns from a free top after 2 H/c_S."""
     walls = {"left": "mirrored", "right": "mirrored", "top": beyond}
     scene = small(4, 61, walls, p=100.0, tau=60.0, mu_s=0.5, mu_k=0.4, K=0.0, V=0.0)
     c_S = scene.slider.l * np.sqrt(scene.slider.k / 2 / scene.m)
@@ -230,10 +230,10 @@ def test_a_row_that_starts_to_slide_loses_rho_c_S_v_until_the_wave_returns(beyon
 
 
 class Waves:
-    """Plane waves of the lattice that meet an absorbing top, l = k = m = 1.
+    """Plane waves of the lattice that hit an absorbing top, l = k = m = 1.
 
-    Their q_x fits between mirrored sides; q_z spreads about that of the wanted angle, as packets
-    of a length of 1.5 waves ask for.
+    q_x fits between mirrored sides. q_z spreads about the value of the wanted angle, in packets 1.5
+    waves long.
     """
 
     def __init__(self, wave, degrees, length):
@@ -260,7 +260,7 @@ class Waves:
         return np.array([[3 - 2 * c_x - c_x * c, s_x * s], [s_x * s, 3 - 2 * c - c_x * c]])
 
     def packet(self, x, z):
-        """Displacements and velocities at t = 0, (2, N_z, N_x) each, around z = 0."""
+        """Return displacements and velocities at t = 0, (2, N_z, N_x) each, around z = 0."""
         at, omega = self.q[:, None] * z[:, 0], np.sqrt(self.omega2)
         across = np.array([np.cos(self.q_x * x), -np.sin(self.q_x * x)])
         found = []
@@ -271,12 +271,12 @@ class Waves:
         return found
 
     def reflected(self, part):
-        """Energy that a wall returns, over what it gets, of blocks that are there by `part`."""
+        """Return reflected over incoming energy, for top blocks of the share `part`."""
         each = [self._reflected(q, W, part) for q, W in zip(self.q, self.omega2, strict=True)]
         return self.share @ each
 
     def _reflected(self, q_z, omega2, part):
-        """Incoming and reflected waves of one frequency fulfil the equations of the top row."""
+        """Return reflected waves of one frequency, from the equations of the top row."""
         c_x, s_x = np.cos(self.q_x), np.sin(self.q_x)
         a, b = 3 - 2 * c_x - omega2, 3 - omega2
         of_cos = [c_x * (2 + c_x) + s_x**2, -(a * (2 + c_x) + b * c_x), a * b - s_x**2]
@@ -284,7 +284,7 @@ class Waves:
         for q in np.arccos(np.roots(of_cos).astype(complex)):
             evanescent = abs(q.imag) > 1e-9
             up = q.imag < 0 if evanescent else self._flux(self._mode(q, omega2), q.real) < 0
-            leaving.append(q if up else -q)  # decays, or carries its energy, downward
+            leaving.append(q if up else -q)  # decays or carries energy downward
         waves = [(self._mode(q, omega2), q) for q in leaving]
         came = self._mode(complex(q_z), omega2)
         matrix = np.column_stack([self._at_top(e, q, omega2, part) for e, q in waves])
@@ -304,7 +304,7 @@ class Waves:
         return (e.conj() @ np.array([[c_x * s, s_x * c], [s_x * c, (2 + c_x) * s]]) @ e).real
 
     def _at_top(self, e, q, omega2, part):
-        """Forces on a block of the top row and -m a; it has neighbours beside and below it."""
+        """Return forces on a block of the top row, and -m a."""
         c_x, s_x, below = np.cos(self.q_x), np.sin(self.q_x), e * np.exp(-1j * q)
         force_x = -2 * part * (1 - c_x) * e[0] + (c_x * below[0] - e[0]) / 2 - 0.5j * s_x * below[1]
         force_z = below[1] - e[1] + (c_x * below[1] - e[1]) / 2 - 0.5j * s_x * below[0]
@@ -313,7 +313,7 @@ class Waves:
 
 
 def reflected(waves):
-    """Return the energy that a packet leaves behind at an absorbing top, over what it brought."""
+    """Return the reflected energy of a packet at an absorbing top, over its incoming energy."""
     N_x, N_z = waves.N_x, 15 * waves.length
     walls = Walls(left="mirrored", right="mirrored", top="absorbing")
     size = {"L": N_x - 1.0, "H": N_z - 1.0, "l": 1.0, "M": float(N_x * N_z)}
@@ -330,13 +330,13 @@ def reflected(waves):
 
 
 def lysmer(wave, degrees):
-    """Return the energy that plane waves leave behind at such dashpots on a continuum."""
+    """Return the reflected energy of plane waves at such dashpots on a continuum."""
     c_P, c_S = np.sqrt(1.5), np.sqrt(0.5)
     sin = np.sin(np.deg2rad(degrees)) / (c_P if wave == "P" else c_S)  # slowness along x
     cos_P, cos_S = (np.sqrt(complex(1 / c**2 - sin**2)) for c in (c_P, c_S))
 
     def residual(d_x, d_z, up):
-        """Traction on the wall plus impedance times velocity, over -i omega, rho = 1."""
+        """Return traction on the wall plus impedance times velocity, over -i omega, rho = 1."""
         mu, lam = c_S**2, c_P**2 - 2 * c_S**2
         shear = mu * (-(up * d_x) - sin * d_z)
         normal = -lam * (sin * d_x + up * d_z) - 2 * mu * up * d_z
@@ -352,7 +352,7 @@ def lysmer(wave, degrees):
 
 @pytest.mark.parametrize(("wave", "degrees"), [("P", 5), ("P", 45), ("S", 0), ("S", 45)])
 def test_absorbing_walls_reflect_what_theory_says(wave, degrees):
-    """Amplitudes; the equations of the lattice at its top are solved for single waves."""
+    """Amplitudes of packets agree with solutions for single waves at the top."""
     waves = Waves(wave, degrees, 16)
     found, expected = np.sqrt([reflected(waves), waves.reflected(0.5)])
     assert abs(found - expected) < 5e-4
@@ -360,7 +360,7 @@ def test_absorbing_walls_reflect_what_theory_says(wave, degrees):
 
 @pytest.mark.parametrize("length", [8, 16, 64])
 def test_half_blocks_reflect_by_the_square_of_the_wave_number(length):
-    """Head-on they return tan^2(q l/4) of the amplitude, whole blocks tan(q l/4)."""
+    """At normal incidence they reflect the share tan^2(q l/4), and whole blocks tan(q l/4)."""
     waves = Waves("S", 0, length)
     for part, exponent in ((0.5, 4), (1.0, 2)):
         expected = waves.share @ np.tan(waves.q / 4) ** exponent
@@ -371,7 +371,7 @@ def test_half_blocks_reflect_by_the_square_of_the_wave_number(length):
     ("wave", "degrees"), [("P", 30), ("P", 45), ("S", 20), ("S", 45), ("S", 60)]
 )
 def test_long_waves_are_reflected_as_by_a_continuum(wave, degrees):
-    """What lattices add falls with the square of the wave number."""
+    """The effect of the lattice falls with the square of the wave number."""
     rest = []
     for length in (64, 256):
         waves = Waves(wave, degrees, length)

@@ -19,7 +19,7 @@ from pyfric.scene import Scene, chain, setup1, setup2
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic", switching="located")
 
 STEPS = ((1e-4, 0.3), (1e-4, 0.0), (2.3e-4, 0.0), (3e-4, -0.4), (4.1e-4, -0.4), (4.1e-4, 0.2))
-"""A ramp, a jump to a hold, a ramp to a reversal, a jump back; off the grid of steps."""
+"""A ramp, a jump to a hold, a ramp to a reversal, and a jump back, off the grid of steps."""
 
 
 def driven(scene, protocol, **changes):
@@ -73,9 +73,9 @@ def test_too_many_breakpoints_are_refused_with_what_thins_them():
 # --- going on under another protocol -------------------------------------------------------------
 
 V, T = 0.2, 4e-3
-"""Speed, and the end of the first part; the second one is as long."""
+"""Speed, and end of the first part. The second part has the same length."""
 AS_FAR = 4.0
-"""How much farther than the ladder it goes."""
+"""Path of the driver, over that in the quasi-static sequence."""
 OTHERS = {
     "a tenth": {"driver.V": 0.1 * V},
     "twice": {"driver.V": 2 * V},
@@ -89,17 +89,17 @@ OTHERS = {
 
 @functools.cache
 def first_part(fidelity):
-    """Return a run up to T of fast driving or, of the ladder, of a quarter of the way slowly."""
+    """Return a run up to T: fast or, for the sequence, slow and a quarter as far."""
     slow = 1e4 if fidelity == "quasistatic" else 1
     scene = setup1(L=0.02, H=0.0125, F_N=400.0, V=V / (AS_FAR * slow if slow > 1 else 1))
     how = {} if slow > 1 else {"geometry": "linear"}
-    if fidelity == "hybrid":  # the two runs try to jump at other steps, and jumps are as accurate
+    if fidelity == "hybrid":  # the two runs jump at different steps, with the accuracy of jumps
         how["accuracy"] = 1e-9
     return slow, pyfric.simulate(scene, T * slow, fidelity=fidelity, progress=False, **how)
 
 
 def slowed(change, slow):
-    """Return a change of the protocol in a time that is so much longer."""
+    """Return a change of the protocol for a run that takes `slow` times as long."""
     name, value = change
     speed = AS_FAR * slow if slow > 1 else 1
     if name == "driver.V":
@@ -110,7 +110,7 @@ def slowed(change, slow):
 
 
 def at_once(scene, new, t):
-    """Return the scene that is followed by another one, written down by hand."""
+    """Return by hand the scene that changes into another one."""
     V, F_N = new.piece("V", t).at(t), new.piece("F_N", t).at(t)
     top, driver = ([one for one in p.protocol if one[0] > t] for p in (new.top, new.driver))
     old = scene.driver.V, scene.F_N
@@ -274,7 +274,7 @@ def test_the_driver_is_where_the_integral_of_its_speed_is():
 
 
 def one_block(protocol, V=0.5):
-    """A chain whose first block alone can slip: k to a wall, K to the driver, eta to the wall."""
+    """Return a chain whose first block alone can slip: k and eta to a wall, K to the driver."""
     scene = chain(
         L=5e-3, p=(50.0, 1e9, 1e9), k=2e6, M=3e-3, K=4e6, V=V, eta=3.0, mu_s=0.7, mu_k=0.45
     )
@@ -282,7 +282,7 @@ def one_block(protocol, V=0.5):
 
 
 def by_solve_ivp(scene, t_end):
-    """Return times at which the block switches, and its final position; by DOP853 with events."""
+    """Return switch times of the block, and its final position, by DOP853 with events."""
     m, k, K, eta = scene.m, scene.slider.k, scene.driver.K, scene.eta
     hold, slide = 0.7 * 50.0, 0.45 * 50.0
     grid = [0.0, *sorted({t for t, _ in scene.driver.protocol if t < t_end}), t_end]
@@ -374,7 +374,7 @@ def test_split_runs_and_the_whole_give_the_same_bits():
 
 
 def test_checks_of_the_energy_follow_the_protocol_over_jumps(monkeypatch):
-    """The first state of a check has the energy that the driver's present motion gives it."""
+    """The first state of a check has the energy for the present motion of the driver."""
     off, check = [], GuardedSteps._check
 
     def checked(steps, due):
@@ -394,7 +394,7 @@ def test_checks_of_the_energy_follow_the_protocol_over_jumps(monkeypatch):
 
 
 def test_hysteresis_loops_hold_the_work_that_is_lost():
-    """Driven to and fro, the second cycle is closed: the area of F_T over X is heat and damping."""
+    """The second cycle is closed: the area of F_T over X is heat and damping."""
     V, T = 0.05, 4e-3
     corners = [(T, V)]
     for n in range(1, 5):
@@ -420,7 +420,7 @@ def test_hysteresis_loops_hold_the_work_that_is_lost():
 
 
 def test_a_held_driver_holds_its_force_and_a_load_arrives():
-    """After all changes the slider rests: F_T, sum p and sum tau are those of the end."""
+    """After all changes the slider rests: F_T, sum p and sum tau have their final values."""
     scene = driven(setup2(L=0.02, H=0.006, V=0.02, eta=120.0), ((3e-4, 0.0),))
     scene = loaded(scene, protocol=((2e-4, 500.0),), T=2.0, T_protocol=((2e-4, 30.0),))
     record = simulate(scene, 2e-3, energies=False, sample=4e-6)
@@ -439,7 +439,7 @@ def test_a_held_driver_holds_its_force_and_a_load_arrives():
 
 
 def test_a_rod_is_pushed_at_any_height():
-    """Pushed at the rod itself or below, the stuck slider takes up K X less what it yields."""
+    """Pushed at the rod or below, the stuck slider bears K X minus the effect of its compliance."""
     for h in (2.5e-3, 12.5e-3):
         scene = driven(small("rod", h=h, V=0.05, eta=120.0), ((2e-4, 0.0),))
         state = simulate(scene, 4e-3, energies=False).final_state
@@ -454,7 +454,7 @@ def test_a_rod_is_pushed_at_any_height():
 
 
 def test_static_slip_back_and_forth_follows_masings_rule():
-    """With mu_s = mu_k the way back is the first loading, twice as large in force and path.
+    """With mu_s = mu_k the reverse path is the first loading, twice as large in force and path.
 
     Source: G. Masing, Proc. 2nd Int. Congr. Appl. Mech., 332 (1926).
     """
@@ -478,7 +478,7 @@ def test_static_slip_back_and_forth_follows_masings_rule():
 
 @pytest.mark.parametrize("fidelity", ["quasistatic", "equilibrium"])
 def test_the_curve_of_static_states_bends_while_the_driver_accelerates(fidelity):
-    """From rest F_T grows as t^2; it is linear in the position of the driver."""
+    """From rest F_T grows as t^2, because it is linear in the position of the driver."""
     T = 20e-3
     scene = driven(setup1(L=0.02, H=0.0125, F_N=400.0), ((T, 1e-3),), V=0.0)
     record = pyfric.simulate(scene, T, fidelity=fidelity, progress=False)
@@ -493,7 +493,7 @@ def test_the_curve_of_static_states_bends_while_the_driver_accelerates(fidelity)
 
 
 def test_the_ladder_climbs_and_descends_as_full_dynamics_does():
-    """Within 0.02 F_N, its error in this scene; between -0.2 and 0.5 F_N."""
+    """Forces agree within 0.02 F_N, between -0.2 and 0.5 F_N."""
     V, T = 4e-3, 20e-3
     back = ((T, V), (T, 0.0), (1.2 * T, 0.0), (1.2 * T, -V), (4 * T, -V))
     scene = driven(setup1(L=0.02, H=0.0125, F_N=400.0), back, V=V)
@@ -509,7 +509,7 @@ def test_the_ladder_climbs_and_descends_as_full_dynamics_does():
 
 
 def varied(kind):
-    """A scene whose driver holds, speeds up and goes back while loads change; its end, in s."""
+    """Return a scene whose driver and loads change, and its end (s)."""
     a, b, c, t_end = 3e-3 * np.array([1.0, 2.0, 3.0, 4.0])
     V, F_N = (25e-3, 400.0) if kind == "rod" else (12e-3, 100.0)
     corners = (0.7 * a, 2 * V), (a, 0.0), (1.5 * a, 0.0), (1.5 * a, V), (c, V), (c, -V)
@@ -524,7 +524,7 @@ def varied(kind):
 
 @pytest.mark.parametrize(("kind", "price"), [("rod", "cheap"), ("free", "free")])
 def test_jumps_follow_speed_and_loads_as_full_dynamics_does(kind, price, request):
-    """Measured 2e-7 F_N. "free" makes 0.53 of all steps, for errors of rates."""
+    """Differences are 2e-7 F_N. "free" needs 0.53 of all steps, because of errors of rates."""
     request.getfixturevalue(f"{price}_attempts")
     scene, t_end = varied(kind)
     how = {"geometry": "linear", "energies": False, "dt": pyfric.step_size(scene)}
@@ -541,7 +541,7 @@ def test_jumps_follow_speed_and_loads_as_full_dynamics_does(kind, price, request
 
 @pytest.mark.usefixtures("cheap_attempts")
 def test_jumps_follow_speed_and_loads_in_finite_geometry():
-    """As accurate as is asked for."""
+    """The accuracy is the requested one."""
     T, V = 8e-3, 10e-3
     scene = driven(setup1(L=0.02, H=0.0125, F_N=400.0, V=V), ((0.8 * T, 2 * V), (T, 0.0)))
     scene = loaded(scene, protocol=((0.4 * T, 400.0), (1.1 * T, 300.0), (1.6 * T, 450.0)))
@@ -555,7 +555,7 @@ def test_jumps_follow_speed_and_loads_in_finite_geometry():
 
 @pytest.mark.parametrize("kind", ["rod", "free"])
 def test_the_ladder_follows_loads_as_dynamics_does(kind):
-    """Held while F_N or T change: within 0.02 F_N; sums of p and tau are those of the loads."""
+    """While F_N or T change, forces agree within 0.02 F_N; p and tau sum to the loads."""
     T = 8e-3
     if kind == "rod":
         scene = driven(setup1(L=0.02, H=0.0125, F_N=400.0, V=8e-3), ((T, 8e-3), (T, 0.0)))
@@ -613,7 +613,7 @@ def test_holds_and_ramps_only_move_events_in_time():
 
 @pytest.mark.parametrize("made", [np.array, pd.DataFrame, list])
 def test_arrays_are_lists_of_rows(made):
-    """Of NumPy or pandas; a number of the block in them may be 2.0."""
+    """Arrays may be from NumPy or pandas; the number of a block may be 2.0."""
     loads, pushes = made([[0.1, 410.0], [0.2, 420.0]]), made([[2, 0.25], [3, 0.5]])
     scene = setup1({"top.protocol": loads, "top.push": pushes})
     assert scene.top.protocol == ((0.1, 410.0), (0.2, 420.0))

@@ -1,4 +1,4 @@
-"""Quasi-static engines against load steps, closed forms, and the conditions of equilibrium."""
+"""Quasi-static engines compared with load steps, closed forms, and conditions of equilibrium."""
 
 import dataclasses
 import functools
@@ -66,12 +66,12 @@ def lemke(M: np.ndarray, r: np.ndarray) -> np.ndarray:
 
 
 class LoadSteps:
-    """Coulomb friction with small steps of the driver: each is a linear complementarity problem.
+    """Coulomb friction in small steps of the driver, each a linear complementarity problem.
 
     u_x grows by forward - backward (both >= 0) and u_z is free. The foundation is p - q = -k_f u_z
     with p q = 0, p and q >= 0. With a = f + mu p >= 0 and b = mu p - f >= 0:
-    forward a = 0, backward b = 0. Everything above the interface comes from one dense solve.
-    Forces are over F_N/N_x, displacements over that and k.
+    forward a = 0, backward b = 0. Everything above the interface comes from one dense solve. Forces
+    are over F_N/N_x, displacements over F_N/(N_x k).
     """
 
     def __init__(self, scene: Scene, mu: float) -> None:
@@ -110,13 +110,13 @@ class LoadSteps:
         self.x, self.z, self.stiff = x, z, stiff
 
     def step(self, u_x: np.ndarray, X: float):
-        """Return u_x, f, p and F_T in SI units after the driver went to X from rest at u_x."""
+        """Return u_x, f, p and F_T in SI units after a step from rest at u_x to the drive X."""
         unit, k, mu, N, d = self.unit, self.k, self.mu, self.scene.N_x, self.scene.d
         h = (self.h[:, 0] + self.h[:, 1] * X) * k / unit
         p_0 = -self.P @ (self.stiff * h[self.z])
         C, x = self.C, self.x
         forward_0 = C[x, x] @ (-mu * p_0) + h[x] - d * u_x * k / unit
-        # Open blocks satisfy more conditions than they need: a perturbation tells them apart.
+        # Conditions of open blocks are degenerate: a perturbation removes the degeneracy.
         apart = 1e-12 * (1 + np.arange(N) % 5)
         found = lemke(self.M, np.concatenate([p_0 + apart, forward_0, 2 * mu * p_0 + 3 * apart]))
         p = self.p @ found + p_0
@@ -160,7 +160,7 @@ def small_curve(name: str) -> Record:
 
 @pytest.mark.parametrize("name", SMALL)
 def test_prediction_against_load_steps(name):
-    """F_T at equal positions of the driver, and where each block first slips."""
+    """F_T agrees at equal positions of the driver, and so do positions of first slips."""
     scene, record = SMALL[name], small_curve(name)
     run = QuasistaticRun(scene)
     drive = record.curve["drive"].to_numpy()
@@ -232,7 +232,7 @@ def test_prediction_knows_neither_speed_nor_mu_s(made):
 @pytest.mark.parametrize("name", ["rod", "theta = 0.833"])
 @pytest.mark.parametrize("K", [1e-3, 1e3, 1e12])
 def test_prediction_does_not_know_the_stiffness_of_the_driver(name, K):
-    """F_T is the force on the slider: where each block begins does not depend on the spring."""
+    """The force at which each block begins to slip does not depend on the spring."""
     scene, curve = SMALL[name], small_curve(name).curve
     driver = dataclasses.replace(scene.driver, K=K)
     other = prediction_curve(dataclasses.replace(scene, driver=driver)).curve
@@ -250,7 +250,7 @@ def test_prediction_doubles(name):
 
 @pytest.mark.parametrize(("name", "mu"), [("fig1", 0.1), *((name, 1.0) for name in PREDICTED)])
 def test_prediction_at_other_friction(name, mu):
-    """All blocks slip the same way at the end: the operator is then definite also at mu = 1."""
+    """At the end all blocks slip in one direction: the operator is then definite also at mu = 1."""
     scene = preset(name)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -269,7 +269,7 @@ def test_prediction_without_friction():
 @pytest.mark.parametrize(("mu", "rows"), [(3.5, 44), (4.0, 44), (5.0, 24), (6.0, 23), (8.0, 22)])
 @pytest.mark.parametrize("nearly", [1.0, 1 - 1e-13, 1 + 3e-12])
 def test_prediction_says_where_it_may_not_be_unique(mu, rows, nearly):
-    """The operator decides, before slip is followed: rounding does not (limit mu = 3.64 here)."""
+    """The operator decides before slip is followed, so that rounding does not (limit mu = 3.64)."""
     scene = small_free(k_f=nearly * 1e10)
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
@@ -288,7 +288,7 @@ def test_prediction_says_where_it_may_not_be_unique(mu, rows, nearly):
 
 @pytest.mark.parametrize(("name", "mu", "rows"), [("run4", 1.0, 86), ("setup2+", 0.7, 137)])
 def test_prediction_goes_on_after_a_block_lands(name, mu, rows):
-    """What a landed block carries is rounding first: it decides neither its way nor the end."""
+    """The force on a landed block is rounding at first; it decides neither direction nor end."""
     scene = preset(name)
     for nearly in (1.0, 1 - 2e-15, 1 + 3e-13):
         interface = dataclasses.replace(scene.interface, k_f=nearly * scene.k_f)
@@ -302,7 +302,7 @@ def test_prediction_goes_on_after_a_block_lands(name, mu, rows):
 )
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_a_tall_slider_tips(scene, side):
-    """F_T h = F_N L / 2: it stands on its last block, and the driver pushes it no further."""
+    """At F_T h = F_N L/2 the slider stands on its last block, and F_T grows no further."""
     scene = dataclasses.replace(scene, driver=dataclasses.replace(scene.driver, side=side))
     record = prediction_curve(scene)
     last = record.curve.iloc[-1]
@@ -346,7 +346,7 @@ def test_fig1_has_its_precursors():
 
 
 def quiet(record: Record, solver: StaticSolver):
-    """Static states at the rows of the quiet log: kind, time, state and contact modes."""
+    """Return static states at the rows of the quiet log: kind, time, state, contact states."""
     log, V = record.quiet, record.scene.driver.V
     for t, kind, u_x, mode in zip(log["t"], log["kind"], log["u_x"], log["mode"], strict=True):
         yield kind, t, solver.solve(u_x, V * t, free=mode == OPEN), mode
@@ -361,7 +361,7 @@ def named_ladder(name: str) -> Record:
 
 @pytest.mark.parametrize("name", LADDERS)
 def test_events_begin_at_mu_s_and_end_below(name):
-    """By the static solver: nucleation at |f| = mu_s p, before and after nothing exceeds it."""
+    """Events nucleate at |f| = mu_s p; before and after, the static solver finds less."""
     record = named_ladder(name)
     scene, switches = record.scene, record.switches
     unit, mu_s = scene.F_N / scene.N_x, scene.interface.mu_s
@@ -390,7 +390,7 @@ def test_events_begin_at_mu_s_and_end_below(name):
 
 @pytest.mark.parametrize("name", LADDERS)
 def test_blocks_that_slipped_last_carry_mu_k(name):
-    """The blocks that stick when an event ends, except where they turned back and stuck before."""
+    """Blocks that stick at the end of an event carry mu_k p, unless they stuck on reversal."""
     record = named_ladder(name)
     scene, log, switches = record.scene, record.quiet, record.switches
     solver, mu_k = StaticSolver(scene, "linear"), scene.interface.mu_k
@@ -409,7 +409,7 @@ def test_blocks_that_slipped_last_carry_mu_k(name):
 
 @pytest.mark.parametrize("name", LADDERS)
 def test_no_event_is_missed(name):
-    """Between two events the static states, taken at several times, exceed mu_s p nowhere."""
+    """At several times between two events, no static state exceeds mu_s p anywhere."""
     record = named_ladder(name)
     scene, log = record.scene, record.quiet
     solver, tol = StaticSolver(scene, "linear"), 1e-7 * scene.F_N / scene.N_x
@@ -427,7 +427,7 @@ def test_no_event_is_missed(name):
 
 @pytest.mark.parametrize("name", ["rod", "theta = 0.833", "fig1"])
 def test_curve_and_catalogue_agree(name):
-    """The static forces of the catalogue, from the table, are on the curve and as solved."""
+    """Static forces of the catalogue are on the curve, and agree with the static solver."""
     record = named_ladder(name)
     solver, events = StaticSolver(record.scene, "linear"), record.events
     tol = 1e-8 * record.scene.F_N
@@ -512,7 +512,7 @@ def test_no_time():
 
 
 def test_pauses_inside_events():
-    """A longer t_gap joins events; forces do not change."""
+    """A longer t_gap joins events without a change of forces."""
     one, two = small_ladder("rod"), ladder(SMALL["rod"], 1.0, t_gap=0.05)
     assert len(two.events) < len(one.events)
     assert two.method.t_gap == 0.05
@@ -570,7 +570,7 @@ def test_without_friction_nothing_is_carried():
 
 @pytest.mark.parametrize("least", [1e-3, 1e-6, 1e-12])
 def test_next_to_no_weakening_is_continuous(least):
-    """Events would be endless; the record says what was done instead."""
+    """Events would be endless; slip is continuous, and the record has a note."""
     start = time.process_time()
     record = ladder(preset("fig1", mu_s=0.45 + least), 1.3)
     assert time.process_time() - start < 5
@@ -580,7 +580,7 @@ def test_next_to_no_weakening_is_continuous(least):
 
 
 def test_little_weakening_takes_many_events():
-    """Just enough for events: still bounded, and near the continuous curve."""
+    """With just enough weakening for events, they are bounded, and near the continuous curve."""
     scene = small_rod(mu_s=0.45, mu_k=0.44)
     record = ladder(scene, 0.6)
     curve = prediction_curve(scene, 0.45).curve
@@ -592,7 +592,7 @@ def test_little_weakening_takes_many_events():
 
 
 def test_friction_that_weakens_over_a_length_is_refused():
-    """The message says by how much, and what follows it; next to no length is none."""
+    """The message gives the length and a suitable engine; a tiny length counts as zero."""
     scene = preset("fig1", d_c=1e-6)
     soft = scene.slider.k * 1e-6 / (0.25 * scene.F_N / scene.N_x)
     with pytest.raises(SceneError, match=f"{soft:.3g}, more than 0.05") as caught:
@@ -607,7 +607,7 @@ def test_friction_that_weakens_over_a_length_is_refused():
 
 
 def test_prediction_of_a_chain_is_linear():
-    """Each block takes mu p: L_p = N_x F_T / (mu F_N), without any rounding beyond that of F_T."""
+    """Each block takes mu p, so that L_p = N_x F_T/(mu F_N), to the rounding of F_T."""
     scene = chain(mu_s=0.7, mu_k=0.45)
     curve = prediction_curve(scene).curve
     n = np.round(curve["L_p_over_L"] * scene.N_x)
@@ -620,7 +620,7 @@ def test_prediction_of_a_chain_is_linear():
 
 
 def test_ladder_of_a_chain_is_linear():
-    """The precursors that reach farther than any before lie on a straight line."""
+    """Precursors that reach farther than all earlier ones lie on a straight line."""
     scene = chain()
     events = ladder(scene, 0.9).events
     events = events[events["is_precursor"]]
@@ -634,7 +634,7 @@ def test_ladder_of_a_chain_is_linear():
 
 @pytest.mark.parametrize("k_top", [1e6, 3e7])
 def test_prediction_of_a_chain_with_a_top(k_top):
-    """n blocks at mu p, the others held: a tridiagonal problem for each n."""
+    """With n blocks at mu p and the others held, each n is a tridiagonal problem."""
     N, mu = 25, 0.45
     rng = np.random.default_rng(0)
     p, tau = 30 + 40 * rng.random(N), 5 * rng.random(N)
@@ -677,7 +677,7 @@ ODD = [
 
 @pytest.mark.parametrize("scene", ODD)
 def test_odd_scenes(scene):
-    """Nothing hangs, is not a number, or exceeds its threshold."""
+    """Runs end, with finite numbers and forces below the threshold."""
     start = time.process_time()
     for record in (ladder(scene, 0.5), prediction_curve(scene)):
         assert record.curve.notna().all().all()
@@ -690,7 +690,7 @@ def test_odd_scenes(scene):
 
 
 def test_a_long_run_keeps_its_accuracy():
-    """After sliding by ten times its length, the slider still obeys its conditions."""
+    """After sliding by ten times its length the slider still fulfils all conditions."""
     scene = small_rod(V=0.3)
     record = ladder(scene, 0.02)
     shift = record.quiet["u_x"][-1].mean()
@@ -761,7 +761,7 @@ def test_events_of_no_length_say_so(in_core, monkeypatch):
 
 @pytest.mark.parametrize("name", ["fig1", "setup2+", "chain"])
 def test_equilibrium_is_the_stuck_slider_up_to_the_first_slip(name):
-    """Against the full sparse solve at ten points, and the first event of the ladder."""
+    """The curve agrees with full sparse solves at ten points, and with the first event."""
     scene = preset(name)
     record = simulate(scene, 1.0, fidelity="equilibrium", progress=False)
     t_end = 1.01 * record.curve["t"].iloc[-1]
@@ -818,7 +818,8 @@ def test_a_prediction_names_the_friction_that_it_takes():
 def test_a_plate_on_the_top_slides_the_whole_slider(condition):
     """Block 4 is open at the start of the first main event, and lands in it.
 
-    It does not hold the slider: with inertia it slips, and the event has the whole length.
+    The block does not hold the slider. With inertia the block slips, and the event has the whole
+    length.
     """
     scene = preset("setup2", side="top", h="20 mm")
     record = ladder(scene, 1.0, stop_when=condition)

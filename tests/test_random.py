@@ -13,7 +13,7 @@ COUNTERS = [
     (0, 17, 100, 3),
     (LAST, 5, 0, 0),  # a carry into the next word
     (LAST - 1, LAST, LAST, 1),
-    (LAST, LAST, LAST, LAST),  # and beyond the last one
+    (LAST, LAST, LAST, LAST),  # a carry beyond the last word
     (0xFEDCBA9876543210, 0x0123456789ABCDEF, 0x8000000000000000, 0x7FFFFFFFFFFFFFFF),
 ]
 
@@ -39,7 +39,7 @@ def test_numbers_are_those_of_numpy(variant, key, counter):
 
 
 def test_blocks_junctions_and_breaks_have_numbers_of_their_own():
-    """Neighbouring counters of a lattice give numbers that do not repeat, even over [0, 1)."""
+    """Neighbouring counters give different numbers, evenly spread over [0, 1)."""
     seen = np.array(
         [
             drawn(core.VARIANT, (3, 0), (0, i, j, n), 12)

@@ -1,4 +1,4 @@
-"""Rate-and-state friction: the law, exact blocks, an own integration, bits, what is refused."""
+"""Rate-and-state friction: the law, exact blocks, an independent integration, bits, refusals."""
 
 import functools
 import math
@@ -24,7 +24,7 @@ IMEX = {"stepper": "imex", "switching": "step_end"}
 
 
 def total(scene, state):
-    """Return the energy of a state, with what it lost and without the work done on it, in J."""
+    """Return the energy of a state plus losses minus work done on it, in J."""
     stored = sum(core.energies(core.model(scene, "linear", state.u_drv0), state, state.t).values())
     return stored + state.heat.sum() + state.dissipated.sum() - state.work.sum()
 
@@ -35,7 +35,7 @@ def total(scene, state):
 @pytest.mark.parametrize("evolution", EVOLUTIONS)
 @pytest.mark.parametrize("V_c", [None, 1e-2])
 def test_friction_is_that_of_the_literature(evolution, V_c):
-    """From 1e-30 to 10 m/s and 1e-8 to 1e8 s, to a few units of rounding of f/a."""
+    """Friction agrees from 1e-30 to 10 m/s and 1e-8 to 1e8 s, to a few roundings of f/a."""
     v = np.concatenate([10.0 ** np.arange(-30, 2), -(10.0 ** np.arange(-12, 2)), [0.0]])
     scene = row(len(v), evolution=evolution, V_c=V_c, alpha=0.3)
     state = loaded_state(scene).state(scene, 1e-7)
@@ -55,22 +55,22 @@ def test_speed_balances_the_load(alpha, V_c):
     law, p = scene.law, np.full(8, 20.0)
     load = np.array([-14.0, -5.0, -1e-3, 0.0, 1e-6, 1e-30, 12.0, 16.0])
     for theta in (1e-5, 1.0, 1e6):
-        v = slow(scene, np.log(theta), load, speed=0.0).v  # which no block is below
+        v = slow(scene, np.log(theta), load, speed=0.0).v  # no block is slower
         force = (p * coefficient(law.kind, v, theta)).astype(float) + alpha * v
         np.testing.assert_allclose(force, load, rtol=1e-10, atol=1e-300)
 
 
 @pytest.mark.parametrize("evolution", EVOLUTIONS)
 def test_state_after_a_step_in_speed(evolution):
-    """On a stiff spring, in closed form.
+    """On a stiff spring the state has a closed form.
 
-    Ageing: theta relaxes as exp(-x/D_c), Nagata's law as exp(-x/((1 + c) D_c)). Slip law:
-    ln(v theta/D_c) does. PRZ: v theta/(2 D_c) is a tanh.
+    Ageing law: theta relaxes as exp(-x/D_c). Nagata's law: it relaxes as exp(-x/((1 + c) D_c)).
+    Slip law: ln(v theta/D_c) relaxes as exp(-x/D_c). PRZ law: v theta/(2 D_c) is a tanh.
     """
     scene = row(3, evolution=evolution)
     law, v, spring = scene.law, 1e-4, 1e12
     x, before = np.linspace(1e-5, 5e-5, 5), 0.02
-    load = float(20.0 * coefficient(law.kind, v, before))  # which lets it slide at once
+    load = float(20.0 * coefficient(law.kind, v, before))  # with this load it slides at once
     how = {"load_1": spring * v, "spring": spring, "times": x / v, "end": x[-1] / v}
     found = slow(scene, np.log(before), load, **how)
     assert found.goes_on
@@ -88,12 +88,12 @@ def test_state_after_a_step_in_speed(evolution):
 
 @pytest.mark.parametrize("c", [0.5, 2.0])
 def test_a_sudden_step_in_speed_meets_a_part_of_the_direct_effect(c):
-    """Nagata's law: a/(1 + c) ln of the ratio, before the state follows; other laws have a."""
+    """The first step of friction is a/(1 + c) ln of the ratio in Nagata's law, a ln in others."""
     scene = row(3, evolution="nagata", c=c)
     law, p, V, times = scene.law, 20.0, 1e-6, 50.0
     theta, mu = law.D_c / V, law.mu_k + (law.a - law.b) * np.log(V / law.kind.V_star)
     carried = np.log(theta) + c / law.b * mu
-    # On a spring so stiff that the slip meanwhile is 1e-3 D_c.
+    # The spring is so stiff that the slip during the step is 1e-3 D_c.
     spring = 1e3 * p * law.a / law.D_c
     how = {"load_1": spring * times * V, "spring": spring, "dt": 1e-12}
     found = slow(scene, np.log(theta), p * mu, end=1e-2 * law.D_c / (times * V), **how)
@@ -105,7 +105,7 @@ def test_a_sudden_step_in_speed_meets_a_part_of_the_direct_effect(c):
 
 
 def test_strength_after_a_hold_grows_by_b_ln_of_time():
-    """Ageing law, on a stiff spring: the peak over steady friction is b ln(1 + t V/D_c)."""
+    """By the ageing law on a stiff spring the peak exceeds steady friction by b ln(1 + t V/D_c)."""
     scene, V, spring = row(3), 1e-4, 1e12
     law, p = scene.interface.law, 20.0
     steady = p * (law.f_star + (law.a - law.b) * np.log(V / law.V_star))
@@ -127,7 +127,7 @@ def test_strength_after_a_hold_grows_by_b_ln_of_time():
 
 
 def twin(scene, push):
-    """Return the right-hand side of a chain, written anew; y holds u, v, ln(theta)."""
+    """Return the right-hand side of a chain, independent of pyfric; y holds u, v, ln(theta)."""
     N, law, p = scene.N_x, scene.interface.law, scene.p_prescribed
     cut = 0.0 if law.V_c is None else law.V_star / law.V_c
 
@@ -153,7 +153,7 @@ def twin(scene, push):
 @pytest.mark.parametrize("evolution", EVOLUTIONS)
 @pytest.mark.parametrize("more", [{}, {"V_c": 0.05, "alpha": 0.2}])
 def test_runs_are_those_of_an_own_integration_to_third_order(evolution, more):
-    """Against SciPy's DOP853 with tolerances at rounding; speeds grow from 0.08 to 0.7 m/s."""
+    """Runs agree with SciPy's DOP853 at tolerances of rounding; speeds are 0.08 to 0.7 m/s."""
     scene, t_end = row(evolution=evolution, **more), 1e-3
     first = sliding(scene, 1e-7, [0.12, 0.1, 0.1, 0.1])
     start = np.concatenate([np.zeros(4), first.y[0, 2], np.log(first.theta)])
@@ -176,7 +176,7 @@ def test_runs_are_those_of_an_own_integration_to_third_order(evolution, more):
 
 
 def growth(share, V):
-    """Return the growth rate of small perturbations of steady sliding, and that of linear theory.
+    """Return growth rates of small perturbations of steady sliding, measured and by theory.
 
     One block on a spring of `share` times the critical stiffness. Three blocks, joined by springs
     that are far stiffer, move as one.
@@ -195,7 +195,7 @@ def growth(share, V):
     steps = math.ceil(period / min(0.4 * stability_limit(scene, "imex")[0], period / 200))
     state = sliding(scene, period / steps, V)
     steady = LAW["f_star"] + (a - b) * np.log(V / scene.law.kind.V_star)
-    carried = steady * p * np.array([0, 2, 1]) / 3  # by the bond before each block
+    carried = steady * p * np.array([0, 2, 1]) / 3  # by the bond to the previous block
     state.y[0, 0] = -np.cumsum(carried) / scene.slider.k
     state.u_drv0 = steady * p / scene.driver.K
     x, w, d = (mode / mode[1] * 1e-4 * V).real  # on the pair of solutions that oscillates
@@ -211,7 +211,7 @@ def growth(share, V):
 
 @pytest.mark.parametrize("V", [0.03, 0.3])
 def test_growth_rates_and_the_critical_stiffness(V):
-    """k_c = p (b - a)/D_c (1 + m V^2/(a p D_c)) (Rice & Ruina 1983): on both sides, to 1 %."""
+    """Rates agree to 1 % on both sides of k_c = p (b - a)/D_c (1 + m V^2/(a p D_c))."""
     shares, found = (0.8, 0.98, 1.02, 1.25), []
     for share in shares:
         rate, expected = growth(share, V)
@@ -224,7 +224,7 @@ def test_growth_rates_and_the_critical_stiffness(V):
 
 
 def test_steps_are_stable_at_any_speed():
-    """From 1e-12 to 10 m/s, at the stability limit of the lattice: no energy appears."""
+    """Energy does not grow from 1e-12 to 10 m/s, at the stability limit of the lattice."""
     scene = small("rod").replace({"interface": rated(theta_0=1.0), "driver.V": 0.0})
     dt = 0.98 * stability_limit(scene, "imex")[0]
     for speed in (1e-12, 1e-6, 1e-2, 10.0):
@@ -279,7 +279,7 @@ def test_mirrored_scenes_give_mirrored_bits():
 
 @pytest.mark.parametrize("evolution", EVOLUTIONS)
 def test_a_state_is_positive_where_steps_do_not_resolve_it(evolution):
-    """A step slips by more than 10 D_c: theta is D_c/v at least, to a factor."""
+    """A step slips by more than 10 D_c: theta is still at least about D_c/v."""
     scene = row(V=0.1, evolution=evolution, D_c=1e-9, v_0=None, theta_0=1e-6)
     dt = 0.4 * stability_limit(scene, "imex")[0]
     state, fastest, least = sliding(scene, dt, 0.1), 0.1, np.inf
@@ -292,7 +292,7 @@ def test_a_state_is_positive_where_steps_do_not_resolve_it(evolution):
 
 @pytest.mark.parametrize("kind", ["friction", "evolution"])
 def test_a_law_that_the_core_does_not_know_is_an_error(kind, monkeypatch):
-    """No other law stands in for it."""
+    """An unknown number of a law does not select another law."""
     scene = row()
     state = loaded_state(scene).state(scene, 1e-7)
     if kind == "evolution":
@@ -342,7 +342,7 @@ def test_a_rate_of_stress_needs_an_evolution_effect():
 
 
 def test_pmma_has_the_friction_of_its_source():
-    """f_0 + a ln(1 + v/v*) + b f_0 ln(1 + theta/phi*), at speeds above v* (cRacklet)."""
+    """Above v* it is f_0 + a ln(1 + v/v*) + b f_0 ln(1 + theta/phi*) (cRacklet)."""
     law = pyfric.preset("rate_and_state_pmma").interface.law
     a, b, f_0, v_star, phi_star, D = 0.005, 0.075, 0.285, 1e-7, 3.3e-4, 5e-7
     for v in (1e-5, 1e-3, 0.1):
@@ -374,7 +374,7 @@ def test_a_is_refused_where_speeds_at_rest_vanish():
 
 @pytest.mark.parametrize("fidelity", ["dynamic", "hybrid"])
 def test_blocks_with_the_least_a_hold(fidelity):
-    """After 300 years of contact the first block bears the driver at less than 1e-200 m/s."""
+    """After 300 years of contact the first block creeps at less than 1e-200 m/s."""
     scene = row(V=1e-3, K=1e6, a=1.67e-3, v_0=None, theta_0=1e10)
     record = pyfric.simulate(scene, 2e-3, fidelity=fidelity, progress=False)
     assert 0 < record.final_state.y[0, 2, 0] < 1e-200
@@ -420,9 +420,9 @@ def test_other_laws_have_no_implicit_steps():
 
 @pytest.mark.portable
 def test_precursors_of_the_preset_are_those_of_full_dynamics():
-    """Forces within a tenth of the accuracy, and the same blocks; full dynamics is stored.
+    """Blocks are the same, and forces agree to a tenth of the accuracy; full dynamics is stored.
 
-    Without the viscosity of bonds between ruptures forces are 6e-5 to 8e-5 F_N off.
+    Without viscosity of bonds between ruptures, errors of forces are 6e-5 to 8e-5 F_N.
     """
     stored = pd.read_csv(STORED / "rated_precursors.csv")
     full = stored[stored["case"] == "full dynamics"]
@@ -441,7 +441,7 @@ def two_precursors():
 
 
 def test_the_stored_study_is_that_of_its_command(monkeypatch):
-    """Its first precursors again, to the accuracy on any processor."""
+    """First precursors of new runs agree with stored ones as closely as any processor allows."""
     stored = pd.read_csv(STORED / "rated_precursors.csv")
     assert list(dict.fromkeys(stored["case"])) == list(study.CASES)
     record = two_precursors()
@@ -457,7 +457,7 @@ def test_the_stored_study_is_that_of_its_command(monkeypatch):
 
 @pytest.mark.portable
 def test_tau_over_p_after_a_precursor_is_the_friction_at_its_speed(monkeypatch):
-    """In the preset, within 0.01; its fronts are slow."""
+    """In the preset this holds within 0.01; its fronts are slow."""
     record = two_precursors()
     table = rated_ruptures.ruptures(record, study.OPTIONS)
     assert len(table) == rated_ruptures.count(record) == 2
@@ -465,7 +465,7 @@ def test_tau_over_p_after_a_precursor_is_the_friction_at_its_speed(monkeypatch):
     assert (table["tau_over_p_before"] > table["tau_over_p_after"]).all()
     assert (table["front_over_c_S"] < 0.1).all()
     assert rated_ruptures.regime(record) == "slow fronts"
-    # A state grows by the time of rest at most; a rupture begins below the friction of its blocks.
+    # A state grows at most by the time of rest; a rupture begins below the friction of its blocks.
     last, law = rated_ruptures.precursors(record)[-1], record.scene.interface.law
     before = record.episodes[record.episodes["event"] < last]
     slipped = before.groupby("n")["t_stop"].max().reindex(np.flatnonzero(record.region[-1]) + 1)
@@ -479,7 +479,7 @@ def test_tau_over_p_after_a_precursor_is_the_friction_at_its_speed(monkeypatch):
 
 
 def first_main(V, v_slip):
-    """F_T/F_N at the start of the first main event."""
+    """Return F_T/F_N at the start of the first main event."""
     size = {"l": "10 mm", "H": "70 mm", "h": "10 mm", "D_c": "0.3 um"}
     scene = pyfric.preset("rate_and_state", size, V=f"{V} mm/s", v_slip=f"{v_slip} mm/s")
     how = {"stop_when": "main_events", "accuracy": 1e-3, "verify": "none", "progress": False}

@@ -24,7 +24,7 @@ def scene():
 
 @pytest.fixture(scope="module")
 def every(scene):
-    """Full dynamics with a point of the curve after each step."""
+    """Return a run of full dynamics with a point of the curve after each step."""
     dt = 0.78e-6
     how = {"dt": dt, "sample": dt, "threshold": "1 mm/s", "switching": "step_end"}
     return pyfric.simulate(scene, T_END, fidelity="dynamic", **how, **QUIET)
@@ -53,7 +53,7 @@ def test_a_threshold_changes_no_bit_of_the_run(scene, every):
 
 
 def test_passages_are_those_of_the_motion_after_each_step(every):
-    """The motion is kept after each step; speeds there are single precision."""
+    """Motion is recorded after each step, with speeds in single precision."""
     motion = every.replace(method=dataclasses.replace(every.method, threshold=None))
     found = fast_slip(motion, THRESHOLD)
     assert found.notes
@@ -96,7 +96,7 @@ def test_a_continued_run_has_the_same_events(scene):
 
 
 def test_blocks_that_are_fast_from_begin_to_end_count(scene, every):
-    """They pass no threshold. The initial state is one of an event."""
+    """Such blocks pass no threshold, because the initial state is inside an event."""
     t = float(every.events["t_start"].iloc[0]) + 8e-6
     before = pyfric.simulate(scene, t, dt=every.method.dt, fidelity="dynamic", **QUIET)
     how = {"initial": before.final_state, "threshold": 1e-9, "fidelity": "dynamic"}
@@ -130,7 +130,7 @@ def test_the_hybrid_engine_has_the_same_events(scene):
 
 
 def test_times_between_points_are_linear(every):
-    """Made-up motion of block 3: v rises to 4 and falls to -2 within points 1 ms apart."""
+    """In synthetic motion of block 3, v rises to 4 and falls to -2 between points 1 ms apart."""
     n, N_x = 5, every.scene.N_x
     t, v, u_x = 1e-3 * np.arange(n), np.zeros((n, N_x), dtype=np.float32), np.zeros((n, N_x))
     v[:, 2] = 0.0, 4.0, -2.0, 0.0, 0.0
@@ -177,7 +177,7 @@ def test_slow_events_are_found_as_roots_of_slip_without_inertia(rated):
     np.testing.assert_allclose(sums, seen, rtol=0.05)
     slow = rated.events.loc[rated.events["n_blocks"].idxmax()]
     fast = rated.with_events()
-    assert slow["t_start"] < fast.events["t_start"].iloc[-1]  # before blocks reach v_slip
+    assert slow["t_start"] < fast.events["t_start"].iloc[-1]  # begins before blocks reach v_slip
     near = other.episodes["t_start"].to_numpy()
     apart = [np.abs(near - t).min() for t in rated.episodes["t_start"] if t > 0]
     assert np.median(apart) < APART
@@ -193,7 +193,7 @@ def test_v_slip_is_the_criterion_of_its_own_events(rated):
 
 
 def test_a_creeping_front_has_a_precursor_and_a_static_friction():
-    """A fast rod and viscosity of slip: by contact all of it is one event without end."""
+    """With a fast driver and viscosity of slip, contacts show a single endless event."""
     scene = pyfric.preset("fig1", L=0.1, H=0.03, F_N=1e3, V=0.05, alpha=30.0, d_c=1e-5)
     record = pyfric.simulate(scene, 8e-3, fidelity="dynamic", threshold=0.1, **QUIET)
     creep = record.with_events()

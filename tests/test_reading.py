@@ -1,4 +1,4 @@
-"""Files of laboratories: each kind is read; what is not understood is refused with what to add."""
+"""Files of laboratories: each kind is read; unclear files are refused with advice."""
 
 import gc
 import io
@@ -293,7 +293,7 @@ def test_words_of_gaps_are_asked_for(tmp_path):
     lines[50] = "50,OVLD"
     path = text(tmp_path, "time (s),mu\n" + "\n".join(lines))
     error = refuse(lambda: read(path), "row 52, column 2: 'OVLD' is no number", 'gaps="OVLD"')
-    assert "head=" not in str(error)  # it would leave 9 of 60 rows
+    assert "head=" not in str(error)  # head= would keep only 9 of 60 rows
     curve = read(path, gaps="OVLD")
     assert len(curve.t) == 60
     assert curve.table["mu"].isna().sum() == 1
@@ -308,7 +308,7 @@ def test_empty_rows_and_zeros_at_the_end_are_no_rows(tmp_path):
 
 @pytest.mark.parametrize("apart", [";", "\t"])
 def test_a_word_in_the_last_row_before_further_heads_is_no_head(tmp_path, apart):
-    """Nor in the last row of all."""
+    """A word in the last row of all is no head, either."""
     heads = apart.join(("time (s)", "mu", "slip (m)", "load point (m)")) + "\n"
     rows = "".join(apart.join((f"{k},5", "0,1", "0,2", "0,3")) + "\n" for k in range(4))
     for lost in (1, 3):
@@ -379,7 +379,7 @@ def test_all_missing_units_are_named_at_once(tmp_path):
 
 
 def long_text(rows=300, odd=(), apart=","):
-    """A text whose rows in `odd` are as given."""
+    """Return a text with the given rows of `odd`."""
     odd, pair = dict(odd), "{:.3f}" + apart + "{:.17g}"
     made = np.random.default_rng(0).standard_normal(rows) * 10.0 ** np.linspace(-20, 20, rows)
     lines = [odd.get(k, pair.format(0.001 * k, v)) for k, v in enumerate(made)]
@@ -399,7 +399,7 @@ def test_numbers_are_those_of_python_to_the_last_bit(tmp_path, monkeypatch, apar
 @pytest.mark.parametrize("part", [200, 1000, 1 << 22])
 @pytest.mark.parametrize("k", [1, 70, 298])
 def test_one_odd_row_among_many_is_read_as_alone(tmp_path, monkeypatch, part, k):
-    """In parts of any size, wherever it is."""
+    """The numbers are the same for parts of any size, and any place of the row."""
     monkeypatch.setattr(parsing, "PART", part)
     t = f"{0.001 * k:.3f}"
     for odd, value in (
@@ -429,7 +429,7 @@ def test_one_odd_row_among_many_is_read_as_alone(tmp_path, monkeypatch, part, k)
 
 
 def test_truths_are_no_numbers(tmp_path, monkeypatch):
-    """Parts with nothing else in a column are numbers to pandas."""
+    """pandas reads columns with only truth values in a part as numbers."""
     monkeypatch.setattr(parsing, "PART", 110)  # eleven rows
     cells = ["0.25"] * 110 + ["True"] * 110 + ["0.25"] * 110
     rows = "".join(f"{0.001 * k:.3f},{cell}\n" for k, cell in enumerate(cells))
@@ -451,7 +451,7 @@ def test_intervals_are_summed_to_times(tmp_path):
 
 
 def test_times_that_stand_still_are_refused(tmp_path):
-    """Those of a clock that is coarser than the samples, and intervals taken for times."""
+    """Examples are a clock coarser than the samples, and intervals read as times."""
     t = np.round(np.arange(400) * 5e-4, 2)
     refuse(lambda: Curve.of(t=t, mu=t), "95% of the samples", 'step="..."')
     rows = [f"{dt},{k}\n" for dt in (10000, 10) for k in range(20)]
@@ -501,7 +501,7 @@ def test_forces_of_the_other_sign_are_refused(tmp_path):
 
 
 def lvm(*above, heads="X_Value\tshear force\tComment", columns="One", decimal="."):
-    """Above a section: its lines, and its rows."""
+    """Return a section of a LabVIEW text: its head lines and its rows."""
     content = f"LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t{decimal}\n"
     content += f"X_Columns\t{columns}\nDate\t2026/05/02\n***End_of_Header***\t\n\t\n"
     for lines, numbers in above:
@@ -570,7 +570,7 @@ def test_matlab(tmp_path):
 
 
 def test_arrays_of_structs_and_tables_of_records(tmp_path):
-    """None is taken for another: all have names."""
+    """Each array has its own name."""
     path = tmp_path / "a.mat"
     kind = [("time", object), ("F_T", object)]
     parts = [(np.array(T), np.array(F)), (np.array(T), 2 * np.array(F))]
@@ -611,7 +611,7 @@ def test_hdf5_and_matlab_7_3(tmp_path):
 @pytest.mark.parametrize("shape", [(-1,), (1, -1), (-1, 1)])
 @pytest.mark.parametrize("head", [b"MATLAB 7.3 MAT-file", b""])
 def test_vectors_of_either_orientation(tmp_path, shape, head):
-    """Writers of MATLAB files from Python store vectors in several shapes, and text as codes."""
+    """Python writers of MATLAB files store vectors in several shapes, and text as codes."""
     with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
         file["time"], file["F_T"] = np.reshape(T, shape), np.reshape(F, shape)
         for name, dtype in (("name", "u2"), ("other", "u4")):
@@ -769,7 +769,7 @@ def test_numpy(tmp_path):
     refuse(lambda: read(tmp_path / "a.npy"), "arrays of numbers")
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # of broken ones
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # of broken files
 def test_mdf(tmp_path):
     asammdf = pytest.importorskip("asammdf")
     for version, name in (("4.10", "a.mf4"), ("3.30", "a.mdf")):

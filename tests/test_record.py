@@ -1,4 +1,4 @@
-"""Records survive the file exactly, and foreign or newer files are refused."""
+"""Records are read from files exactly as written; foreign or newer files are refused."""
 
 import copy
 import dataclasses
@@ -45,7 +45,7 @@ MANY = int(os.environ.get("PYFRIC_BROKEN", "0"))  # see test_broken
 
 
 def make_catalogue(scene, n_events=3):
-    """Events that slip 2, 3, ... blocks from the trailing edge, 5 ms apart, and a corner slip."""
+    """Return events of 2, 3, ... blocks from the trailing edge, 5 ms apart, and a corner slip."""
     column = np.argsort(scene.n_of_i)
     rows, quiet = [], []
     u_x = np.zeros(scene.N_x)
@@ -83,7 +83,7 @@ def make_catalogue(scene, n_events=3):
 
 
 def make_state(scene, seed=4):
-    """Return a state with numbers that files round."""
+    """Return a state with numbers that text would round."""
     rng, zeros = np.random.default_rng(seed), np.zeros(scene.N_x)
     whole = np.arange(scene.N_x, dtype=np.int32) % 3 - 1
     memory = np.zeros(scene.N_x, scene.law.memory)
@@ -155,7 +155,7 @@ def same_bits(a, b):
 
 
 def from_tree(tree):
-    """The record that a tree holds, as it is made from a file."""
+    """Return the record in a tree, in the same way as from a file."""
     groups = {
         group: {k: v.to_numpy() for k, v in one.to_dataset(inherit=False).variables.items()}
         for group, one in tree.children.items()
@@ -327,7 +327,7 @@ def test_nothing_changes_a_record(copied):
         lambda: record.events.__setitem__("L_p_over_L", 0.0),
         lambda: record.episodes.iloc.__setitem__((slice(None), 0), 0),
     ):
-        with warnings.catch_warnings(action="ignore"):  # pandas says that a copy changes
+        with warnings.catch_warnings(action="ignore"):  # pandas warns that a copy changes
             change()
     curve = record.curve
     curve["F_T"] = 0.0
@@ -368,7 +368,7 @@ def test_records_equal_no_other_object():
 
 @pytest.fixture
 def one_more(monkeypatch):
-    """A column of events and an array over blocks, each one decorated function."""
+    """Add a column of events and an array over blocks, each by one decorated function."""
     monkeypatch.setattr(held, "_held", {group: dict(names) for group, names in held._held.items()})
 
     @event_column("m", "largest slip of a block")
@@ -384,7 +384,7 @@ def one_more(monkeypatch):
 
 
 def test_a_column_and_an_array_are_one_function_each(one_more, tmp_path):
-    """It is in the record, the file, the Dataset, the tree and the tables, with its meaning."""
+    """Each is in the record, the file, the Dataset, the tree and the tables, with its meaning."""
     record = make_record()
     assert (record.events["largest_slip"] == record.slip.max(axis=1)).all()
     assert through_file(record, tmp_path) == record
@@ -476,7 +476,7 @@ def test_any_netcdf_reader_opens_the_file(tmp_path):
 
 
 def test_types_are_those_that_every_program_reads(tmp_path):
-    """The classic model of netCDF: no strings, no enumerations, no long integers that fit."""
+    """Types are those of classic netCDF: no strings, no enumerations, short integers."""
     record = make_record()
     slow = record.episodes["step_start"].to_numpy() + 2**40
     record = record.replace(episodes=record.episodes.assign(step_start=slow))
@@ -610,7 +610,7 @@ def saved(tmp_path_factory):
 
 @pytest.fixture
 def resealed(tmp_path, saved):
-    """Return what loading says of a file in which something was changed."""
+    """Return the result of loading a file after a change."""
 
     def told(change):
         path = tmp_path / "run.nc"
@@ -637,7 +637,7 @@ WRONG = [3, None, "", "x", "x=", "[", "[]", '{"a": [1]}', b"\xff", [1, 2]]
     ],
 )
 def test_attributes_are_what_they_have_to_be(resealed, name, value):
-    """Text of the right form: status = 3, timings of a list, a scene that is a path ..."""
+    """Wrong forms are refused: status = 3, timings as a list, a path as scene ..."""
 
     def change(file):
         del file.attrs[name]
@@ -645,7 +645,7 @@ def test_attributes_are_what_they_have_to_be(resealed, name, value):
             file.attrs[name] = value
 
     if name == "notes" and value == "[]":
-        return  # no notes are no damage
+        return  # missing notes are no damage
     assert name in resealed(change)
 
 
@@ -756,7 +756,7 @@ def test_a_final_state_fits_its_scene(resealed):
         ("final_y", np.zeros((2, 4, 3))),
         ("final_mode", np.zeros(57)),
         ("final_dt", np.array(-1.0)),
-        ("final_odd", np.zeros(57)),  # what its law does not remember
+        ("final_odd", np.zeros(57)),  # no state variable of its law
         ("final_odd", np.zeros(2)),
     ):
 
@@ -773,7 +773,7 @@ def test_a_final_state_fits_its_scene(resealed):
           suppress_health_check=list(HealthCheck))  # fmt: skip
 @given(st.data())
 def test_whatever_is_changed_is_answered_or_read(saved, tmp_path, data):
-    """Any variable or attribute, any value: a record, or a `RecordError` that says what is off."""
+    """Any change of a variable or attribute gives a record or a `RecordError` with the cause."""
     path = tmp_path / "run.nc"
     path.write_bytes(saved.read_bytes())
     numbers = st.sampled_from([0, -1, 1.5, np.nan, np.inf, 1e300, 2**62, -(2**62), 127, True])

@@ -1,4 +1,4 @@
-"""Engines against stored full dynamics of the paper's scenes (`reference_data/make.py`)."""
+"""Engines compared with stored full dynamics of the paper's scenes (`reference_data/make.py`)."""
 
 import dataclasses
 import functools
@@ -22,23 +22,24 @@ CLEAN = tuple(name for name in SCENES if name != "setup2+")
 # --- limits of single scenes; tolerances of the engines are in `pyfric.checks.regression` --------
 
 GAP = 0.26
-"""F_T/F_N at which, in setup2+, an interior gap opens (0.261 linear, 0.281 finite). Blocks at its
-edges then micro-slip almost without rest, and the order of events hangs on less than any tolerance:
-full dynamics with a step shorter by a tenth leave the reference by 0.008 (F_T) and 6 blocks."""
+"""F_T/F_N at which an interior gap opens in setup2+ (0.261 linear, 0.281 finite). Blocks at its
+edges then micro-slip almost without rest. The order of events depends on differences below any
+tolerance: full dynamics with a step shorter by a tenth differs by 0.008 (F_T) and 6 blocks."""
 GAP_CURVE, GAP_MEAN, GAP_FRONT = 0.016, 0.005, 12
-"""Hybrid beyond the gap, up to the first system-size event of either run: F_T(t) at every point
-and on average, and how far slip has come: twice what the step of full dynamics changes there. The
-hybrid engine leaves 6 to 9 blocks with any accuracy from 2e-6 down to 1e-8."""
+"""Tolerances of the hybrid engine beyond the gap, up to the first system-size event of either run:
+F_T(t) at every point and on average, and extent of slip. The tolerances are twice the effect of the
+step of full dynamics. The hybrid engine differs by 6 to 9 blocks for any accuracy from 2e-6 to
+1e-8."""
 
 LADDER_BLOCKS = {"fig1": (2, 2), "run1": (2, 2), "run2": (2, 2), "run4": (2, 3)}
-"""Quasi-static: lengths, and that of the longest precursor. In run 3, setup2 and setup2- lengths
-drift apart event by event: without inertia nothing overshoots, so steps are shorter (16 instead of
-14 precursors in setup2), or others where the trailing edge lifts off (run 3). There, and in all
-scenes, forces at given length are compared."""
+"""Tolerances of the quasi-static engine, in blocks: lengths, and length of the longest precursor.
+In run 3, setup2 and setup2- lengths drift apart from event to event. Slip does not overshoot
+without inertia, so that steps are shorter (16 precursors in place of 14 in setup2), or different if
+the trailing edge lifts off (run 3). In all scenes forces at given length are compared."""
 
 
 STEPS_OF_RK4 = 6e-5
-"""Forces of main events over F_N: the stored steps leave 1.8e-5 of starts and 4.7e-5 of arrests."""
+"""Tolerance of forces over F_N: the stored steps leave 1.8e-5 of starts and 4.7e-5 of arrests."""
 
 
 @functools.cache
@@ -82,7 +83,7 @@ def test_reference_is_whole_and_of_the_preset(name, geometry):
 
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_fig1_has_the_paper_s_precursors(geometry):
-    """13 main precursors before 0.9 s, each longer than the one before."""
+    """The set has 13 main precursors before 0.9 s, each longer than the previous one."""
     events = reference("fig1", geometry).events
     main = events[events["is_main"] & (events["t_start"] < 0.9)]
     assert len(main) == 13
@@ -115,7 +116,7 @@ def test_loading_curve(name, geometry):
 
 @pytest.mark.parametrize(("name", "geometry"), [("fig1", "linear"), ("fig1", "finite")])
 def test_default_steps_find_the_same_events(name, geometry):
-    """What is left is the error of the stored runs, whose steps of rk4 are half of the limit."""
+    """The differences are errors of the stored runs, whose steps of rk4 are half of the limit."""
     known = reference(name, geometry)
     made = pyfric.simulate(known.scene, known.about["t_end"], geometry=geometry, progress=False)
     assert made.method.stepper == "rk46"
@@ -129,7 +130,7 @@ def test_default_steps_find_the_same_events(name, geometry):
 
 @pytest.mark.parametrize(("name", "geometry"), ALL)
 def test_nearly_all_time_is_jumped_over(name, geometry):
-    """Also where the corner opens a little before its static state does (run 3, and 4 finite)."""
+    """In run 3, and in run 4 in finite geometry, the corner opens before its static state does."""
     counts = hybrid(name, geometry).counts
     limit = 0.02 if geometry == "linear" else 0.03
     assert counts["steps"] < limit * counts["steps_spared"]
@@ -154,9 +155,9 @@ STEP_ENDS = [("fig1", "linear"), ("run3", "linear"), ("setup2", "linear")]
 
 @pytest.mark.parametrize(("name", "geometry"), STEP_ENDS)
 def test_switching_at_step_ends(name, geometry):
-    """How contacts switch does not know the scene: one of each setup, and one that lifts off.
+    """One scene of each setup is tried, and one in which the trailing edge lifts off.
 
-    Two thirds of the main events; slow tests compare all of all scenes.
+    Two thirds of the main events are compared; slow tests compare all events of all scenes.
     """
     known = reference(name, geometry)
     main = known.events[known.events["is_main"]]
@@ -201,7 +202,7 @@ def test_hybrid_until_the_gap_opens():
 
 
 def slid(events, t):
-    """Return the farthest block that has slipped in a main event, over time."""
+    """Return the farthest block that has slipped in a main event, as a function of time."""
     main = events[events["is_main"]]
     farthest = np.maximum.accumulate(main["last_block"].to_numpy())
     at = np.searchsorted(main["t_start"].to_numpy(), t, side="right") - 1
@@ -238,7 +239,7 @@ def quasistatic(name, geometry):
 
 @pytest.mark.parametrize("name", LADDER_BLOCKS)
 def test_ladder_event_by_event(name):
-    """At the same geometry, the linear one. The ladder of fig1 makes two steps of the first."""
+    """Both runs are in linear geometry. The sequence of fig1 splits the first event."""
     known, made = reference(name, "linear"), quasistatic(name, "linear")
     assert_all(regression.ladder(known, made, *LADDER_BLOCKS[name]))
 
@@ -246,7 +247,7 @@ def test_ladder_event_by_event(name):
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 @pytest.mark.parametrize("name", CLEAN)
 def test_ladder_at_given_length(name, geometry):
-    """Forces at which precursors of a length start and stop, between those the ladder has."""
+    """Start and arrest forces at given lengths are interpolated in the quasi-static sequence."""
     known, made = reference(name, geometry), quasistatic(name, geometry)
     a, b = (regression.precursors(one.events, known.scene) for one in (known, made))
     assert (np.diff(b["last_block"]) > 0).all()
@@ -261,7 +262,7 @@ def test_ladder_at_given_length(name, geometry):
 
 
 def disturbed(**changes):
-    """The run of another scene, up to the fifth main event, taken for that of fig1."""
+    """Return a run of another scene, up to the fifth main event, presented as that of fig1."""
     known = reference("fig1", "linear")
     scene = preset("fig1", **changes)
     t_end = known.events["t_stop"][known.events["is_main"]].iloc[4] + regression.AFTER

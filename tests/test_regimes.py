@@ -16,7 +16,7 @@ from pyfric.cli.commands import main
 
 NAMES = [one.name for one in REGIMES]
 LONGEST = 10.0
-"""Processor time of a regime, in s: none hangs."""
+"""Longest processor time of a regime, in s."""
 
 
 @pytest.mark.parametrize("regime", REGIMES, ids=NAMES)
@@ -56,7 +56,7 @@ def test_what_is_not_as_stated_is_shown(seen, right):
 
 
 def test_observers_see_silence():
-    """Each kind of observer says so where a scene does not do what it is asked for."""
+    """Each kind of observer reports a scene that does not behave as stated."""
     calm = regimes.rod
     for look in (
         partial(regimes._refused, field="top.F_N"),

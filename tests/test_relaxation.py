@@ -1,4 +1,4 @@
-"""The relaxation time of the stuck slider: against its full spectrum."""
+"""The relaxation time of the stuck slider, compared with its full spectrum."""
 
 import math
 import time
@@ -64,7 +64,7 @@ def test_a_fast_driver_is_noted():
 
 
 def test_friction_has_no_part_in_it(monkeypatch):
-    """It is found once for all scenes that differ in friction only; the foundation counts."""
+    """The time is computed once for scenes that differ only in friction; the foundation counts."""
     scene, found, find = preset("fig1", l=5e-3), [], pauses._relaxation_time
     monkeypatch.setattr(pauses, "_relaxation_time", lambda one: found.append(one) or find(one))
     known = relaxation_time(scene)

@@ -1,4 +1,4 @@
-"""The resolution study: what it compares, and what theory says of it."""
+"""The resolution study: its comparisons, and the theory of them."""
 
 import functools
 
@@ -26,7 +26,7 @@ def at(name, l, viscosity=None):
 
 
 def test_scenes_differ_in_what_they_should():
-    """k and the bulk viscosity do not depend on l; block mass goes with the blocks."""
+    """k and the bulk viscosity do not depend on l; the mass of a block follows from its size."""
     fine, coarse = (resolution.scene(l, FIXED) for l in reversed(SPACINGS))
     assert fine.slider.k == coarse.slider.k
     assert fine.eta == coarse.eta == preset("fig1").eta
@@ -62,7 +62,7 @@ def test_the_summary_has_a_value_for_each_spacing():
 
 
 def test_the_order_is_that_of_the_differences():
-    """Values 1 + l^2 differ by 3, then by 3/4 of l^2: order 2."""
+    """Values 1 + l^2 differ by 3 l^2, then by 3/4 l^2: order 2."""
     three = {name: tables()[name].iloc[:0].copy() for name in ("events", "fronts", "prediction")}
     x = np.linspace(0, 1, 11)
     loaded = [

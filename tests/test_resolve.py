@@ -1,4 +1,4 @@
-"""The same slab on finer lattices: what changes, what is said of it, what is refused."""
+"""The same slab on finer lattices: changes, notes, and refusals."""
 
 import json
 import math
@@ -43,7 +43,7 @@ def test_numbers_are_those_of_single_runs(tmp_path):
 
 @pytest.mark.parametrize("levels", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_what_has_a_limit_changes_less_than_what_has_none(levels):
-    """Start forces on the curve of length against force, and the onset, against counts."""
+    """Forces at given length and the onset change less than counts."""
     found = pyfric.resolve("fig1", levels=levels, cache=False, workers=1, progress=False).table
     steps = found[[2.5e-3, 1.25e-3, 6.25e-4][:levels]].astype(float)
     largest = steps.diff(axis=1).abs().max(axis=1) / steps[2.5e-3]
@@ -64,7 +64,7 @@ def test_a_slab_that_does_not_slide_says_so():
     assert "no system-size event before t = 0.05 s" in str(found)
     assert math.isnan(found.table.loc["F_T/F_N at onset of sliding", 5e-3])
     (line,) = (one for one in str(found).splitlines() if one.startswith("F_T/F_N at onset"))
-    assert line.split()[-4:] == ["-"] * 4  # not measured, so it does not say that it converges
+    assert line.split()[-4:] == ["-"] * 4  # not measured, so no statement on convergence
 
 
 def test_viscosity_is_named_where_it_matters():

@@ -1,4 +1,4 @@
-"""Fig. 4(b) with a resolved zone: places, zones, shares and what is said of them."""
+"""Fig. 4(b) with a resolved zone: positions, zones, shares, and statements on them."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,7 +20,7 @@ L = resolved.L
 def test_speeds_on_places_are_those_of_the_times_between():
     l, x = 0.5e-3, np.arange(61) * 0.5e-3
     t = x / 800 + np.where(x > 15e-3, (x - 15e-3) / 800, 0.0)  # half as fast from 15 mm on
-    t[50] = t[48]  # a block that slips before the front comes
+    t[50] = t[48]  # a block that slips before the front
     table = resolved._places(t, 56, l).set_index("x")
     assert table.index.to_numpy() == pytest.approx(np.arange(23) * L)
     v = table["v_c"].to_numpy()
@@ -32,7 +32,7 @@ def test_speeds_on_places_are_those_of_the_times_between():
 
 
 def test_the_zone_ends_where_slip_reaches_d_c():
-    """Blocks slip at 1 m/s from the passage of a front at 1000 m/s on: 2 um last for 2 mm."""
+    """Blocks slip at 1 m/s behind a front at 1000 m/s, so that 2 um of slip is a zone of 2 mm."""
     l, d_c, first = 0.25e-3, 2e-6, 5
     passed = np.arange(80) * l / 1000
     times = np.arange(0, 30e-6, 0.7e-6)
@@ -46,7 +46,7 @@ def test_the_zone_ends_where_slip_reaches_d_c():
     blocks = resolved._zones(record, first, 70, d_c)
     assert np.isnan(blocks[:first]).all()
     assert np.isnan(blocks[70:]).all()
-    assert blocks[first] == 1  # behind it all has slipped
+    assert blocks[first] == 1  # behind it all blocks have slipped
     inside = blocks[first + 10 : 70]
     assert set(inside) <= {8, 9}
     assert blocks[10] == 6  # up to the crack that was released
@@ -58,7 +58,7 @@ def fewer(monkeypatch):
 
 
 def fronts(speed, zone=8.0):
-    """Return fronts of 8 events and all variants; speed from prestress and place."""
+    """Return fronts of 8 events and all variants, with speeds from prestress and position."""
     rows = []
     rng, place = np.random.default_rng(0), np.linspace(0, 1, 40)
     for number in range(8):
@@ -103,7 +103,7 @@ def test_common_places_are_those_of_all_variants():
 
 @pytest.fixture(scope="module")
 def event():
-    """The second precursor of run 1, whose front begins after a long stable slip; l = 5 mm."""
+    """Return the second precursor of run 1 at l = 5 mm, whose front follows a long stable slip."""
     patch = pytest.MonkeyPatch()
     patch.setattr(resolved, "L", 5e-3)
     patch.setattr(resolved, "OF_RUNS", 4e-6)
@@ -120,7 +120,7 @@ def test_a_front_that_is_released(event):
     start = float(event.run.events["t_start"].loc[event.event])
     assert event.t > start
     before, then = at(start), at(event.t)
-    np.testing.assert_array_equal(before.u[0, 0], then.u[0, 0])  # all blocks hold
+    np.testing.assert_array_equal(before.u[0, 0], then.u[0, 0])  # all blocks stick
     driven = scene.driver.K * scene.driver.fastest * (event.t - start)
     assert 0 < then.F_T - before.F_T <= driven
     assert then.p.sum() == pytest.approx(scene.F_N, rel=1e-6)
@@ -139,7 +139,7 @@ def test_a_front_that_is_released(event):
 
 
 def test_what_is_said_of_a_resolved_zone():
-    """The docs say it: with little viscosity all three values of d_c lose the collapse."""
+    """As the docs say, with little viscosity there is no collapse for any of three d_c."""
     stored = pd.read_csv(STORED / "resolved_summary.csv")
     own = stored[stored["places"] == "own"]
     assert (own["fronts"] == 8).all()

@@ -1,4 +1,4 @@
-"""The rooms: their order, imports that no contract sees, and what draws the lower ones."""
+"""The rooms: their order, imports that no contract finds, and imports of lower rooms."""
 
 import ast
 import functools
@@ -19,10 +19,10 @@ import pyfric
 ROOT = Path(__file__).parents[1]
 SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]
 BY_NAME = {"import_module", "__import__", "resolve_name", "run_module", "run_path", "exec", "eval"}
-"""What can import a module that a string names."""
+"""Functions that can import a module by a string."""
 DOOR = "pyfric/__init__.py"
 OF_THEIR_OWN = {"pyfric/core/builds.py"}
-"""What reads modules of its own folder by name."""
+"""Modules that read files of their own folder by name."""
 
 
 def layers():
@@ -38,7 +38,7 @@ def trees():
 
 
 def test_the_door_opens_the_rooms_from_the_ground_up():
-    """All but the highest, which itself comes in by the door."""
+    """`import pyfric` imports all rooms but the highest, from the lowest up."""
     assert ["display", "signals", *pyfric.ROOMS, "laws", "analysis", "cli"] == layers()
 
 
@@ -95,7 +95,7 @@ def test_nobody_below_comes_in_by_the_door():
 
 
 def imports(files):
-    """Module -> modules that it imports, also for types alone; `files` are paths and trees."""
+    """Return module -> its imports, with those for types; `files` are paths and trees."""
     paths = {file.removesuffix(".py").replace("/", "."): tree for file, tree in files}
     modules = {name.removesuffix(".__init__"): tree for name, tree in paths.items()}
     found = {}
@@ -112,7 +112,7 @@ def imports(files):
 
 
 def rings(graph):
-    """Largest sets of modules of which each leads to each other."""
+    """Return the largest sets of modules that import each other in rings."""
 
     def reached(module):
         found, ahead = set(), [module]
@@ -164,7 +164,7 @@ imported("matplotlib", "matplotlib.pyplot", "xarray", "pyfric.figures")
 
 @pytest.fixture(scope="module")
 def fresh(tmp_path_factory):
-    """What a process says that has no display, no home, and nothing imported, line by line."""
+    """Return the output lines of a new process without display and home."""
     found = subprocess.run(
         [sys.executable, "-c", FRESH],
         cwd=tmp_path_factory.mktemp("fresh"),
@@ -207,7 +207,7 @@ def test_drawing_leaves_no_global_state(fresh):
 
 
 def near():
-    """What `scripts/mutate-random` says about tests that are near to a file."""
+    """Return the tests that `scripts/mutate-random` names for a file."""
     tree = ast.parse((ROOT / "scripts" / "mutate-random").read_text(encoding="utf-8"))
     values = {
         node.targets[0].id: node.value
@@ -225,7 +225,7 @@ def test_lists_of_tests_name_files_that_exist():
 
 
 def test_each_module_has_a_file_of_tests():
-    """Of its own name, or in the map of CONTRIBUTING, where no other module stands."""
+    """The file has its name, or is in the table of CONTRIBUTING, which has no other modules."""
     page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     rows = [re.findall(r"`([\w/]+)`", line) for line in page.splitlines() if line[:8] == "| `test_"]
     files = {path.stem for path in (ROOT / "tests").glob("test_*.py")}
@@ -240,7 +240,7 @@ def test_each_module_has_a_file_of_tests():
 
 
 VAGUE = {"one", "some", "most", "few", "many", "here", "there"}
-"""Names that do not say what they hold."""
+"""Names that are too vague."""
 
 
 def test_names_say_what_they_hold():
@@ -254,7 +254,7 @@ def test_names_say_what_they_hold():
 
 
 def test_no_constant_is_dead():
-    """A module reads each of its numbers, or another one does, or it is public."""
+    """Each number of a module is read in it or in another module, or is public."""
     defined, read = {}, set()
     for file, tree in trees():
         names = [node for node in ast.walk(tree) if isinstance(node, ast.Name)]

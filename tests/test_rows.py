@@ -1,4 +1,4 @@
-"""Names of rows: they cover vectors and tables without overlap, and are those of the lattice."""
+"""Names of rows: they cover vectors and tables without overlap, and agree with the lattice."""
 
 import numpy as np
 

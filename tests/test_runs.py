@@ -1,4 +1,4 @@
-"""Runs side by side give what `simulate` gives, by any executor, and are kept by content."""
+"""Parallel runs give the results of `simulate`, by any executor, and are stored by content."""
 
 import dataclasses
 import os
@@ -28,7 +28,7 @@ def several(count):
 
 @pytest.fixture
 def made(monkeypatch):
-    """Normal forces of the scenes that were simulated in this process, one after another."""
+    """Return normal forces of the scenes that are simulated in this process, in order."""
     found, simulate = [], runs.simulate
 
     def noted(scene, *arguments, **options):
@@ -183,7 +183,7 @@ def test_an_error_names_its_job_and_others_are_kept(tmp_path, workers):
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_records_and_errors_come_back_in_order(tmp_path, workers):
-    """In this process and in others: what `simulate` gives, and an error in place of its record."""
+    """In any process results are those of `simulate`, with an error in place of its record."""
     coarse = job(options=HYBRID | {"dt": 1.0}, name="too coarse")
     dense = {"fidelity": "dynamic", "dt": 2e-6, "stepper": "rk4", "energies": False}
     heavy = job(2e-5, dense, F_N=9e6, name="folds")
@@ -238,7 +238,7 @@ def test_two_sweeps_on_one_folder_make_each_run_once(tmp_path, made):
 
 
 class Lossy(ThreadPoolExecutor):
-    """Does what it is given, but loses the answer of the first calls."""
+    """An executor that loses the results of its first calls."""
 
     def __init__(self, losses):
         super().__init__(1)
@@ -263,7 +263,7 @@ def test_answers_that_got_lost_are_taken_from_the_folder_unless_all_are(tmp_path
 
 
 def test_ctrl_c_ends_runs_of_a_foreign_executor(tmp_path):
-    """They learn it from the folder; what is finished stays, and the next call goes on."""
+    """The folder tells them to stop; finished runs stay, and the next call goes on."""
     long = {"fidelity": "dynamic", "geometry": "linear"}
     todo = [*(job(t_end, long) for t_end in (4.0, 5.0, 6.0)), job()]
     finished = tmp_path / f"{todo[-1].key}.nc"
@@ -291,7 +291,7 @@ class Counting:
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")  # of distributed, about workers that die
+@pytest.mark.filterwarnings("ignore")  # distributed warns of dead workers
 @pytest.mark.parametrize("accident", ["none", "worker killed", "scheduler restarted"])
 def test_dask_survives(tmp_path, accident):
     distributed = pytest.importorskip("distributed")
@@ -323,6 +323,6 @@ def test_dask_survives(tmp_path, accident):
     noted = [float(line) for line in log.read_text().splitlines()]
     assert set(noted) == {job.scene.F_N for job in todo}
     under_way = {"none": 0, "worker killed": 1, "scheduler restarted": 2}[accident]
-    assert len(noted) <= len(todo) + under_way  # only what was cut off in the middle ran again
+    assert len(noted) <= len(todo) + under_way  # only interrupted runs were repeated
     done = {f"{job.key}.nc": job.scene.F_N for job in todo}
     assert all(noted.count(done[path.name]) == 1 for path in finished)

@@ -604,7 +604,7 @@ def test_unknown_presets():
 
 
 def test_a_field_has_one_name_everywhere():
-    """With its part or without; inside fields, too."""
+    """The name may omit its part, also inside fields."""
     scene = preset(
         "fig1", mu_s=Spread(mean=0.7, std=0.01, seed=1), law=laws.Ageing(B=0.01, t_c=1e-3)
     )
@@ -661,16 +661,16 @@ def test_names_are_a_line_that_reads_as_it_stands(sign):
 
 
 def test_words_that_are_not_alike_are_no_hint():
-    """A slope of the load is no mattress."""
+    """A field of another kind of top is not a misspelt field of this scene."""
     error = refused(changed("mattress", "theta"))
     assert (error.field, error.reason) == ("top.theta", "unknown")
     assert "did you mean" not in str(refused(lambda: preset("???")))
-    error = refused(lambda: preset("fig1", theta=0.5))  # which is no eta either
+    error = refused(lambda: preset("fig1", theta=0.5))  # theta is not similar to eta either
     assert (error.field, error.reason) == ("theta", "unknown here, a field of DistributedLoad")
 
 
 def test_numbers_without_unit_are_in_SI_everywhere():
-    """In files as in Python; text has a unit, unless the number has none."""
+    """Files and Python agree. Text has a unit, unless the quantity has none."""
     bare = GOOD.replace('"140 mm"', "0.14").replace('"3500 N"', "3500").replace("0.45", '"45 %"')
     assert (
         Scene.from_toml(bare)
@@ -723,7 +723,7 @@ def test_check_number_for_run_parameters():
 
 
 def consistent(scene: Scene) -> None:
-    """Assert that nothing derived from an accepted scene is NaN or infinite."""
+    """Assert that no value derived from an accepted scene is NaN or infinite."""
     assert scene.N_x >= 3
     assert scene.N_z >= 2
     assert scene.N_x * scene.N_z <= MAX_BLOCKS
@@ -840,7 +840,7 @@ def test_documents_broken_twice(steps):
 def try_broken(steps: list) -> None:
     try:
         text = broken(steps)
-    except ValueError:  # not writable as TOML
+    except ValueError:  # TOML cannot express it
         return
     accepted_or_refused(text)
 
@@ -917,7 +917,7 @@ def test_a_shear_force_beyond_friction_is_named():
     ],
 )
 def test_a_field_is_given_once(name, changes, fields):
-    """The last one counted, and nothing was said."""
+    """A field that is given twice is refused."""
     assert refused(lambda: preset(name, changes, **fields)).reason == "given twice"
 
 
@@ -951,7 +951,7 @@ def test_a_number_of_a_spread_may_have_the_unit_of_its_field():
     ],
 )
 def test_masked_values_are_refused(field, values):
-    """netCDF4 returns masked arrays; what the mask hides is some number, such as 1e36."""
+    """netCDF4 returns masked arrays; masked values are numbers, such as 1e36."""
     array = np.ma.masked_array(values)
     array[(-1,) * array.ndim] = np.ma.masked
     with pytest.raises(SceneError, match=rf"{field} = .*: 1 of {array.size} masked"):
@@ -965,7 +965,7 @@ def test_masked_entries_of_a_list_are_refused():
 
 @pytest.mark.parametrize("seed", [2**63 - 1, 2**63, 2**63 + 1, 2**64 - 1])
 def test_seeds_above_half_of_their_range_are_not_rounded(seed):
-    """NumPy's Philox takes a list of keys through floats from 2^63 on."""
+    """NumPy's Philox converts a list of keys to floats from 2^63 on."""
     key = np.array([seed, 0], dtype=np.uint64)
     raw = np.random.Philox(key=key).random_raw(57) >> np.uint64(11)
     drawn = Spread(mean=0.5, range=0.5, seed=seed).draw(57, 1.0)
@@ -985,7 +985,7 @@ def test_seeds_above_half_of_their_range_are_not_rounded(seed):
     ],
 )
 def test_a_quantity_never_loses_its_unit(field, value):
-    """Pint warns where an array loses its unit, not where one number does."""
+    """Pint warns if an array loses its unit, but not if a single number does."""
     units = {"L": "m", "K": "N/m", "V": "mm/s", "h": "mm", "F_N": "N", "mu_s": "", "l": "mm"}
     made = setup1(**{field: pint.Quantity(value, units[field])})
     assert made == setup1(**{field: f"{value} {units[field]}".strip() if units[field] else value})
@@ -1013,7 +1013,7 @@ def test_types_of_fields_are_plain(part):
     "unit", ["s", "m", "N", "Pa", "m/s", "N/m", "N s/m", "J", "kg", "1/s", "m^2"]
 )
 def test_prefixes_are_those_of_pint(unit):
-    """A unit that differs by a prefix alone is read without the definitions of all units."""
+    """A unit that differs only in its prefix is read without Pint's definitions of units."""
     for prefix in ("", "n", "u", "µ", "m", "k", "M", "G"):
         name = prefix + unit
         quick = units._prefixed(name, unit)

@@ -1,4 +1,4 @@
-"""Quasi-static sequences of the core against those in Python, and their calls."""
+"""Quasi-static sequences of the core, compared with those in Python, and their calls."""
 
 import functools
 
@@ -29,11 +29,11 @@ from pyfric.statics import (
 )
 
 LOGGED = {"switches": ("step", "block", "old", "new", "corner"), "quiet": ("step", "kind", "mode")}
-"""Columns of the logs that are equal."""
+"""Columns of the logs that have to be equal."""
 
 
 def followed(scene, t_end, in_core, **how):
-    """Return a run to t_end and what it has logged, or why it could not go on."""
+    """Return a run to t_end and its logs, or the reason why it stopped."""
     try:
         run = QuasistaticRun(scene, t_gap=1e-3, in_core=in_core, **how)
         run.advance(t_end, lambda: False, lambda *_: None)
@@ -44,7 +44,7 @@ def followed(scene, t_end, in_core, **how):
 
 
 def check_twins(scene, t_end, force=SEQUENCE, **how):
-    """Both make the same changes in the same order, with the same forces."""
+    """Check that both make the same changes in the same order, with the same forces."""
     (one, first), (two, second) = (
         followed(scene, t_end, in_core, **how) for in_core in (True, False)
     )
@@ -150,7 +150,7 @@ GROWING = {
 
 @pytest.mark.parametrize("name", GROWING)
 def test_continuous_slip_is_that_in_python(name):
-    """Also where it may not be unique, and where the driver turns."""
+    """Slip may not be unique here, and the driver reverses."""
     assert check_twins(GROWING[name], 1.5).grows
 
 
@@ -163,7 +163,7 @@ def test_continuous_slip_is_that_in_python(name):
     spread=st.sampled_from([0.0, 0.1]),
 )
 def test_sequences_of_tiny_sliders_are_those_in_python(data, mu_s, share, seed, spread):
-    """Of 3 or 4 blocks in 2 or 3 rows, which tip, lift off and land."""
+    """Sliders of 3 or 4 columns and 2 or 3 rows tip, lift off and land."""
     scene = data.draw(sliders(mu_s=mu_s, mu_k=share * mu_s))
     if spread and share < 1:
         field = pyfric.Spread(mean=mu_s, range=spread * (1 - share) * mu_s, seed=seed)
@@ -211,7 +211,7 @@ def sequences(scenes, t_end, switches=None):
 
 
 def bits(runs, most=2**31 - 1, **how):
-    """Return all that the runs log on their way to the end, by run."""
+    """Return the logs of runs up to their end, by run."""
     found, left = [b""] * len(runs), np.arange(len(runs))
     while len(left):
         status = runs.go_on(most, **how)
@@ -228,7 +228,7 @@ def bits(runs, most=2**31 - 1, **how):
 
 @functools.cache
 def some_scenes():
-    """Scenes whose runs differ in length, foundation and law."""
+    """Return scenes whose runs differ in length, foundation and law."""
     field = functools.partial(pyfric.Spread, mean=0.7, std=0.05)
     scenes = [small_rod(h=10e-3).replace(mu_s=field(seed=n)) for n in range(7)]
     scenes += [small_rod(h=10e-3, mu_s=0.45), small_rod(h=10e-3, k_f=2e6), small_rod(h=10e-3)]
@@ -255,7 +255,7 @@ def test_bits_do_not_depend_on_the_order():
 
 @pytest.mark.parametrize("most", [1, 2, 7, 100])
 def test_runs_go_on_with_the_same_bits(most):
-    """Whenever they stop: also inside events."""
+    """Runs may stop anywhere, also inside events."""
     assert bits(sequences(some_scenes()[6:], 1.0), most, threads=2) == alone()[6:]
 
 

@@ -1,4 +1,4 @@
-"""Many runs share one verification: who chooses the level, who is checked, and what is said."""
+"""One verification for many runs: points that choose the level, checks, and the report."""
 
 import dataclasses
 import re
@@ -24,7 +24,7 @@ RANDOM = small().replace({"interface.mu_s": Spread(mean=0.7, std=0.02)})
 
 
 def jobs_of(errors, **options):
-    """Return a job for each of these numbers, which its name holds."""
+    """Return a job for each of these numbers, with the number in its name."""
     scenes = (small(F_N=3000.0 + n, name=str(error)) for n, error in enumerate(errors))
     return [Job(scene=scene, t_end=T_END, options=OPTIONS | options) for scene in scenes]
 
@@ -37,9 +37,9 @@ def swept(count, **changes):
 
 @pytest.fixture
 def made(monkeypatch):
-    """Runs whose first level has the error that the name of the scene says, the next ones none.
+    """Replace runs: the error of the first level is in the scene's name; others have none.
 
-    The list holds the error, the number of the first level and the largest number of levels of each
+    The list has the error, the number of the first level and the largest number of levels of each
     run.
     """
     base = simulate(small(), 1e-4, fidelity="quasistatic")
@@ -86,7 +86,7 @@ def test_real_runs_tell_the_number_of_their_level(how):
 
 @pytest.mark.parametrize("where", [0, 10, 19])
 def test_the_most_demanding_of_a_few_points_decides(made, where):
-    """They are spread over the list, its ends among them, and each finds a level of its own."""
+    """The points are spread over the list, ends included, and each finds its own level."""
     errors = np.full(20, 0.01)
     errors[where] = 0.2
     records = run_all(jobs_of(errors), 1, cache=False)
@@ -101,7 +101,7 @@ def test_the_most_demanding_of_a_few_points_decides(made, where):
 
 
 def test_an_error_beyond_the_tolerance_at_a_check_is_said_and_nothing_is_made_again(made):
-    """The finer run of the check is kept, and what that means for the others is said, too."""
+    """The finer run of the check is returned, and the report gives the limit for the others."""
     errors = [0.01] * 40
     before = run_all(jobs_of(errors), 1, cache=False)
     chosen = {round(number) for number in np.linspace(0, 39, 5)}
@@ -126,7 +126,7 @@ def test_an_error_beyond_the_tolerance_at_a_check_is_said_and_nothing_is_made_ag
 
 
 def test_points_without_errors_say_so(made):
-    """Nothing is 0 that was not measured."""
+    """Errors that were not measured are never 0."""
     for record in run_all(jobs_of([0.01] * 12), 1, cache=False):
         if not record.errors.chosen_at:
             continue
@@ -138,7 +138,7 @@ def test_points_without_errors_say_so(made):
 
 
 def test_limits_of_shares_are_those_of_binomial_tails():
-    """So many checks keep the tolerance with a chance of 5 % where the share is at the limit."""
+    """With the share at the limit, `kept` or more checks succeed with a chance of 5 %."""
     for kept, checks in ((2, 2), (50, 50), (47, 50), (1, 50)):
         share = lower_limit(kept, checks)
         assert scipy.stats.binom.sf(kept - 1, checks, share) == pytest.approx(0.05)
@@ -146,7 +146,7 @@ def test_limits_of_shares_are_those_of_binomial_tails():
 
 
 def test_points_with_other_options_choose_for_themselves(made):
-    """Jobs with another tolerance have another level."""
+    """Jobs with another tolerance choose another level."""
     easy, hard = jobs_of([0.01] * 8), jobs_of([0.2] * 8, tolerance=0.06)
     memory = Shared()
     records = run_all([*easy, *hard], 1, cache=False, shared=memory)
@@ -179,7 +179,7 @@ def test_jobs_that_come_one_by_one_choose_a_level_and_are_checked_now_and_then(m
     counts = [count for *_, count in made]
     assert counts[:8] == [None] * 5 + [2, 2, 1]
     assert [n for n, count in enumerate(counts) if count == 2] == [5, 6, 45, 65]
-    run_all(jobs_of([0.01]), 1, cache=False, shared=memory)  # known, but not kept
+    run_all(jobs_of([0.01]), 1, cache=False, shared=memory)  # known to `shared`, but not stored
     assert made[-1] == made[0]
     assert "70 points" in str(memory)
 
@@ -228,7 +228,7 @@ def test_one_job_alone_is_simply_verified():
 
 
 def test_points_that_were_not_measured_are_within_the_tolerance(tmp_path):
-    """The rest is by the level that the few need, and as far off as the report says."""
+    """The rest runs at the level that the few need, with errors as in the report."""
     what = swept(14, options={"tolerance": 2 * TOLERANCE})
     found = what.run(tmp_path, workers=1, progress=False)
     table = found.table
@@ -284,7 +284,7 @@ def test_the_estimate_counts_what_is_measured(monkeypatch):
 
 
 def test_a_phase_diagram_shares_a_verification_with_its_lines(made, tmp_path):
-    """Map and lines have the same options, and what the map has told holds for the lines."""
+    """Map and lines have the same options, so that the map's level holds for the lines."""
     found = phase_diagram(
         small(name="0.01"),
         x=("driver.h", [2.5e-3, 5e-3]),

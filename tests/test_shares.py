@@ -1,4 +1,4 @@
-"""What explains front speeds: synthetic fronts whose speeds know prestress, position, or both."""
+"""What explains front speeds: synthetic fronts with speeds from prestress, position, or both."""
 
 import numpy as np
 import pandas as pd
@@ -13,9 +13,10 @@ def fewer_draws(monkeypatch):
 
 
 def fronts(speed, count=24, blocks=40, noise=0.0):
-    """Fronts on which prestress falls with the position, each at its own level.
+    """Return fronts on which prestress falls with the position, each with its own mean.
 
-    `speed` is ln v_c as a function of prestress and position; noise is that of blocks.
+    `speed` is ln v_c as a function of prestress and position; `noise` is its noise from block to
+    block.
     """
     rng = np.random.default_rng(1)
     tables = []
@@ -39,7 +40,7 @@ def test_speed_that_follows_the_prestress_is_told_from_position():
 
 
 def test_speed_that_follows_the_position_is_told_from_prestress():
-    """The prestress explains most of it all the same, because it follows the position too."""
+    """Prestress also explains most of such speeds, because it follows the position, too."""
     found = shares(fronts(lambda s, x: -x, noise=0.05), "scaled")
     value = found.loc["value"]
     assert value["prestress"] > 0.6
@@ -74,7 +75,7 @@ def test_what_the_position_leaves_is_scattered_and_no_less():
 
 
 def test_likeness_along_fronts_is_kept_by_signs_alone():
-    """So that they leave more room to chance, and set the limit."""
+    """Random signs leave more to chance, and set the limit."""
     found = shares(fronts(lambda s, x: s - 0.3 * x, noise=0.05), "scaled")
     assert found.loc["signs", "beyond"] > 2 * found.loc["shuffled", "beyond"]
     assert found.loc["null"].equals(found.loc[list(SCATTER)].max())
@@ -109,7 +110,7 @@ def test_groups_have_curves_of_their_own():
 
 
 def test_fronts_are_drawn_not_blocks():
-    """As many blocks on fewer fronts leave a wider interval."""
+    """The same number of blocks on fewer fronts gives a wider interval."""
     wide, narrow = (
         shares(fronts(lambda s, x: s + 0.5 * np.sin(50 * (s + x)), *size), "scaled")
         for size in ((6, 160), (48, 20))

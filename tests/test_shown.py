@@ -1,8 +1,8 @@
-"""Numbers of the pages that a command shows: the command is run again.
+"""Numbers on pages that come from a command: the command runs again.
 
-shown.txt holds a part of each page as it stands there, with numbers in brackets, and expressions
-that give them. Numbers beside blocks of how-to pages are in the blocks (`test_walk.py`), and those
-of stored tables are put in by the site.
+shown.txt has sentences of the pages, with numbers in brackets, and expressions for these numbers.
+Numbers beside blocks of how-to pages are in the blocks (`test_walk.py`). The site inserts numbers
+of stored tables.
 """
 
 import functools
@@ -20,7 +20,7 @@ NUMBER = re.compile(r"\[([\d.]+(?:e-?\d+)?)\]")
 
 
 def rows(text):
-    """Yield page, part of it, expression, and whether this takes long."""
+    """Yield page, sentence, expression, and whether the expression is slow."""
     page, slow = "", False
     for line in text.splitlines():
         if line.startswith("docs/"):
@@ -46,7 +46,7 @@ def _sliding(fidelity, changes):
 
 
 def sliding(fidelity="quasistatic", **changes):
-    """The Fig. 1 scene up to its first event over the whole interface."""
+    """Return a run of the Fig. 1 scene up to its first event over the whole interface."""
     return _sliding(fidelity, tuple((name, repr(value)) for name, value in changes.items()))
 
 
@@ -56,43 +56,43 @@ def count(**changes):
 
 
 def force(event, column, **changes):
-    """A force of an event over F_N."""
+    """Return a force of an event over F_N."""
     record = sliding(**changes)
     return record.events[column].iloc[event] / record.scene.F_N
 
 
 def first(**changes):
-    """Force at which the first precursor starts, over F_N."""
+    """Return the force at which the first precursor starts, over F_N."""
     record = sliding(**changes)
     chosen = record.events.query("is_main and is_precursor")
     return chosen["F_T_start"].iloc[0] / record.scene.F_N
 
 
 def higher(**changes):
-    """By how many % changes raise the force at which the slider slides."""
+    """Return by how many % changes raise the force at which the slider slides."""
     return 100 * (slides(**changes) / slides() - 1)
 
 
 def half(what, l):
-    """By how many % half blocks at the edges raise a force."""
+    """Return by how many % half blocks at the edges raise a force."""
     return 100 * (what(l=l, edges="half") / what(l=l) - 1)
 
 
 def main_event(name, **changes):
-    """Force of the first main event of a preset over F_N."""
+    """Return the force of the first main event of a preset, over F_N."""
     scene = pyfric.preset(name, **changes)
     how = {"fidelity": "quasistatic", "stop_when": "main_events", "progress": False}
     return pyfric.simulate(scene, 1.0, **how).events["F_T_start"].iloc[-1] / scene.F_N
 
 
 def weight():
-    """What the foundation bears more with gravity, over F_N."""
+    """Return the weight on the foundation with gravity, over F_N."""
     scene = pyfric.preset("fig1", g="9.81 m/s^2")
     return pyfric.loaded_state(scene).p.sum() / scene.F_N - 1
 
 
 def zone(name, **changes):
-    """Length of the cohesive zone at rest, median over blocks, mm."""
+    """Return the length of the cohesive zone at rest, median over blocks, mm."""
     scene = pyfric.preset(name, **changes)
     zones = zone_at_rest(scene, pyfric.loaded_state(scene).p)
     return 1e3 * scene.slider.l * np.nanmedian(zones)

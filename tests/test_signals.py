@@ -1,4 +1,4 @@
-"""Signals: commands stop and say so, runs keep what they have, loops end, files are whole."""
+"""Signals: commands stop with a message, runs keep their records, loops end, files are complete."""
 
 import contextlib
 import fcntl
@@ -40,7 +40,7 @@ def press(*_):
 
 
 def interrupted(**changes):
-    """A run that Ctrl-C ends."""
+    """Return a run that Ctrl-C ends."""
     return pyfric.simulate(small(**changes), 1e3, progress=press, **LONG)
 
 
@@ -53,7 +53,7 @@ def test_a_loop_ends_with_its_second_call():
     with pytest.raises(KeyboardInterrupt):
         list(loop)
     assert [record.status for record in records] == ["interrupted"]
-    assert pyfric.simulate(small(), 1e-5, progress=False).status == "complete"  # said once
+    assert pyfric.simulate(small(), 1e-5, progress=False).status == "complete"  # reported once
 
 
 @pytest.mark.parametrize(
@@ -73,7 +73,7 @@ def test_other_calls_end_a_loop_too(call):
 
 
 def test_a_coarser_run_is_not_lost():
-    """Ctrl-C in the second level: the first one is complete, and is compared as far as it goes."""
+    """Ctrl-C comes in the second level: the first is complete, and is compared so far."""
     levels = []
 
     def progress(shown):
@@ -229,7 +229,7 @@ def started(*command):
 
 
 def wait_for(process, text):
-    """Read what a process shows on stderr until a text is there."""
+    """Read the stderr of a process until it has a text."""
     shown = b""
     with selectors.DefaultSelector() as selector:
         selector.register(process.stderr, selectors.EVENT_READ)
@@ -241,7 +241,7 @@ def wait_for(process, text):
 
 
 def children():
-    """Processor time of all processes that were waited for, s."""
+    """Return the processor time of all child processes that have ended, s."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 
@@ -252,7 +252,7 @@ def processor_time(number):
 
 
 def check_stops(process, number=signal.SIGINT):
-    """Send a signal and return stdout and stderr of a process that stops as it should."""
+    """Send a signal; check that the process stops; return its stdout and stderr."""
     before = children() + processor_time(process.pid)
     process.send_signal(number)
     stdout, stderr = (text.decode() for text in process.communicate(timeout=60))
@@ -261,7 +261,7 @@ def check_stops(process, number=signal.SIGINT):
     assert "interrupted" in stderr
     assert "Traceback" not in stderr
     assert "FAIL" not in stdout
-    assert seconds < 2  # of processor time, which a busy machine does not change
+    assert seconds < 2  # processor time, independent of other load
     return stdout, stderr
 
 
@@ -280,7 +280,7 @@ class Weak:
 
 
 def test_a_signal_that_python_swallows_shows_no_traceback(capfd):
-    """An exception in the callback of a weak reference cannot be raised."""
+    """Python cannot raise an exception from the callback of a weak reference."""
 
     def callback(error):
         def raises(_):
@@ -300,7 +300,7 @@ def test_a_signal_that_python_swallows_shows_no_traceback(capfd):
 
 
 def test_checks_stop_and_fail_nothing(monkeypatch):
-    """A process that verifies, and runs of regimes, which may fail there."""
+    """Verification, and runs of regimes that may fail, stop without failures."""
     with started("-c", WATCHED, "verify") as process:
         wait_for(process, b"\n")  # the first part is done
         stdout, _ = check_stops(process)
@@ -395,7 +395,7 @@ def test_a_hangup_that_nohup_ignores_stays_ignored():
 
 
 def test_a_terminal_that_closes_leaves_a_record_that_continues(tmp_path):
-    """Its end sends SIGHUP, and then nothing can be written to it."""
+    """A closing terminal sends SIGHUP, and can no longer be written to."""
     out, (ours, theirs) = tmp_path / "a.nc", os.openpty()
     termios.tcsetwinsize(theirs, (24, 120))
     command = [*SMALL, "--fidelity", "dynamic", "--t-end", "100", "--out", str(out)]
@@ -441,7 +441,7 @@ start()
 
 
 def test_a_library_that_keeps_the_interpreter_waiting(tmp_path):
-    """As a factorisation of a large lattice does."""
+    """The factorisation of a large lattice is an example."""
     script = tmp_path / "script.py"
     script.write_text(
         HELPED.format(

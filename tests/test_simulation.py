@@ -1,4 +1,4 @@
-"""One function for all engines: what a plan makes of a run, each fallback, and going on."""
+"""One function for all engines: plans, fallbacks, and continued runs."""
 
 import dataclasses
 import functools
@@ -23,26 +23,26 @@ from pyfric.sweeps import Sweep
 from pyfric.values import SceneError
 
 simulate = functools.partial(pyfric.simulate, progress=False, verify="none")
-"""Runs that measure no errors, which takes a second run: see test_measured_errors."""
+"""Runs without measured errors, which would take a second run; see test_measured_errors."""
 
 
 def small(**changes):
-    """A scene whose first event of more than one block comes after 61 ms."""
+    """Return a scene whose first event of more than one block comes after 61 ms."""
     return setup1(**{"L": 0.03, "H": 0.015, "V": 7.875e-3} | changes)
 
 
 def slow(**changes):
-    """A scene of which full dynamics is not cheap, up to its first main events."""
+    """Return a scene with expensive full dynamics, up to its first main events."""
     return setup1(**{"L": 0.03, "H": 0.015} | changes)
 
 
 def follows(monkeypatch, name, follow):
-    """Let an engine run scenes by another function."""
+    """Replace the function of an engine that runs scenes."""
     monkeypatch.setitem(ENGINES, name, dataclasses.replace(ENGINES[name], follow=follow))
 
 
 def same_events(one, other, *, force, rows=None):
-    """The events agree: same blocks, start forces within `force` times F_N."""
+    """Check that events agree: same blocks, start forces within `force` times F_N."""
     a, b = one.events[:rows], other.events[:rows]
     for name in ("n_blocks", "first_block", "last_block", "nucleation_block", "L_p_over_L"):
         np.testing.assert_array_equal(a[name], b[name])
@@ -179,7 +179,7 @@ def test_the_paper_s_method_is_refused_where_it_is_another(scene, options, field
 
 
 def test_a_ladder_that_does_not_settle(monkeypatch):
-    """It is left out, with or without a verification."""
+    """The quasi-static sequence is left out, with or without a verification."""
 
     def fails(*arguments, **options):
         raise EquilibriumError("the event at t = 1 s does not settle", np.nan, 0.0, 1)
@@ -196,7 +196,7 @@ def test_a_ladder_that_does_not_settle(monkeypatch):
 
 @pytest.mark.parametrize("make", [small, lambda **k: setup2(L=0.02, H=0.005, **k), chain])
 def test_creep(make):
-    """With mu_s = mu_k slip grows continuously; dynamics follow it with the same force."""
+    """With mu_s = mu_k slip grows continuously; dynamics has the same force."""
     scene = make(mu_s=0.1, mu_k=0.1, V=0.02)
     creep = simulate(scene, 0.015, fidelity="quasistatic")
     dynamic = simulate(scene, 0.015, fidelity="dynamic", geometry="linear", energies=False)
@@ -205,7 +205,7 @@ def test_creep(make):
 
 
 def test_a_ladder_that_does_not_get_on(monkeypatch):
-    """Changes of contact state without end at one position of the driver are given up."""
+    """Endless changes of contact state at one position of the driver are given up."""
     monkeypatch.setattr(quasistatic, "IDLE", -1)
     with pytest.raises(EquilibriumError, match="without end"):
         simulate(small(), 0.07, fidelity="quasistatic")
@@ -222,7 +222,7 @@ def test_a_ladder_that_takes_longer_than_dynamics_ends(monkeypatch):
 
 
 def test_a_slider_that_never_rests():
-    """Without viscosity the plan takes dynamics, and the hybrid engine becomes it."""
+    """Without viscosity plan and hybrid engine use full dynamics."""
     scene, t_end = small(eta=0.0, V=0.02), 0.05
     hybrid, dynamic = (
         simulate(scene, t_end, fidelity=name, geometry="linear", switching="step_end", t_gap=2e-4)
@@ -313,7 +313,7 @@ def test_broken_arguments(name, given_value):
 
 @pytest.fixture(scope="module")
 def halves():
-    """Runs of each engine to 65 ms."""
+    """Return runs of each engine to 65 ms."""
     how = {"quasistatic": {}, "hybrid": {"sample": 1e-4}, "dynamic": {"sample": 1e-4}}
     return {name: simulate(small(), 0.065, fidelity=name, **more) for name, more in how.items()}
 
@@ -433,7 +433,7 @@ def in_two(t_half, geometry, folder):
 
 @pytest.mark.parametrize("t_half", [0.0605, 0.0614, 0.0652])
 def test_a_hybrid_run_in_two_halves(t_half, tmp_path):
-    """Split while it waits, rings down or slips: the same run, far below the accuracy of jumps."""
+    """Split in a pause, in ring-down or in slip, a run differs far less than the accuracy."""
     whole, split = in_two(t_half, "linear", tmp_path)
     t_end = whole.curve["t"].iloc[-1]
     pd.testing.assert_frame_equal(split.events, whole.events, rtol=SPLIT, atol=SPLIT * t_end)
@@ -445,7 +445,7 @@ def test_a_hybrid_run_in_two_halves(t_half, tmp_path):
 
 @pytest.mark.parametrize("t_half", [0.0605, 0.0614, 0.0652])
 def test_a_hybrid_run_in_two_halves_in_finite_geometry(t_half, tmp_path):
-    """Jumps follow tangents there: the same events, to a share of the error of jumps."""
+    """Jumps follow tangents in finite geometry: events agree to a share of their error."""
     whole, split = in_two(t_half, "finite", tmp_path)
     same_events(split, whole, force=1e-6)
     dt = whole.method.dt
@@ -512,7 +512,7 @@ def test_odd_scenes(scene):
 
 @pytest.mark.parametrize("stepper", ["verlet", "symplectic_euler"])
 def test_without_viscosity_steps_that_conserve_energy_have_to_be_equal(stepper):
-    """Steps that end at a switch are not: the energy would grow."""
+    """Steps that end at a switch have other lengths, with which the energy would grow."""
     how = {"fidelity": "dynamic", "geometry": "linear", "stepper": stepper}
     with pytest.raises(SceneError, match="or eta > 0") as refusal:
         simulate(small(eta=0.0), 1e-4, **how)
@@ -544,14 +544,14 @@ def test_a_record_goes_on_with_its_own_method():
 
 
 def test_nothing_is_missing_from_the_budget_of_a_slider_at_rest():
-    """Rounding is not compared with the energy that moved, which is rounding too."""
+    """The error of the budget is not compared with exchanged energy that is rounding, too."""
     record = simulate(small(V=0.0), 1e-4, fidelity="dynamic", geometry="linear")
     assert not any("budget" in note for note in record.notes)
     assert budget_error(record.curve) < 1e-6
 
 
 def test_steps_and_jumps_use_one_thread_of_blas(monkeypatch):
-    """Two took five times as long to factorise the band of a large lattice."""
+    """Two threads take five times as long to factorise the band of a large lattice."""
     scene, found = setup1(L=0.01, H=0.005, h=2.5e-3), []
 
     def looking(*_):
@@ -566,7 +566,7 @@ def test_steps_and_jumps_use_one_thread_of_blas(monkeypatch):
 
 
 def test_numpy_settings_of_the_caller_change_nothing():
-    """Motions that have died down underflow."""
+    """Decayed motions underflow, with any settings."""
     runs = []
     for wanted in ("ignore", "raise"):
         with np.errstate(all=wanted):

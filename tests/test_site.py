@@ -15,7 +15,7 @@ SECTIONS = ["Tutorials", "How-to", "Gallery", "Explanation", "API", "Studies"]
 SCREENS = Path(__file__).with_name("screens")
 WIDTHS = (1300, 800)
 TEXT = 229.3
-"""Width of a text with the fonts of the stored screens, in pixels."""
+"""Width of a text in the fonts of the stored screens, in pixels."""
 LOOKED_AT = (
     "index",
     "tutorials/first_run",
@@ -66,7 +66,7 @@ def test_the_gallery_has_no_placeholder(pages):
 
 
 def test_no_page_shows_an_address_in_memory(pages):
-    """Such as that of a legend at the end of an example, or of a function that is a default."""
+    """Examples are a legend at the end of a block, or a function as a default."""
     shown = {str(path) for path, text in pages.items() if re.search(r" at 0x[0-9a-f]{4}", text)}
     assert not shown
 
@@ -130,10 +130,10 @@ WIDTH_OF_TEXT = """(() => {
 
 @pytest.mark.parametrize("name", LOOKED_AT)
 def test_the_first_screen_looks_as_before(page, name, tmp_path):
-    """Greys of squares of 50 pixels, light and dark, at both widths; to renew one, remove its file.
+    """Greys of squares of 50 pixels agree, light and dark, at both widths.
 
-    Another font changes them by 0.004 on average (0.011 at most), a lost navigation or picture by
-    0.016 to 0.03, the other colours by 0.6.
+    Another font changes greys by 0.004 on average (0.011 at most), a missing navigation or picture
+    by 0.016 to 0.03, and the other colours by 0.6. To renew a stored screen, remove its file.
     """
     screens = []
     for width in WIDTHS:

@@ -13,7 +13,7 @@ QUIET = {"progress": False, "threads": 1}
 
 
 def magnitudes(b, n, seed, least=-8.0):
-    """Return magnitudes with numbers that fall as 10^(-b m) from `least` on."""
+    """Return magnitudes whose numbers fall as 10^(-b m) from `least` on."""
     rng = np.random.default_rng(seed)
     return least + rng.exponential(np.log10(np.e) / b, n)
 
@@ -46,7 +46,7 @@ def test_b_of_made_up_catalogues_is_within_its_error(b):
 
 
 def test_b_by_hand():
-    """Mean 0.5 above m_c = 1; the deviations are 0.5, 0 and 0.5."""
+    """The mean is 0.5 above m_c = 1, and the deviations are 0.5, 0 and 0.5."""
     b, error = analysis.b_value([1.0, 1.5, 2.0], 1.0)
     assert b == pytest.approx(np.log10(np.e) / 0.5, rel=1e-14)
     assert error == pytest.approx(np.log(10) * b**2 * np.sqrt(0.5 / 6), rel=1e-14)
@@ -64,7 +64,7 @@ def test_rounded_magnitudes_need_their_bin():
 @pytest.mark.parametrize("least", [1, 3, 20])
 @pytest.mark.parametrize("b", [0.5, 1.0, 1.5])
 def test_b_of_counts_is_within_its_error(b, least):
-    """Whole parts of numbers of which a share (k/least)^-b is above k."""
+    """Counts are whole parts of numbers of which a share (k/least)^-b is above k."""
     off, errors = [], []
     for seed in range(200):
         counts = np.floor(least * np.random.default_rng(seed).random(500) ** (-1 / b))
@@ -78,14 +78,14 @@ def test_b_of_counts_is_within_its_error(b, least):
 
 
 def test_b_of_many_counts_is_that_of_a_power_law_of_counts():
-    """Numbers of k as k^-2 (SciPy's zeta law): far from 1 their sums fall as 1/k."""
+    """The number of k is k^-2 (SciPy's zeta law); for large k cumulative numbers fall as 1/k."""
     counts = np.random.default_rng(1).zipf(2.0, 200_000).astype(float)
     b, error = analysis.b_value(np.log10(counts), np.log10(20.0))
     assert abs(b - 1.0) < 2 * error < 0.03
 
 
 def test_counts_in_two_classes_by_hand():
-    """One event of one block and one of two: (1 - x)(x - x^c) is largest, x = 2^-b."""
+    """For one event of one block and one of two, x = 2^-b maximises (1 - x)(x - x^c)."""
     b, _ = analysis.b_value(np.log10([1.0, 2.0]))
     tried = np.linspace(b - 0.01, b + 0.01, 21)
     likelihood = (1 - 2.0**-tried) * (2.0**-tried - 3.0**-tried)
@@ -95,7 +95,7 @@ def test_counts_in_two_classes_by_hand():
 
 
 def test_events_below_completeness_do_not_count():
-    """All but one in 16 below -7 were missed."""
+    """Below -7 only one event in 16 was recorded."""
     m = magnitudes(1.0, 20_000, 2)
     seen = m[(m >= -7) | (np.arange(m.size) % 16 == 0)]
     b, error = analysis.b_value(seen, -7.0)

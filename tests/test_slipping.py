@@ -1,4 +1,4 @@
-"""The hybrid engine jumps over slip: against full dynamics."""
+"""Jumps of the hybrid engine over slip, compared with full dynamics."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from pyfric.scene.laws import Ageing, ExponentialWeakening, SpeedDependent
 from pyfric.statics import StaticSolver, Weakening, damping, mass
 
 FORCE = 1e-4
-"""Start and arrest forces, over F_N: measured 3e-8 and 5e-6."""
+"""Tolerance of start and arrest forces, over F_N; measured 3e-8 and 5e-6."""
 
 
 def rod(**changes):
@@ -47,7 +47,7 @@ SLIPS = {
 @pytest.mark.usefixtures("cheap_attempts")
 @pytest.mark.parametrize("name", SLIPS)
 def test_stable_slip_is_full_dynamics(name):
-    """Stable slip for 4 ms, an event, stable slip once more, of two parts of the interface."""
+    """Two parts of the interface slip stably for 4 ms, then in an event, then stably again."""
     changes, how = SLIPS[name]
     scene, t_end = rod().replace(changes), 0.048
     a = run(scene, t_end, "dynamic", energies=False, **how)
@@ -70,7 +70,7 @@ def test_stable_slip_is_full_dynamics(name):
 
 @pytest.mark.usefixtures("free_attempts")
 def test_stable_slip_takes_hardly_any_steps():
-    """At a speed ten times slower: a fiftieth of all, if attempts cost no more than six steps."""
+    """At a tenth of the speed it takes 1/50 of the steps, if attempts cost at most six steps."""
     b = run(rod(V=2e-4), 0.36, "hybrid")
     assert b.final_state.step - b.switches["step"][0] > 10_000
     assert b.counts["steps"] < 0.02 * b.final_state.step
@@ -78,7 +78,7 @@ def test_stable_slip_takes_hardly_any_steps():
 
 @pytest.mark.parametrize(("speed", "slip"), [(0.01, 3e-4), (0.3, 3e-3)])
 def test_attempts_take_a_part_of_the_work_of_full_dynamics(speed, slip):
-    """Over stable slip, and where the next event comes before a jump is possible."""
+    """Stable slip is tried, and an event that comes before a jump is possible."""
     b = run(rod(V=speed, d_c=5e-6 if speed < 0.1 else 0.0), slip / speed, "hybrid")
     counts = b.counts
     assert counts["attempts"] >= 2
@@ -90,7 +90,7 @@ def test_attempts_take_a_part_of_the_work_of_full_dynamics(speed, slip):
 
 
 def test_few_jumps_are_tried_where_none_is_possible():
-    """An overdamped slider on a fast driver: every jump is refused."""
+    """In an overdamped slider on a fast driver every jump is refused."""
     scene = setup2(L=0.01, H=0.006, eta=300.0, theta=-0.833, V=0.2, h=1e-3, side="right")
     record = run(scene, 3e-4, "hybrid", geometry="finite")
     assert record.counts["jumps"] == 0
@@ -109,7 +109,7 @@ def test_stable_slip_goes_on_from_a_record():
 
 
 def slipping_now(scene, state, known, rests):
-    """Return the modes of blocks that slip, the static state, and what surrounds the slider."""
+    """Return the modes of slipping blocks, the static state, and the outer forces."""
     way = np.where(np.abs(state.mode) == 1, state.mode, 0)
     assert way.any()
     weakening = Weakening(scene.law, way, state.s_0, state.y[0, 0])
@@ -128,7 +128,7 @@ def slow_rod(**changes):
 
 
 def test_a_refused_attempt_waits_until_what_was_too_large_has_decayed():
-    """Rows move against each other, which no slow shape does: the larger motion takes longer."""
+    """Rows move against each other, unlike slow shapes; a larger motion waits longer."""
     scene, state, known, rests = slow_rod()
     modes, start, outside = slipping_now(scene, state, known, rests)
     path = path_from(modes, outside, *start)
@@ -137,7 +137,7 @@ def test_a_refused_attempt_waits_until_what_was_too_large_has_decayed():
     v, waits = known.coordinates(rough, np.zeros(3)), []
     for speed in (1e-2, 1e-1):
         motion = modes.split(np.zeros_like(v), speed * v)
-        motion = motion._replace(a=np.zeros_like(motion.a))  # none of it in slow shapes
+        motion = motion._replace(a=np.zeros_like(motion.a))  # no part in slow shapes
         how = {"dt": state.dt / 1000, "accuracy": 1e-6, "least": 1, "wait": 1}
         found = Jump(modes, outside, path, motion, state.t - state.t_0, **how).land(10**6)
         assert isinstance(found, Wait)
@@ -147,7 +147,7 @@ def test_a_refused_attempt_waits_until_what_was_too_large_has_decayed():
 
 
 def test_slow_modes_of_a_slider_that_slips_are_those_of_dense_matrices():
-    """Weakening makes one slower and friction makes left and right shapes different."""
+    """Weakening slows a mode, and friction makes left and right shapes differ."""
     scene, state, known, rests = slow_rod(alpha=50.0)
     modes, _, _ = slipping_now(scene, state, known, rests)
     q = known.coordinates(state.y[:, :2], state.rod[:3])
@@ -171,7 +171,7 @@ def test_slow_modes_of_a_slider_that_slips_are_those_of_dense_matrices():
 
 
 def test_no_jump_over_slip_that_goes_on_without_the_driver():
-    """The rod just before it slips as a whole, with friction that falls more steeply."""
+    """The rod is about to slip as a whole, with friction that falls more steeply."""
     scene, state, known, rests = slow_rod()
     modes, _, _ = slipping_now(scene, state, known, rests)
     assert modes.grows == 0.0
@@ -199,7 +199,7 @@ def test_where_slip_is_left_to_dynamics():
 @pytest.mark.usefixtures("cheap_attempts")
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
 def test_blocks_that_are_drawn_along_are_jumped_over(geometry, monkeypatch):
-    """With mu_k from the first slip on: the driver draws three blocks, and all others hold."""
+    """With mu_k from the first slip on, the driver draws three blocks; all others stick."""
     drawn = np.arange(9) < 3
     scene = rod(d_c=0.0, mu_s=np.where(drawn, 0.3, 5.0), mu_k=np.where(drawn, 0.29, 4.9))
     known = run(scene, 0.04, "dynamic", energies=False, geometry=geometry)
@@ -216,7 +216,7 @@ def test_blocks_that_are_drawn_along_are_jumped_over(geometry, monkeypatch):
 
 @pytest.mark.usefixtures("cheap_attempts")
 def test_a_plate_that_moves_on_the_top_draws_slip():
-    """The driver rests: the plate sets what is slow."""
+    """The driver rests, and the plate's speed defines slow slip."""
     size = {"L": 0.02, "H": 0.012, "l": 1e-3, "h": 3e-3, "F_N": 400.0, "d_c": 5e-6}
     scene = setup2(**size, V=0.0, k_top=5e5, V_top=2e-3)
     known = run(scene, 0.03, "dynamic", energies=False)

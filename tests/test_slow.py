@@ -1,4 +1,4 @@
-"""The study of slow fronts: what it finds in fronts that are made up, and what it must not find."""
+"""The study of slow fronts, on synthetic fronts with and without a transition."""
 
 from types import SimpleNamespace
 
@@ -16,11 +16,11 @@ N, L = SCENE.N_x, SCENE.slider.l
 
 
 def record(speeds, order=None):
-    """One event whose front passes each block at these speeds (m/s); first ruptures in `order`."""
+    """Return one event whose front has these speeds (m/s); blocks first rupture in `order`."""
     t = 0.4 + np.cumsum(L / np.asarray(speeds, float))
     t = t if order is None else t[order]
     episodes = pd.DataFrame({"event": 2, "n": np.arange(1, N + 1), "t_start": t})
-    again = episodes.assign(t_start=t + 5e-3)  # each ruptures twice
+    again = episodes.assign(t_start=t + 5e-3)  # each block ruptures twice
     events = pd.DataFrame(
         {"n_blocks": [25, N], "first_block": 1, "last_block": [25, N], "is_main": True},
         index=[1, 2],

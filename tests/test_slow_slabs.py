@@ -1,4 +1,4 @@
-"""The study of viscous slip in slabs: its lumped chain is one, and it knows the chain's formula."""
+"""The study of viscous slip in slabs: its lumped chain, and the chain's formula."""
 
 import creeping
 import numpy as np
@@ -11,7 +11,7 @@ from pyfric.theory import Material, chain_prestress_overdamped
 
 @pytest.mark.parametrize("rows", [3, 9])
 def test_long_waves_of_a_slab_are_those_of_its_lumped_chain(rows):
-    """c^2 is E/rho: a slab that is free above and below is a rod to them."""
+    """For long waves a slab with free top and bottom is a rod: c^2 is E/rho."""
     scene = slab(p=60.0, L=0.1, H=(rows - 1) * 2.5e-3, l=2.5e-3)
     c, unit = creeping.lumped(scene)
     slider = scene.slider
@@ -28,7 +28,7 @@ def test_the_formula_is_inverted():
 
 @pytest.mark.slow
 def test_twice_the_viscosity_is_half_the_speed():
-    """In a slab of two rows, where v << c: what the formula and the slab have in common."""
+    """Slab and formula agree in this for a slab of two rows at v << c."""
     speeds = []
     for alpha in (3.0, 6.0):
         job = creeping.slab_job(2, 0.4, alpha)

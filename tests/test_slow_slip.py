@@ -1,4 +1,4 @@
-"""Slip without inertia: own integrations, linear theory, the hand-over, runs that were cut."""
+"""Slip without inertia: independent integrations, linear theory, the hand-over, cut runs."""
 
 import functools
 from pathlib import Path
@@ -26,7 +26,7 @@ STORED = Path(__file__).parents[1] / "reference_data" / "rated"
 
 
 def condensed(known, u_x, closed, t):
-    """Return the condensed slider about its static state at u_x (m) and t (s), and that state."""
+    """Return the condensed slider about its static state at u_x (m) and t (s), and the state."""
     outside = Outside(known, t)
     at = known.solve(u_x, outside.drive, free=~closed)
     bends, q = 0.0, known.coordinates(at.u, at.rod)
@@ -38,7 +38,7 @@ def condensed(known, u_x, closed, t):
 
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
 def test_condensed_loads_are_those_of_static_states(geometry):
-    """Exactly in linear geometry; in finite geometry to second order in what moves."""
+    """Loads agree exactly in linear geometry, to second order in displacements in finite."""
     scene = setup1(L=0.03, H=0.015, h=0.005, l=0.0025, F_N=200.0, eta=0.0)
     scene = scene.replace({"interface": rated()})
     known = StaticSolver(scene, geometry)
@@ -61,7 +61,7 @@ def test_condensed_loads_are_those_of_static_states(geometry):
 
 
 def test_loads_bend_as_those_of_static_states():
-    """While the driver alone moves, in finite geometry: to third order."""
+    """If only the driver moves, loads in finite geometry agree to third order."""
     scene = setup1(L=0.03, H=0.015, h=0.005, l=0.0025, F_N=200.0, eta=0.0)
     scene = scene.replace({"interface": rated()})
     known = StaticSolver(scene, "finite")
@@ -76,7 +76,7 @@ def test_loads_bend_as_those_of_static_states():
 
 @pytest.mark.parametrize("lifted", [True, False])
 def test_condensed_loads_beside_blocks_that_do_not_touch(lifted):
-    """Two blocks lifted off by a high pull, or two that never touch."""
+    """Two blocks are lifted off by a high pull, or never touch."""
     size = {"L": 0.03, "H": 0.015, "h": 0.015, "l": 0.0025, "F_N": 200.0, "side": "top"}
     scene = setup1(size, eta=0.0).replace({"interface": rated()})
     if not lifted:
@@ -100,7 +100,7 @@ def test_condensed_loads_beside_blocks_that_do_not_touch(lifted):
 
 
 def test_slow_slip_ends_where_a_block_comes_down():
-    """While the driver moves back; two blocks have lifted off."""
+    """The driver moves back after two blocks have lifted off."""
     size = {"L": 0.03, "H": 0.015, "h": 0.015, "l": 0.0025, "F_N": 200.0, "side": "top"}
     scene = setup1(size).replace({"interface": rated(f_star=3.0)})
     t, V, dt = 0.04, scene.driver.V, 1e-7
@@ -119,7 +119,7 @@ def test_slow_slip_ends_where_a_block_comes_down():
 
 
 def test_blocks_that_lift_off_and_come_down_move_as_in_full_dynamics():
-    """Within the accuracy, over slip events of others; u_x of blocks without contact, too."""
+    """Blocks agree within the accuracy, over slip of other blocks; so does u_x of open blocks."""
     size = {"L": 0.02, "H": 0.01, "h": 0.01, "l": 0.0025, "F_N": 200.0, "side": "top"}
     law, V = rated(a=0.02), 0.01
     scene = setup1(size).replace({"driver.K": 1e6, "driver.V": V, "interface": law})
@@ -135,7 +135,7 @@ def test_blocks_that_lift_off_and_come_down_move_as_in_full_dynamics():
 
 
 def creep(**how):
-    """Slow slip of three blocks, each on its spring, from 2 to 10 um/s."""
+    """Return slow slip of three blocks, each on its own spring, from 2 to 10 um/s."""
     scene = row(3, evolution=how.pop("evolution", "ageing"), D_c=1e-6)
     load = 20.0 * float(coefficient(scene.law.kind, 2e-6, 0.5)) + np.array([0.0, -0.01, 0.01])
     how = {"load_1": 6.0, "spring": 6e5, "times": np.array([0.1, 0.2, 1.0]), "end": 1.0} | how
@@ -165,14 +165,14 @@ VISCOUS = 1e3 * np.array(
         [[0.0, 1.0, 0.0], [-1.0, 0.5, 0.0], [0.2, 0.0, -0.3]],
     ]
 )
-"""Load and normal force over velocities, N s/m: up to 10 % of the direct effect at 10 um/s."""
+"""Load and normal force per velocity, N s/m: up to 10 % of the direct effect at 10 um/s."""
 
 
 @pytest.mark.parametrize("viscous", [0 * VISCOUS, VISCOUS])
 @pytest.mark.parametrize("other", [by_radau, pytest.param(by_cvode, marks=pytest.mark.peers)])
 @pytest.mark.parametrize("evolution", EVOLUTIONS)
 def test_slow_slip_is_that_of_another_method(evolution, other, viscous):
-    """Against SciPy's Radau and CVODE; the error follows the tolerance."""
+    """Slip agrees with SciPy's Radau and CVODE; the error follows the tolerance."""
     how = {"evolution": evolution, "viscous": tuple(viscous)}
     scene, load, found = creep(**how)
     law = scene.interface.law
@@ -195,7 +195,7 @@ def test_slow_slip_is_that_of_another_method(evolution, other, viscous):
         return np.concatenate([v, RATES[evolution](v * np.exp(x) / law.D_c) * np.exp(-x)])
 
     start = np.append(np.zeros(3), np.full(3, np.log(0.5)))
-    if stress:  # mu where the speeds balance the load at this theta
+    if stress:  # mu at which speeds balance the load for this theta
 
         def off(given):
             return balanced(0.0, np.append(np.zeros(3), given))[1] - np.log(0.5)
@@ -219,7 +219,7 @@ def test_slow_slip_is_that_of_another_method(evolution, other, viscous):
 
 @pytest.mark.parametrize("evolution", EVOLUTIONS)
 def test_slow_slip_has_the_same_bits_with_each_variant_and_after_a_cut(evolution):
-    """A phase that is cut goes on with its last step."""
+    """A cut phase goes on with its last step."""
     first = creep(evolution=evolution)[2]
     for variant in (name for name, runs in core.variants().items() if runs):
         other = creep(evolution=evolution, variant=variant)[2]
@@ -232,7 +232,7 @@ def test_slow_slip_has_the_same_bits_with_each_variant_and_after_a_cut(evolution
 
 @pytest.mark.parametrize("evolution", EVOLUTIONS)
 def test_steps_do_not_hang_on_how_far_slip_is_from_steady(evolution):
-    """Slopes of the equations are exact: with a wrong one there are twenty times as many steps."""
+    """Derivatives are exact: with a wrong one there are twenty times as many steps."""
     for theta in (0.5, 50.0, 5e3):  # |v| theta/D_c from 5e-4 to 5
         scene = row(3, evolution=evolution, D_c=1e-6)
         load = 20.0 * float(coefficient(scene.law.kind, 1e-9, theta))
@@ -253,7 +253,7 @@ def test_no_slow_step_hangs_on_the_time_asked_for():
 
 
 def test_slow_slip_ends_at_a_limit():
-    """At a speed, a load by inertia, and where contact ends; on the grid of steps."""
+    """Limits are a speed, a load by inertia, and loss of contact; ends are on the grid of steps."""
     for name, value in (("speed", 8e-6), ("inertia", 2.5e-10)):
         found = creep(inertial=(-1e-6 * np.eye(3), np.zeros((3, 3))), **{name: value})[2]
         assert not found.goes_on
@@ -268,7 +268,7 @@ THRESHOLD = 4e-6  # m/s
 
 @pytest.mark.parametrize("evolution", EVOLUTIONS)
 def test_passages_of_slow_slip_are_roots(evolution):
-    """Speeds at their times, as points of a second run with the same steps, are the threshold."""
+    """At the times of passages a second run with the same steps has the threshold as speed."""
     how = {"evolution": evolution, "threshold": THRESHOLD, "steps": 1000}
     found = creep(**how)[2]
     times = found.passed_at[:, 0]
@@ -294,7 +294,7 @@ def test_passages_of_slow_slip_are_roots(evolution):
 
 
 def test_slow_slip_goes_on_beside_a_block_without_contact():
-    """Whatever load stands there, and with viscosity of bonds: it moves no block."""
+    """No load on the open block moves any block, with viscosity of bonds, too."""
     closed = np.array([True, False, True])
     viscous = tuple(VISCOUS * np.outer(closed, closed))
     found = [
@@ -309,7 +309,7 @@ def test_slow_slip_goes_on_beside_a_block_without_contact():
 
 
 def test_slow_slip_ends_where_passages_have_no_more_room():
-    """Oscillations about steady slip on springs a little stiffer than p (b - a)/D_c."""
+    """Slip oscillates about steady slip on springs a little stiffer than p (b - a)/D_c."""
     scene, V = row(3, D_c=1e-6), 2e-6
     law = scene.interface.law
     spring = 1.05 * 20.0 * (law.b - law.a) / law.D_c
@@ -322,7 +322,7 @@ def test_slow_slip_ends_where_passages_have_no_more_room():
 
 
 def test_slow_slip_has_the_same_steps_in_other_units():
-    """Numbers of 1 m and 1 s are 2^10 and 2^20. Of ln theta other digits are rounded."""
+    """1 m and 1 s are 2^10 and 2^20 units. Rounding of ln theta differs."""
     found = []
     for m, s in ((1.0, 1.0), (2.0**10, 2.0**20)):
         scene = row(3, D_c=1e-6 * m, V_star=1e-6 * m / s, v_slip=1e-2 * m / s)
@@ -336,7 +336,7 @@ def test_slow_slip_has_the_same_steps_in_other_units():
 
 
 def block_of(columns, rows, a, blocks_in_L_b):
-    """Return a slider whose p is 10 N on each block, and its condensed elasticity in N/m."""
+    """Return a slider with p = 10 N on each block, and its condensed stiffness in N/m."""
     k, p, l = 13.5e6, 10.0, 1e-3
     D_c = blocks_in_L_b * 3 * LAW["b"] * p / (4 * k)
     law = {"a": a, "D_c": D_c, "theta_0": 1.0, "v_0": None, "f_star": 0.6}
@@ -362,8 +362,8 @@ def slide(scene, elastic, start, load, **limits):
 def test_perturbations_of_steady_slip_grow_as_in_linear_theory(evolution):
     """Each mode of the lattice with stiffness K: (p a/V) s^2 + (K - k_c) s + K V/D_c = 0.
 
-    Modes with K < k_c = p (b - a)/D_c grow: those of up to three half waves, the longer ones. With
-    Nagata's law k_c is smaller by 1 + c.
+    Modes with K < k_c = p (b - a)/D_c grow: the long ones, up to three half waves. With Nagata's
+    law k_c is smaller by the factor 1 + c.
     """
     V, p, a, b = 1e-6, 10.0, LAW["a"], LAW["b"]
     scene, elastic = block_of(41, 20, a, 2.0)
@@ -398,9 +398,9 @@ def test_perturbations_of_steady_slip_grow_as_in_linear_theory(evolution):
 def test_nucleation_is_wider_the_closer_a_is_to_b():
     """Half-width of nucleation over L_b (ageing law), with 8 blocks in L_b.
 
-    1.3774 for a/b < 0.378, and towards 1/(pi (1 - a/b)^2) above a/b = 0.5 (Rubin and Ampuero, J.
-    Geophys. Res. 110, B11312, 2005), as far as slip speeds up to 0.1 m/s let it grow. The width
-    is counted where v is above 5 % of its largest value.
+    The half-width is 1.3774 for a/b < 0.378, and tends to 1/(pi (1 - a/b)^2) above a/b = 0.5 (Rubin
+    and Ampuero, J. Geophys. Res. 110, B11312, 2005), as far as it can grow up to 0.1 m/s. The width
+    holds the blocks with v above 5 % of its largest value.
     """
     halves = []
     for ratio in (0.2, 0.35, 0.7, 0.8):
@@ -421,7 +421,7 @@ def test_nucleation_is_wider_the_closer_a_is_to_b():
 
 @pytest.mark.portable
 def test_nucleation_does_not_depend_on_the_spacing():
-    """With 3 and 6 blocks in L_b; the stored table is that of its command."""
+    """The width is the same with 3 and 6 blocks in L_b; the stored table agrees."""
     stored = pd.read_csv(STORED / "spacing.csv")
     assert len(stored) == len(rated_spacing.BLOCKS) * len(rated_spacing.RATIOS)
     rows = stored.set_index(["a_over_b", "blocks_in_L_b"])
@@ -440,7 +440,7 @@ def cycles(accuracy, evolution="ageing"):
 
 @functools.cache
 def _cycles(accuracy, evolution):
-    """Return a run of some stick-slip cycles: full dynamics for accuracy 0."""
+    """Return a run of some stick-slip cycles; accuracy 0 means full dynamics."""
     law = {"D_c": 1e-6, "v_0": 2e-3, "evolution": evolution}
     if evolution == "nagata":  # a/(1 + c) and b/(1 + c) act
         law |= {"a": 3 * LAW["a"], "b": 3 * LAW["b"]}
@@ -462,7 +462,7 @@ def test_moving_the_hand_over_changes_events_within_the_accuracy(evolution):
         spared.append(run.counts["steps_spared"])
         F_N = run.scene.F_N
         for name in ("F_T_start", "F_T_arrest"):
-            off = np.abs(run.events[name] - exact[name]).dropna() / F_N  # the last goes on
+            off = np.abs(run.events[name] - exact[name]).dropna() / F_N  # the last event goes on
             assert (off < accuracy).all()
     assert spared[0] > spared[1] > spared[2] > 0
 
@@ -476,7 +476,7 @@ def test_events_by_slip_rate_are_those_of_full_dynamics(threshold):
         found.append(pyfric.simulate(scene, 6e-2, **how))
     full, run = found
     orders = [np.lexsort((one.crossings["t"], one.crossings["block"])) for one in found]
-    for name in ("block", "old", "new", "corner"):  # two blocks may pass in one step
+    for name in ("block", "old", "new", "corner"):  # two blocks may pass the threshold in one step
         one, other = (log.crossings[name][n] for log, n in zip(found, orders, strict=True))
         np.testing.assert_array_equal(one, other)
     np.testing.assert_array_equal(run.bursts["kind"], full.bursts["kind"])
@@ -508,7 +508,7 @@ def off(run, exact):
 
 @pytest.mark.parametrize("geometry", ["linear", pytest.param("finite", marks=pytest.mark.slow)])
 def test_events_of_a_slider_keep_the_accuracy(geometry):
-    """Down to 1e-6, at no higher price than full dynamics, which finite geometry needs there."""
+    """Accuracies down to 1e-6 hold, at most at the cost of full dynamics."""
     exact = plate(geometry, fidelity="dynamic", energies=False)
     assert len(exact.events) == 6
     for accuracy in (1e-3, 1e-4, 1e-6):
@@ -520,7 +520,7 @@ def test_events_of_a_slider_keep_the_accuracy(geometry):
 
 
 def test_phases_are_shorter_where_slip_bends_loads(monkeypatch):
-    """Else events in finite geometry are wrong by more than the accuracy."""
+    """With long phases errors of events in finite geometry exceed the accuracy."""
     exact = plate("finite", t_end=0.06, fidelity="dynamic", energies=False)
     how = {"t_end": 0.06, "fidelity": "hybrid", "accuracy": 1e-4}
     assert off(plate("finite", **how), exact) < 1e-4
@@ -532,7 +532,7 @@ def test_phases_are_shorter_where_slip_bends_loads(monkeypatch):
 
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
 def test_a_driver_faster_than_slip_keeps_the_accuracy(geometry):
-    """Ten times `v_slip`: waves of its start live as long as it takes to the first event."""
+    """The driver has ten times `v_slip`: waves of its start last until the first event."""
     how = {"V": 1e-2, "t_end": 0.05}
     exact = plate(geometry, fidelity="dynamic", energies=False, **how)
     for accuracy in (1e-3, 1e-5):
@@ -542,7 +542,7 @@ def test_a_driver_faster_than_slip_keeps_the_accuracy(geometry):
 
 
 def test_a_slider_has_no_waves_after_slow_slip():
-    """The state that goes on in full dynamics is static, with viscosity and inertia."""
+    """The state handed over to full dynamics is static, with terms of viscosity and inertia."""
     run = plate("linear", t_end=0.02, fidelity="hybrid", accuracy=1e-5)
     state, scene = run.final_state, run.scene
     known, N_x = StaticSolver(scene, "linear"), scene.N_x
@@ -561,7 +561,7 @@ def test_a_slider_has_no_waves_after_slow_slip():
 
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
 def test_a_cut_run_of_a_slider_is_the_whole_run(geometry):
-    """While it rings, in slow slip, and between two phases of it in finite geometry."""
+    """Cuts are in ring-down, in slow slip, and between two of its phases in finite geometry."""
     whole, record = plate(geometry, t_end=0.09, fidelity="hybrid", accuracy=1e-5), None
     for t in (0.02, 0.0371, 0.064, 0.0802):
         if record is None:
@@ -575,7 +575,7 @@ def test_a_cut_run_of_a_slider_is_the_whole_run(geometry):
 
 
 def test_a_run_that_goes_on_is_the_whole_run():
-    """From the record of a run that ended in a rupture or between two."""
+    """The first run ends in a rupture or between two ruptures."""
     whole = cycles(0)
     part = pyfric.simulate(whole.scene, 2e-2, sample=1e-3, fidelity="dynamic", progress=False)
     for t in (5.4e-2, 9e-2):
@@ -586,7 +586,7 @@ def test_a_run_that_goes_on_is_the_whole_run():
 
 @pytest.mark.parametrize("condition", ["main_events = 1", "arrested", "slow = 1 mm/s, 0.4 ms"])
 def test_a_condition_ends_slow_slip_where_it_ends_full_dynamics(condition):
-    """At the same point of the curve, before the next event."""
+    """Both runs end at the same point of the curve, before the next event."""
     scene, found = cycles(0).scene, []
     for fidelity in ("dynamic", "hybrid"):
         how = {"accuracy": 1e-4} if fidelity == "hybrid" else {}
@@ -608,7 +608,7 @@ def patch(V, **how):
 
 
 def faster_than_the_driver(record):
-    """Return the largest speeds of blocks of the patch, and of an end, over the driver's."""
+    """Return the largest speeds of blocks of the patch and of an end, over the driver's speed."""
     fastest = np.abs(record.motion["v_x"]).max(axis=0) / record.scene.driver.V
     return fastest[10:20].max(), fastest[-5:].max()
 
@@ -617,7 +617,7 @@ def faster_than_the_driver(record):
     ("accuracy", "share"), [(1e-3, 0.7), pytest.param(1e-5, 0.9, marks=pytest.mark.slow)]
 )
 def test_a_weakening_patch_between_strengthening_ends(accuracy, share):
-    """Slip events of the patch, as in full dynamics."""
+    """Slip events of the patch are those of full dynamics."""
     full = patch(4e-3, fidelity="dynamic", energies=False)
     run = patch(4e-3, fidelity="hybrid", accuracy=accuracy)
     assert np.abs(run.curve["F_T"] - full.curve["F_T"]).max() < 1e-5 * full.scene.F_N
@@ -635,7 +635,7 @@ def test_a_weakening_patch_at_a_hundredth_of_the_speed():
 
 @pytest.mark.parametrize("threshold", [None, 1e-4])
 def test_a_run_that_was_cut_is_the_whole_run(threshold, tmp_path):
-    """Twice in slow slip, in one phase of it, and twice in a rupture; from a file."""
+    """Cuts are twice in a phase of slow slip and twice in a rupture; runs go on from a file."""
     how = {"fidelity": "hybrid", "accuracy": 1e-4, "sample": 1e-3, "progress": False}
     how["threshold"] = threshold
     whole = pyfric.simulate(cycles(1e-4).scene, 9e-2, **how)
@@ -659,7 +659,7 @@ def test_a_run_that_was_cut_is_the_whole_run(threshold, tmp_path):
 
 
 def test_a_slow_phase_belongs_to_its_scene_and_step():
-    """A state alone goes on without it, from where it stands."""
+    """A state without its slow phase goes on as it is."""
     how = {"fidelity": "hybrid", "accuracy": 1e-4, "sample": 1e-3, "progress": False}
     scene = cycles(1e-4).scene
     state = pyfric.simulate(scene, 3e-2, **how).final_state
@@ -682,7 +682,7 @@ def pulled(K=1e5 / 3, V=1e-6):
 
 
 def stick_slip(scene, push):
-    """Return the equations of one of such blocks, u, v and ln theta, and their Jacobian."""
+    """Return the equations of one such block, for u, v and ln theta, and their Jacobian."""
     law, p, K, V = scene.interface.law, 20.0, scene.driver.K / 3, scene.driver.V
 
     def strength(x):
@@ -704,9 +704,9 @@ def stick_slip(scene, push):
 
 
 def test_stick_slip_of_a_block_is_that_of_an_own_integration():
-    """Against SciPy's Radau: start, arrest and force of two events, 80 s apart, to 1e-6.
+    """Start, arrest and force of two events, 80 s apart, agree with SciPy's Radau to 1e-6.
 
-    F_T of events is that of the end of a step, in which it changes by K v_slip dt at most.
+    F_T of events is taken at the end of a step, in which it changes by at most K v_slip dt.
     """
     scene, t_end, dt = pulled(), 100.0, 4e-7
     law, K, V = scene.interface.law, scene.driver.K / 3, scene.driver.V
@@ -736,7 +736,7 @@ def test_stick_slip_of_a_block_is_that_of_an_own_integration():
 
 @pytest.mark.peers
 def test_cvode_finds_the_same_stick_slip():
-    """Where Radau finds start and arrest of the first event, CVODE finds the same motion."""
+    """At Radau's start and arrest of the first event, CVODE finds the same motion."""
     scene = pulled()
     law = scene.interface.law
     rates, slopes = stick_slip(scene, law.f_star * 20.0)
@@ -768,7 +768,7 @@ def test_plans_measure_their_errors():
 
 
 def test_sweeps_know_the_law(tmp_path):
-    """The direct effect makes the slider hold more before it slips."""
+    """A larger direct effect raises the force before slip."""
     over, how = {"interface.law.a": [0.008, 0.01]}, {"fidelity": "hybrid", "accuracy": 1e-4}
     sweep = pyfric.Sweep(scene=cycles(1e-4).scene, over=over, t_end=6e-2, options=how)
     found = sweep.run(tmp_path / "sweep", workers=1).table

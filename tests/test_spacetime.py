@@ -1,4 +1,4 @@
-"""Space-time pictures: slip rates of an event, waves and theory as lines; the energy release."""
+"""Space-time pictures: slip rates of an event, waves and theory as lines, energy release."""
 
 import dataclasses
 
@@ -21,7 +21,7 @@ from pyfric.statics import loaded_state
 
 
 def small(**changes):
-    """29 x 16 blocks."""
+    """Return a scene of 29 x 16 blocks."""
     scene = setup1(**{"L": 0.07, "H": 0.0375, "V": 5e-3, "F_N": 1750.0} | changes)
     return pyfric.simulate(
         scene, 0.09, fidelity="hybrid", geometry="linear", switching="located", progress=False
@@ -47,7 +47,7 @@ def chain_run(n, taubar=0.5):
 
 
 def ruptures_are_where_slip_begins(axes):
-    """In the picture."""
+    """Check that rupture times are those at which slip begins in the picture."""
     (image,), (black,) = axes.images, (ax for ax in axes.lines if "rupture" in ax.get_label())
     left, right, low, high = image.get_extent()
     v = image.get_array()
@@ -90,7 +90,7 @@ def test_lines_have_the_speed_that_they_say(run):
 
 
 def crept(record, event):
-    """The record with a front of three steps at 0.05 c_R and others at 0.9 c_R, from t = 1 s."""
+    """Return the record with a front from t = 1 s: three steps at 0.05 c_R, others at 0.9 c_R."""
     scene, times = record.scene, record.rupture_times.copy()
     steps = scene.slider.l / (speeds(scene)["c_R"] * np.where(np.arange(28) < 3, 0.05, 0.9))
     times[event - 1] = (1.0 + np.concatenate([[0.0], np.cumsum(steps)]))[scene.n_of_i - 1]
@@ -98,7 +98,7 @@ def crept(record, event):
 
 
 def test_fracture_mechanics_begins_where_creep_ends(run):
-    """With g_II(v) G = Gamma of static states at each block, and none where it does not pay."""
+    """Speeds follow from g_II(v) G = Gamma of static states; without enough energy none exists."""
     weak = dataclasses.replace(run.scene.interface, d_c=1e-6)
     record = dataclasses.replace(run, scene=dataclasses.replace(run.scene, interface=weak))
     event = longest(record)
@@ -121,7 +121,7 @@ def test_lines_begin_where_creep_ends(run):
     np.testing.assert_allclose(lines["t_s"][::2], t, rtol=1e-12)
     axes = DataFigure().subplots()
     spacetime._lines(axes, lines, lines["t_s"].iloc[0], 1e6)
-    for line in axes.lines:  # one half to each side, with nothing between
+    for line in axes.lines:  # one half to each side, with a gap
         assert list(np.flatnonzero(np.isnan(line.get_xdata()))) == [2]
 
 
@@ -148,10 +148,10 @@ def test_a_chain_has_the_exact_front_beside_it(n):
 
 
 def test_energy_release_is_the_work_that_friction_leaves(run):
-    """Potential energy of the held slider less that of the released one, in linear geometry.
+    """G is the difference of potential energy of held and released slider, in linear geometry.
 
-    All forces but f are conservative: they give back the mean of f times du, of which mu_k p takes
-    its own mean.
+    All forces but f are conservative. These forces release the mean of f times du, of which
+    friction takes the mean of mu_k p times du.
     """
     weak = dataclasses.replace(run.scene.interface, d_c=1e-6)
     record = dataclasses.replace(run, scene=dataclasses.replace(run.scene, interface=weak))
@@ -200,7 +200,7 @@ def test_a_ladder_has_no_motion(run):
 
 
 def test_a_continued_run_is_the_whole_run(run):
-    """Also where it was stopped inside the event."""
+    """The run may be stopped inside the event, too."""
     event, row = longest(run), run.events.loc[longest(run)]
     how = {"fidelity": "hybrid", "geometry": "linear", "switching": "located", "progress": False}
     stopped = pyfric.simulate(run.scene, (row["t_start"] + row["t_stop"]) / 2, **how)
@@ -210,7 +210,7 @@ def test_a_continued_run_is_the_whole_run(run):
 
 
 def test_a_run_from_another_state_is_refused():
-    """At a later time, and at t = 0, where only the event itself is missing."""
+    """The other state is at a later time, or at t = 0, where only the event is missing."""
     scene, how = chain_scene(40, 0.5), {"fidelity": "hybrid", "switching": "located"}
     for t_0 in (0.0, 1e-3):
         state = loaded_state(scene).state(scene, pyfric.step_size(scene), t_0)
@@ -227,7 +227,7 @@ def test_command_line(run, tmp_path):
     assert CliRunner().invoke(main, one).exit_code == 0
     assert (tmp_path / "x.png").is_file()
     assert (tmp_path / "x_slip_rate.csv").is_file()
-    (tmp_path / "y_pinned.csv").touch()  # which junctions have instead of slip rates
+    (tmp_path / "y_pinned.csv").touch()  # junctions have it in place of slip rates
     there = ["--event", "1", "--out", str(tmp_path / "y")]
     for wrong in ([], ["--event", "0"], ["--event", "99999"], there):
         assert CliRunner().invoke(main, ["spacetime", str(path), *wrong]).exit_code == 2
@@ -235,7 +235,7 @@ def test_command_line(run, tmp_path):
 
 @pytest.fixture(scope="module")
 def crack(tmp_path_factory):
-    """TPV3 on large blocks, 2 s of it, as a file."""
+    """Return a file with 2 s of TPV3 on large blocks."""
     path = tmp_path_factory.mktemp("crack") / "crack.nc"
     scene = pyfric.preset("tpv3", {"slider.l": 500.0})
     pyfric.simulate(scene, 2.0, fidelity="dynamic", progress=False).save(path)
@@ -243,7 +243,7 @@ def crack(tmp_path_factory):
 
 
 def test_a_crack_is_shown_from_its_record(crack):
-    """It begins at once, in blocks that carry more than they can; no static states precede it."""
+    """The crack begins at once, in overloaded blocks, without earlier static states."""
     record = pyfric.Record.load(crack)
     fig = space_time(record, 1)
     rates = fig.tables["slip_rate"].pivot(index="t_s", columns="n", values="v_m_per_s")
@@ -270,7 +270,7 @@ def test_a_crack_is_shown_from_its_scene(command, tmp_path):
 
 
 def test_a_front_that_was_started_is_shown_from_its_first_state():
-    """Blocks released by hand: the loaded slider alone would stay at rest."""
+    """Blocks are released by hand; the loaded slider would stay at rest."""
     scene = chain_scene(30, 0.5)
     scene = scene.replace({"driver.K": 0.0, "driver.V": 0.0})
     state = loaded_state(scene).state(scene, 2e-7)

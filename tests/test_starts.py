@@ -32,7 +32,7 @@ EACH = pytest.mark.parametrize("name", SCENES)
 
 
 def rest_of(scene, geometry="linear"):
-    """Friction along the driving and strength of the loaded slider, from the trailing edge on."""
+    """Return friction along the drive and strength of the loaded slider, from the trailing edge."""
     state = pyfric.StaticSolver(scene, geometry).loaded
     order = np.argsort(scene.n_of_i)
     return (-scene.d * state.f)[order], scene.law.hold(state.p)[order]
@@ -43,7 +43,7 @@ def rest_of(scene, geometry="linear"):
 
 @EACH
 def test_a_block_at_rest_takes_a_push_by_its_friction(name):
-    """Nothing moves while a ramp is below the threshold, and f balances it to the last bits."""
+    """Below the threshold of a ramp nothing moves, and f balances it to rounding."""
     scene = SCENES[name]
     tau, strength = rest_of(scene)
     n, rate = 5, 1e6
@@ -64,7 +64,7 @@ def test_a_block_at_rest_takes_a_push_by_its_friction(name):
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
 @pytest.mark.parametrize("name", ["rod", "free", "right"])
 def test_a_block_that_slips_is_accelerated_by_its_push(name, geometry):
-    """Accelerations differ by d F/m on that block, and nowhere else."""
+    """Accelerations differ by d F/m on this block alone."""
     scene = SCENES[name]
     pushed = scene.replace({"top.push": ((3, 55.0), (7, 200.0, 0.0, 1.0, -300.0))})
     state = pyfric.StaticSolver(scene, geometry).loaded.state(scene, 1e-7)
@@ -81,7 +81,7 @@ def test_a_block_that_slips_is_accelerated_by_its_push(name, geometry):
 @pytest.mark.parametrize("geometry", ["linear", "finite"])
 @pytest.mark.parametrize("name", ["rod", "free", "right"])
 def test_energy_of_pushes(name, geometry):
-    """The budget closes, ramps that end included, and holds the work of the pushes."""
+    """The budget includes the work of pushes and closes, also with ramps that end."""
     scene = SCENES[name]
     force = 3.0 * scene.F_N / scene.N_x
     pushed = scene.replace(
@@ -94,7 +94,7 @@ def test_energy_of_pushes(name, geometry):
 
 
 def test_the_same_bits_on_any_number_of_threads():
-    """25 x 13 blocks, on threads that would not pay."""
+    """25 x 13 blocks run on several threads, although these save no time."""
     scene = small_rod(L=0.06, H=0.03, V=0.0)
     scene = pyfric.overstressed(scene, x=0.03, length=0.02)
     solver = pyfric.StaticSolver(scene.replace({"top.push": ()}), "finite")
@@ -132,7 +132,7 @@ def test_a_ramp_starts_slip_where_it_reaches_the_strength(name):
 
 @EACH
 def test_a_patch_starts_where_it_is(name):
-    """All its blocks slip at once, and those beside it later."""
+    """All blocks of the patch slip at once, and their neighbours later."""
     scene = SCENES[name]
     l = scene.slider.l
     pushed = pyfric.overstressed(scene, x=6 * l, length=4.2 * l, begin=2e-5)
@@ -148,7 +148,7 @@ def test_a_patch_starts_where_it_is(name):
 @pytest.mark.parametrize("speed", [50.0, 400.0])
 @pytest.mark.parametrize("name", ["rod", "chain", "slab"])
 def test_a_forced_rupture_runs_at_its_speed(name, speed):
-    """Stresses are too low for it to run by itself: ahead of it nothing slips, and it ends."""
+    """Stresses are too low for a rupture by itself: nothing slips ahead of it, and it ends."""
     scene = SCENES[name].replace({"mu_s": 3.0, "mu_k": 2.9})
     l, x = scene.slider.l, 6.5 * SCENES[name].slider.l
     pushed = pyfric.forced(scene, x=x, length=9 * l, speed=speed, excess=0.1)
@@ -162,7 +162,7 @@ def test_a_forced_rupture_runs_at_its_speed(name, speed):
 
 
 def test_fronts_leave_a_patch_by_themselves():
-    """A slab near its strength: the rupture of a small patch gets to both ends, later."""
+    """In a slab near its strength the rupture of a small patch reaches both ends later."""
     slab = pyfric.slab(p=60.0, tau=38.0, L=60 * L, H=20 * L, l=L)
     pushed = pyfric.overstressed(slab, x=30 * L, length=4 * L)
     record = dynamic(pushed, 4e-4)
@@ -174,7 +174,7 @@ def test_fronts_leave_a_patch_by_themselves():
 
 
 def test_sliders_that_are_driven():
-    """Pushes are measured at the slider that the driver has loaded until they begin."""
+    """Pushes are computed for the slider as the driver has loaded it when they begin."""
     scene = small_rod(V=5e-3)
     solver = pyfric.StaticSolver(scene, "finite")
     t = 0.02
@@ -197,7 +197,7 @@ def test_sliders_that_are_driven():
 
 
 def test_laws_that_heal_and_files():
-    """Starts on another friction law; the scene comes back from its file, ramps included."""
+    """Starts work with another friction law, and files keep the scene with its ramps."""
     scene = small_rod(V=0.0, law=Ageing(B=0.02, t_c=1e-3))
     both = pyfric.forced(scene, x=5 * L, length=3 * L, speed="100 m/s")
     both = pyfric.ramped(both, x=0.0, rate=1.0)
@@ -251,7 +251,7 @@ def slipped(scene, slip, scale=1.0):
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 @pytest.mark.parametrize("make", [small_rod, small_free])
 def test_blocks_rest_where_a_slip_brought_them(make, geometry):
-    """Springs of the twin leave no force above the interface, and friction sums to F_T = 0."""
+    """Springs of the twin balance above the interface, and friction sums to F_T = 0."""
     scene = slipped(make(), EDGE)
     loaded = pyfric.StaticSolver(scene, geometry).loaded
     np.testing.assert_array_equal(loaded.u[0, 0, :8], EDGE)

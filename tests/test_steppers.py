@@ -1,4 +1,4 @@
-"""The steppers beside RK4: order, twin, stability, the same bits, agreement, budgets."""
+"""Steppers other than RK4: order, twin, stability, equal bits, agreement, budgets."""
 
 import dataclasses
 import functools
@@ -20,10 +20,10 @@ from pyfric.values import SceneError
 simulate = functools.partial(pyfric.simulate, fidelity="dynamic", progress=False, sample=1e-5)
 
 OTHERS = ("rk46", "rk46_waves", "symplectic_euler", "verlet", "adaptive", "imex")
-"""Steppers beside RK4, which has tests of its own."""
+"""Steppers other than RK4, which has its own tests."""
 SIX = "rk46", "rk46_waves"
 FIXED = {"rtol": 1.0}
-"""With this error allowed, adaptive steps are as long as dt."""
+"""With this allowed error, adaptive steps are as long as dt."""
 EXPLICIT = [name for name, stepper in core.STEPPERS.items() if not stepper.implicit]
 WAYS = [(m, s) for m in EXPLICIT for s in ("step_end", "located")]
 
@@ -109,7 +109,7 @@ def test_order_while_nothing_switches(kind, geometry, stepper, order):
 
 @pytest.mark.parametrize("stepper", [name for name in core.STEPPERS if name != "rk46"])
 def test_order_of_pure_slip(stepper):
-    """All blocks slip the same way throughout: motion is smooth, and converges as it should."""
+    """All blocks slip in one direction: motion is smooth, and converges to full order."""
     scene = small(mu_s=0.3, mu_k=0.2)
     order = core.STEPPERS[stepper].order
     coarse, ends = 0.2e-6, []
@@ -131,11 +131,11 @@ GROWTHS = {
     "rk46": [1 / math.factorial(k) for k in range(7)],
     "rk46_waves": [1, 1, 1 / 2, 1 / 6, 1 / 24, 0.007856772044, 0.000959998595],
 }
-"""Coefficients of R(z): of exp(z), and those of Berland, Bogey and Bailly (2006)."""
+"""Coefficients of R(z): those of exp(z), and those of Berland, Bogey and Bailly (2006)."""
 
 
 def left_of_order_4(stepper):
-    """Return what the eight conditions of order 4 and those of linear motion leave."""
+    """Return the residuals of the eight conditions of order 4 and of those of linear motion."""
     a, b, c = stepper.a, stepper.b, stepper.c
     conditions = [
         (b.sum(), 1), (b @ c, 1 / 2), (b @ c**2, 1 / 3), (b @ a @ c, 1 / 6), (b @ c**3, 1 / 4),
@@ -146,7 +146,7 @@ def left_of_order_4(stepper):
 
 @pytest.mark.parametrize("name", SIX)
 def test_six_stages_meet_their_conditions(name):
-    """Order 4 in nonlinear motion, and R(z); a coefficient that is off by 1e-9 is noticed."""
+    """Coefficients give order 4 in nonlinear motion, and R(z); an error of 1e-9 is noticed."""
     stepper = core.STEPPERS[name]
     assert np.abs(left_of_order_4(stepper)).max() < 1e-16
     np.testing.assert_allclose(stepper.growth.coef, GROWTHS[name], rtol=1e-10)
@@ -165,7 +165,7 @@ def test_six_stages_meet_their_conditions(name):
 
 @pytest.mark.parametrize("name", SIX)
 def test_order_of_six_stages_in_nonlinear_motion(name):
-    """A pendulum, u'' = -sin u."""
+    """The motion is a pendulum, u'' = -sin u."""
     errors = []
     for steps, stepper in ((80, name), (160, name), (320, name), (40000, "rk4")):
         h, u, v = 6.0 / steps, 2.0, 0.0
@@ -181,7 +181,7 @@ def test_order_of_six_stages_in_nonlinear_motion(name):
 @pytest.mark.parametrize(("name", "order"), [("rk46", 6), ("rk46_waves", 4)])
 @pytest.mark.parametrize("kind", ["rod", "free"])
 def test_order_of_six_stages_on_the_lattice(kind, name, order):
-    """Of states in linear geometry; works and dissipations have order 4 or more."""
+    """The order is that of states in linear geometry; orders of works and heat are 4 or more."""
     scene = small(kind, V=1e-3)
     coarse = 0.5 * stability_limit(scene)[0]
     exact = shaken(scene, "linear", coarse, 1e-8)
@@ -203,7 +203,7 @@ def test_order_of_six_stages_on_the_lattice(kind, name, order):
 
 
 def test_undamped_motion_grows_in_six_stages_as_said():
-    """|R| - 1 = |z|^8/5760 on the imaginary axis; the other stepper does not grow up to 3.81."""
+    """|R| - 1 is |z|^8/5760 on the imaginary axis; the other stepper is stable up to 3.81."""
     y = np.array([0.2, 0.4, 0.8])
     growth = np.abs(core.STEPPERS["rk46"].growth(1j * y)) - 1
     np.testing.assert_allclose(growth, y**8 / 5760, rtol=0.1)
@@ -228,7 +228,7 @@ def test_growth_is_that_of_a_step(stepper):
 
 
 def test_adaptive_error_follows_rtol():
-    """Sub-steps are halved until their error is allowed: the error of the run goes with rtol."""
+    """Sub-steps are halved to the allowed error, so that the error of the run follows rtol."""
     scene = small("free", V=1e-3)
     dt = stability_limit(scene)[0]
     exact = shaken(scene, "linear", dt, size=1e-6)
@@ -249,7 +249,7 @@ def test_adaptive_error_follows_rtol():
 
 
 def test_adaptive_sub_steps_end_on_the_grid():
-    """With dt beyond the limit of RK4 sub-steps stay inside it, and time stays a count."""
+    """With dt beyond the limit of RK4, sub-steps are within it, and time is still a step count."""
     scene = small(V=1e-3)
     limit = stability_limit(scene, "adaptive")[0]
     assert limit == stability_limit(scene, "rk4")[0]
@@ -282,7 +282,7 @@ def test_an_error_that_nothing_brings_down_is_a_status():
 @pytest.mark.parametrize("eta", [None, 1e-3])
 @pytest.mark.parametrize("kind", ["rod", "free"])
 def test_blow_up_is_where_theory_puts_it(kind, eta, stepper):
-    """Just below the limit a shaken slider calms down, just above it explodes."""
+    """Just below the limit a shaken slider calms down; just above it the motion blows up."""
     scene = preset("fig1" if kind == "rod" else "setup2", eta=eta)
     limit, _ = stability_limit(scene, stepper)
     size = {}
@@ -297,7 +297,7 @@ def test_blow_up_is_where_theory_puts_it(kind, eta, stepper):
 
 @pytest.mark.parametrize("eta", [1e-9, None, 300.0])
 def test_limits_of_plane_waves_are_the_analytic_ones(eta):
-    """Semi-implicit Euler: (w h)^2 + 2 g h = 4 over the Brillouin zone; both: 2/w and 2/g."""
+    """Symplectic Euler has (w h)^2 + 2 g h = 4; both steppers have the limits 2/w and 2/g."""
     scene = preset("fig1", eta=eta)
     grid = np.linspace(0, np.pi, 201) / scene.slider.l
     q = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
@@ -318,9 +318,9 @@ def test_limits_of_plane_waves_are_the_analytic_ones(eta):
 @pytest.mark.parametrize("stepper", ["symplectic_euler", "verlet"])
 @pytest.mark.parametrize("k_f", [None, 1e9])
 def test_limits_of_small_lattices_are_exact(stepper, k_f):
-    """The core's own step as a matrix: its spectral radius passes one at the limit.
+    """The spectral radius of the core's step, as a matrix, passes one at the limit.
 
-    Also where the foundation is much stiffer than the lattice and sets the limit.
+    A foundation much stiffer than the lattice, which sets the limit, is tried, too.
     """
     scene = setup1(L=0.005, H=0.0025, h=2.5e-3, k_f=k_f, mu_k=0.0)
     limit, info = stability_limit(scene, stepper)
@@ -333,7 +333,7 @@ def test_limits_of_small_lattices_are_exact(stepper, k_f):
             rest = loaded_state(scene).state(scene, share * limit)
             rest.mode[:] = mode
             if mode == 1:
-                rest.y[:, 2], rest.rod[3] = 1.0, 1.0  # no block stops
+                rest.y[:, 2], rest.rod[3] = 1.0, 1.0  # so fast that no block stops
             if raised:
                 rest.y[:, 1] += 1e-3
                 rest.rod[1] += 1e-3
@@ -467,7 +467,7 @@ def reference():
     ],
 )
 def test_every_method_tends_to_the_same_run(stepper, switching, dt, error, reference):
-    """Events of the reference: the same blocks, start and arrest forces within `error` of F_N."""
+    """Events have the blocks of the reference, and its forces within `error` F_N."""
     how = {"rtol": 1e-5} if stepper == "adaptive" else {}
     record = simulate(small(), 2.5e-3, **EVENTS, stepper=stepper, switching=switching, dt=dt, **how)
     assert (record.method.stepper, record.method.switching) == (stepper, switching)
@@ -489,7 +489,7 @@ def test_every_method_tends_to_the_same_run(stepper, switching, dt, error, refer
 )
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_energy_budget_closes(geometry, stepper, least):
-    """At the order of the stepper, through slip, reversal and lift-off, switches located."""
+    """The error has the order of the stepper, with located slip, reversal and lift-off."""
     errors = []
     for dt in (0.4e-6, 0.2e-6):
         how = {"rtol": 1.0} if stepper == "adaptive" else {}

@@ -1,4 +1,4 @@
-"""One block on a spring: what `studies sticks` measures programs with."""
+"""One block on a spring: the closed form of `studies sticks`."""
 
 import numpy as np
 import pandas as pd

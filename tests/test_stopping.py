@@ -1,4 +1,4 @@
-"""Runs that stop when their question is answered hold the bits of the run without it."""
+"""Runs with conditions for their end have the bits of runs without."""
 
 import functools
 
@@ -21,7 +21,7 @@ UNIT = np.sqrt(M / K)
 
 
 def pushed(tau_bar, alpha):
-    """A chain whose first block is at its threshold, under a driver that hardly moves."""
+    """Return a chain whose first block is at its threshold, under a very slow driver."""
     tau = np.full(N, 0.45 + 0.25 * tau_bar)
     tau[0] = 0.7
     lattice = {"L": (N - 1) * 1e-3, "l": 1e-3, "k": K, "M": N * M, "eta": 0.0}
@@ -29,7 +29,7 @@ def pushed(tau_bar, alpha):
 
 
 def two_runs(scene, t_end, stop_when, **options):
-    """Return a run with conditions, and the run without, of which it has to be the first part."""
+    """Return a run with conditions, and one without; check that the first is a part of it."""
     ended = pyfric.simulate(scene, t_end, stop_when=stop_when, **options)
     whole = pyfric.simulate(scene, t_end, **options)
     assert ended.curve.equals(whole.curve[: len(ended.curve)])
@@ -89,7 +89,7 @@ COUNTED = {"main_events": "is_main", "precursors": "is_precursor", "system_size"
     "engine", [pytest.param("dynamic", marks=pytest.mark.slow), "hybrid", "quasistatic"]
 )
 def test_events_are_counted_as_by_their_catalogue(engine, goes_on, monkeypatch):
-    """Where no catalogue is made, it would not have counted enough events."""
+    """The run does not end before its catalogue has the number of events."""
     ended = Stopping.ended
 
     def checked(seen, which, n):
@@ -104,7 +104,7 @@ def test_events_are_counted_as_by_their_catalogue(engine, goes_on, monkeypatch):
     before = pyfric.simulate(scene, 1.0, stop_when="arrested", **how) if goes_on else None
     t_end = 0.007 + (before.curve["t"].iloc[-1] if goes_on else 0.0)
     conditions = [f"{name} = {n}" for name in COUNTED for n in (1, 2, 99)]
-    for k in (0, 1, 4, 6, 7):  # with the others a run ends where it does with one of these
+    for k in (0, 1, 4, 6, 7):  # other numbers end the run at the same steps
         assert pyfric.simulate(scene, t_end, initial=before, stop_when=conditions[k:], **how).done
 
 
@@ -126,7 +126,7 @@ def test_catalogues_are_made_where_they_can_count(monkeypatch):
 
 
 def test_slip_that_is_slow():
-    """No block has been faster for a time; with a limit that nothing exceeds, that time at once."""
+    """The run ends after a time without faster slip; with a high limit, right after this time."""
     ended, _ = two_runs("fig1", 0.4, "slow = 1 um/s, 20 ms", **HOW["hybrid"])
     last = ended.events["t_stop"].max()
     assert 0.02 <= ended.curve["t"].iloc[-1] - last < 0.02 + 2 * 0.4 / 500
@@ -136,7 +136,7 @@ def test_slip_that_is_slow():
 
 
 def test_creep_comes_to_rest():
-    """With alpha = 4 sqrt(k m) blocks behind a front never stop: it is seen that nothing starts."""
+    """With alpha = 4 sqrt(k m) blocks behind a front never stop, but no further block starts."""
     tau = np.where(np.arange(N) < 20, 0.6, 0.31)  # mu_k p is 0.45 N
     scene, t_end = pushed(0.5, 4.0).replace({"top.tau": (0.7, *tau[1:])}), 2e4 * UNIT
     ended, whole = two_runs(scene, t_end, "arrested", fidelity="dynamic")
@@ -144,7 +144,7 @@ def test_creep_comes_to_rest():
     assert (abs(ended.final_state.mode) == 1).any()
     assert ended.curve["t"].iloc[-1] < t_end / 2
     assert 20 < len(ended.switches["block"]) < 60
-    assert len(whole.switches["block"]) == len(ended.switches["block"])  # nothing slips anew
+    assert len(whole.switches["block"]) == len(ended.switches["block"])  # no further slip starts
 
 
 def test_at_rest_knows_what_the_driver_still_does():
@@ -163,7 +163,7 @@ def test_at_rest_knows_what_the_driver_still_does():
 
 @pytest.mark.usefixtures("coarse_curves")
 def test_the_same_step_however_calls_are_cut(monkeypatch):
-    """The clock has no say: calls of the core of another length end a run at the same step."""
+    """The clock has no effect: calls of the core of another length end a run at the same step."""
     first = pyfric.simulate(small(), 6e-3, stop_when="arrested", **HOW["dynamic"])
     monkeypatch.setattr("pyfric.engines.guarded.CALL_SECONDS", 1e-6)
     monkeypatch.setattr("pyfric.engines.guarded.STEPS", 17)
@@ -184,12 +184,12 @@ def test_runs_go_on(engine):
         assert on.final_state == whole.final_state
     second = pyfric.simulate(ended.scene, t_end, initial=ended, stop_when="arrested")
     assert ended_by_condition(second) or second.done
-    assert len(second.events) > len(ended.events)  # it counts from where the first one ended
+    assert len(second.events) > len(ended.events)  # counted from the end of the first run
 
 
 @pytest.mark.parametrize("engine", ["quasistatic", "hybrid"])
 def test_a_record_that_goes_on_keeps_what_it_has(engine):
-    """Also if a condition held before its end, or if it should end earlier."""
+    """A condition may have held before the record's end, or t_end may be earlier."""
     how = {"fidelity": engine, "progress": False}
     before = pyfric.simulate("fig1", 0.3, **how)
     with pytest.raises(pyfric.SceneError, match=r"t_end = 0\.1 s: too small; .*>= 0\.3"):
@@ -249,7 +249,7 @@ def test_command_line_jobs_and_sweeps(tmp_path):
 
 @pytest.mark.usefixtures("coarse_curves")
 def test_conditions_of_a_scene_end_its_runs():
-    """A scene may say when its runs end; a run with conditions of its own, or (), follows those."""
+    """A scene may have conditions; conditions of a run, or (), replace them."""
     scene, how = small(stop_when="arrested"), HOW["dynamic"]
     plain = small()
     assert scene.stop_when == ("arrested",)
@@ -291,7 +291,7 @@ def test_plans_and_estimates_count_with_those_of_a_scene():
 
 
 def test_conditions_in_scene_files(tmp_path):
-    """They stand at the top, come back as they were, and are refused in the same words."""
+    """Conditions are at the top of a file, and are refused with the same message."""
     scene = small(stop_when=["arrested", "reached = 10 mm"])
     file = tmp_path / "scene.toml"
     text = scene.to_toml(file)
@@ -317,7 +317,7 @@ def test_conditions_in_scene_files(tmp_path):
 
 
 def test_scene_files_on_the_command_line(tmp_path):
-    """The line's own conditions go first; a run that the file has ended goes on, to the next."""
+    """Conditions on the command line replace the file's; a run can go on to the next condition."""
     scene, out = pyfric.preset("fig1", stop_when="main_events = 1"), str(tmp_path / "a.nc")
     scene.to_toml(tmp_path / "scene.toml")
     command = ["run", str(tmp_path / "scene.toml"), "--t-end", "0.4", "--fidelity", "quasistatic"]
@@ -336,7 +336,7 @@ def test_scene_files_on_the_command_line(tmp_path):
 
 @pytest.mark.usefixtures("coarse_curves")
 def test_conditions_in_sweep_files(tmp_path):
-    """Of the scene, of all runs, and varied; each run has a key of its own."""
+    """Conditions may belong to the scene or to all runs, or vary; each run has its own key."""
     small(stop_when="reached = 10 mm").to_toml(tmp_path / "scene.toml")
     head = 'scene = "scene.toml"\nt_end = "6 ms"\n'
     options = '[options]\nfidelity = "dynamic"\ngeometry = "linear"\n'

@@ -1,4 +1,4 @@
-"""The store of finished runs: damage is noticed, many may use it, `pyfric cache` looks after it."""
+"""The store of finished runs: damage is noticed, processes share it, `pyfric cache` prunes it."""
 
 import dataclasses
 import json
@@ -44,7 +44,7 @@ def file(record, tmp_path_factory):
 
 @pytest.fixture
 def folder(tmp_path, file, monkeypatch):
-    """A store with three runs, used 1, 2 and 3 days ago, and files that are not its own."""
+    """Return a store with three runs, used 1, 2 and 3 days ago, and foreign files."""
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
     for age, key in enumerate(KEYS, 1):
         shutil.copyfile(file, tmp_path / f"{key}.nc")
@@ -110,7 +110,7 @@ def test_a_run_that_cannot_be_kept_is_not_lost(tmp_path, caplog):
     (tmp_path / "file").touch()
     found = run_all([job(), dataclasses.replace(job(), t_end=2e-5)], 1, cache=tmp_path / "file")
     assert [made.status for made in found] == ["complete"] * 2
-    assert caplog.text.count("finished runs are not kept in") == 1  # said once
+    assert caplog.text.count("finished runs are not kept in") == 1  # logged once
 
 
 def test_a_read_only_store_is_used(folder, record, monkeypatch):
@@ -153,7 +153,7 @@ def look():
 
 @pytest.fixture
 def holder(tmp_path):
-    """Another process that holds a run."""
+    """Start another process that holds the lock of a run."""
     call = [sys.executable, "-P", "-c", HOLD, str(tmp_path), KEYS[0]]
     process = subprocess.Popen(call, stdout=subprocess.PIPE, text=True)
     assert process.stdout.readline() == "True\n"
@@ -171,7 +171,7 @@ def test_who_is_waited_for_is_said_and_a_lock_dies_with_its_owner(tmp_path, hold
             holder.kill()
 
     shared.prune(older_than=0.0)
-    assert shared.lock_file(KEYS[0]).exists()  # somebody holds it
+    assert shared.lock_file(KEYS[0]).exists()  # another process holds it
     with shared.reserved(KEYS[0], "this run", look) as locked:
         assert locked
         assert len(waits) > 10
@@ -191,7 +191,7 @@ def test_waiting_ends_where_the_run_is_not_wanted(tmp_path, holder):
 
 @pytest.mark.parametrize("age", [-3600.0, 0.0, 3600.0])
 def test_a_file_that_nobody_holds_blocks_nothing_whatever_its_date(tmp_path, age):
-    """Of a killed process, of a machine whose clock is ahead."""
+    """The file may be from a killed process, or from a machine whose clock is ahead."""
     shared = Store(tmp_path)
     for key in KEYS[:2]:
         shared.lock_file(key).write_text("process 1 of elsewhere")

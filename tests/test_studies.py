@@ -1,4 +1,4 @@
-"""The studies' commands: what they call, what they write, and that they are not installed."""
+"""Commands of studies: their calls and files; they are not installed."""
 
 import json
 import os
@@ -34,7 +34,7 @@ def test_timings(name, monkeypatch):
     monkeypatch.setattr(bench, "report", lambda frame: f"{len(frame)} rows")
     assert study(name).stdout == "1 rows\n"
     assert json.loads(study(name, "--json", "--quick").stdout) == [{"blocks": 1767, "ns": 1.5}]
-    assert calls == [(False, False), (True, False)]  # no terminal, no progress
+    assert calls == [(False, False), (True, False)]  # without a terminal there is no progress
 
 
 @pytest.mark.parametrize(
@@ -59,7 +59,7 @@ def test_a_table_goes_beside_the_command_that_makes_it(tmp_path, monkeypatch):
 
 
 def test_they_run_from_their_folder_beside_the_installed_package():
-    """The folder's name, as `make studies` says it, puts no source of pyfric on the path."""
+    """Called by folder, as in `make studies`, Python does not import pyfric from its source."""
     folder = STUDIES.callback.__code__.co_filename.rpartition("/")[0]
     run = [sys.executable, "-P", folder, "limit", "--json"]
     found = subprocess.run(run, capture_output=True, text=True, check=True)
@@ -75,7 +75,7 @@ def test_they_are_not_installed():
 
 @pytest.fixture(scope="module")
 def tried(tmp_path_factory):
-    """All commands at tiny sizes, by name, and the folder of their outputs."""
+    """Return results of all commands at tiny sizes, by name, and the folder of outputs."""
     folder = tmp_path_factory.mktemp("studies")
     own = Path(__file__)
     env = os.environ | {"PYTHONPATH": str(own.parents[1] / "studies"), "OMP_NUM_THREADS": "1"}

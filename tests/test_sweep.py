@@ -1,4 +1,4 @@
-"""Sweeps: what may vary, points, limits, results and means over seeds, files, and the command."""
+"""Sweeps: varied fields, points, limits, results and means over seeds, files, the command."""
 
 import dataclasses
 import errno
@@ -75,7 +75,7 @@ def test_a_grid_takes_all_combinations():
 
 @pytest.mark.parametrize("name", ["fig1", "chain", "slow", "run1"])
 def test_a_named_preset_is_made_at_each_point(name, tmp_path):
-    """What follows from l, L or k in a preset follows at each point; a scene changes as it is."""
+    """Values that a preset derives from l, L or k change with them; a scene's do not."""
     over = {"l": ["5 mm", 2.5e-3], "slider.L": [0.07]} | ({"k": [1e7]} if name == "slow" else {})
     grid = dataclasses.replace(swept(scene=name, over=over, options={}), t_end=1e-3)
     values = grid.rows.to_dict("records")
@@ -103,7 +103,7 @@ def test_a_list_goes_through_all_fields_at_once_and_so_do_the_rows_of_a_frame():
 
 
 def test_anything_that_a_scene_has_may_vary():
-    """Seeds, random fields, lists, laws, sides: as in a scene file, or as objects; with units."""
+    """Seeds, random fields, lists, laws and sides may vary, as in a scene file or as objects."""
     over = {
         "interface.mu_s": [Spread(mean=0.7, std=0.01), 0.8, (0.7,) * 9],
         "interface.law": [
@@ -154,10 +154,10 @@ def test_drawn_points_follow_their_seed_and_ranges(kind):
     assert rows.equals(dataclasses.replace(found).rows)
     assert not rows.equals(dataclasses.replace(found, seed=4).rows)
     assert rows["driver.K"].between(1e5, 1e7).all()
-    assert 0.3 < (rows["driver.K"] < 1e6).mean() < 0.7  # even in the logarithm
+    assert 0.3 < (rows["driver.K"] < 1e6).mean() < 0.7  # even in its logarithm
     assert set(rows["driver.h"]) == {2.5e-3, 5e-3, 7.5e-3, 1e-2}
     assert all(isinstance(job, Job) for job in found.jobs)
-    if kind != "random":  # fills better than chance
+    if kind != "random":  # more even than random
         assert np.diff(np.sort(np.log10(rows["driver.K"].astype(float)))).max() < 3 * 2 / 100
 
 
@@ -510,7 +510,7 @@ except ImportError as error:
 
 @pytest.mark.slow
 def test_without_xarray_all_else_works(file):
-    """A program of its own: what the tests have imported stays as it is."""
+    """A new process runs this, so that imports of the tests are not changed."""
     file.write_text(FILE.replace("[0.3, 0.4]", "[0.3]").replace("7.5 mm", "5 mm"))
     command = [sys.executable, "-c", WITHOUT_XARRAY]
     done = subprocess.run(command, cwd=file.parent, capture_output=True, text=True, check=False)

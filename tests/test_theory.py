@@ -1,4 +1,4 @@
-"""Theory of fronts: table values, a second quadrature, limits, round trips, the lattice itself."""
+"""Theory of fronts: published values, a second quadrature, limits, inverses, the lattice."""
 
 import re
 import warnings
@@ -42,7 +42,7 @@ def refused(field, call, *args, **kwargs):
 
 
 def test_waves_are_those_of_the_stiffness_matrix():
-    """A plane wave along x, put on the blocks, is an eigenvector of the assembled matrix inside."""
+    """In the interior a plane wave along x is an eigenvector of the assembled matrix."""
     scene = pyfric.setup1(L=30e-3, H=30e-3, l=2.5e-3, h=5e-3)
     k, m, l = scene.slider.k, scene.m, scene.slider.l
     K = spring_stiffness(bonds(scene))
@@ -87,7 +87,7 @@ def test_chain_waves():
 
 
 def test_speeds_of_the_paper():
-    """1720 and 993 m/s on the lattice, 1677 and 968 m/s with the density correction factor."""
+    """Waves have 1720 and 993 m/s on the lattice, 1677 and 968 m/s with the density factor."""
     scene = pyfric.setup1()
     k, m, l, B = scene.slider.k, scene.m, scene.slider.l, 6e-3
     lattice = theory.Material.of_lattice(k, m, l, B)
@@ -102,7 +102,7 @@ def test_speeds_of_the_paper():
 
 
 def test_rayleigh_speed():
-    """Against the cubic of Rayleigh's equation, which is another form of D = 0."""
+    """The speed is a root of Rayleigh's cubic equation, another form of D = 0."""
     assert theory.rayleigh_speed(np.sqrt(3), 1.0) == pytest.approx(0.919402, abs=5e-7)
     assert theory.Material.plane_strain(1e9, 0.25, 1e3).c_R == pytest.approx(
         0.919402 * np.sqrt(1e6 / 2.5), rel=1e-6
@@ -143,7 +143,7 @@ def test_g_II_table():
 
 
 def k_II_literal(material, v):
-    """k_II as written: R of complex slowness, and I by adaptive quadrature in x = tan(t)/v."""
+    """Return k_II by definition: R of complex slowness, I by quadrature in x = tan(t)/v."""
     a, b = 1 / material.c_P, 1 / material.c_S
 
     def R(z):
@@ -155,7 +155,7 @@ def k_II_literal(material, v):
         rest = np.cos(t) ** 3 * v**3 / np.sqrt(b**2 + x * x) / (v * np.cos(t) ** 2)
         return R(1j * x) * rest
 
-    # Near t = pi/2 the literal R loses digits: it is cut there, where f is flat.
+    # Near t = pi/2 this R loses digits: it is cut there, where f is flat.
     whole = integrate.quad(f, 0, np.pi / 2 - 1e-3, epsabs=0, epsrel=1e-11)[0]
     whole += 1e-3 * f(np.pi / 2 - 5e-4)
     I = v * b**2 / whole
@@ -176,8 +176,8 @@ def test_k_II_against_another_quadrature(material, fraction):
 
 @MATERIALS
 def test_slip_of_an_infinitely_fast_front(material):
-    """I is slip over static slip 4 dtau a/E', over 2 (1 - r); an infinitely fast front leaves
-    uniform sliding, where each body radiates: 2 dtau/(rho c_S) is the slip rate."""
+    """I is slip over static slip 4 dtau a/E', over 2 (1 - r). Behind an infinitely fast front
+    bodies slide uniformly and radiate, at the slip rate 2 dtau/(rho c_S)."""
     xi = 1e7
     slip_rate = 4 / material.E_prime * 2 * (1 - material.r) * _I(np.asarray(xi), material.r)
     slip_rate *= xi * material.c_S
@@ -188,7 +188,7 @@ def test_slip_of_an_infinitely_fast_front(material):
 
 @MATERIALS
 def test_functions_of_the_front_speed(material):
-    """The definitions as they stand, where they lose no digits."""
+    """The functions agree with their definitions where these lose no digits."""
     v = np.linspace(0.2, 0.99, 9) * material.c_R
     s, d = theory.alpha_s(material, v), theory.alpha_d(material, v)
     np.testing.assert_allclose(s**2, 1 - (v / material.c_S) ** 2, rtol=1e-12)
@@ -218,7 +218,7 @@ def test_limits(material):
 
 
 def test_D_without_cancellation():
-    """D c_S^2/v^2 -> 2 (1 - r), where the definition has no digit left."""
+    """D c_S^2/v^2 tends to 2 (1 - r), where the definition has no digit left."""
     assert reduced_D(1e-20, 1 / 3) == pytest.approx(4 / 3, rel=1e-15)
 
 
@@ -253,7 +253,7 @@ def test_one_body_is_half_of_two():
 
 
 def test_cohesive_zone():
-    """2.54 mm for each micrometre of d_c in the paper's scene; shorter by A_II when it runs."""
+    """The zone is 2.54 mm per um of d_c in the paper's scene at rest, shorter by A_II at speed."""
     E, p = 3e9, 3500 / (0.14 * 6e-3)
     material = theory.Material.plane_stress(E, 1 / 3, 1200.0)
     X_c0 = theory.cohesive_zone(material, 0.7, 0.45, p, 1e-6)
@@ -269,14 +269,14 @@ def test_cohesive_zone():
 
 @pytest.mark.parametrize("n", [0, 1, 2, 3, 4])
 def test_stress_intensity_of_powers(n):
-    """dtau = t^n: K = (2/sqrt(pi)) a^(n + 1/2) B(1/2, (n + 1)/2)/2."""
+    """For dtau = t^n, K = (2/sqrt(pi)) a^(n + 1/2) B(1/2, (n + 1)/2)/2."""
     a = np.array([0.3, 2.0])
     K = 2 / np.sqrt(np.pi) * a ** (n + 0.5) * beta(0.5, (n + 1) / 2) / 2
     np.testing.assert_allclose(theory.stress_intensity(a, lambda t: t**n), K, rtol=1e-9)
 
 
 def test_stress_intensity_that_cancels():
-    """Stress drops of opposite sign leave no K; sizes do not matter."""
+    """Stress drops of opposite sign cancel in K, at any magnitude."""
     for size in (1e-12, 1e12):
 
         def dtau(t, size=size):
@@ -288,7 +288,7 @@ def test_stress_intensity_that_cancels():
 
 
 def test_stress_intensity_of_a_patch():
-    """Stress drop on |x| < b only: K = 2 sqrt(a/pi) dtau arcsin(b/a)."""
+    """A stress drop only on |x| < b gives K = 2 sqrt(a/pi) dtau arcsin(b/a)."""
     a, b = np.array([0.5, 1.0, 1.0001, 3.0, 100.0]), 1.0
     K = 2 * np.sqrt(a / np.pi) * 7.0 * np.arcsin(np.minimum(b / a, 1))
     patch = theory.stress_intensity(a, lambda t: 7.0 * (t < b), breaks=[b])
@@ -297,7 +297,7 @@ def test_stress_intensity_of_a_patch():
 
 
 def test_a_front_stops_outside_its_patch():
-    """The patch's K falls as a^(-1/2): the front starts, slows down and ends where G = Gamma."""
+    """K of the patch falls as a^(-1/2): the front starts, slows down and stops at G = Gamma."""
     b, drop = 1e3, 10e6
     critical = theory.energy_release_rate(ROCK, drop * np.sqrt(np.pi * 500.0))
 
@@ -360,7 +360,7 @@ def test_chain_table(alpha, eta):
 
 
 def by_brute_force(v, alpha, eta, n=400_000, Q=200 * np.pi):
-    """The kernel as complex numbers: ln q below 1, midpoints above, the stated tail."""
+    """Return tau_bar with a complex kernel: ln q below 1, midpoints above, the stated tail."""
 
     def arg(q):
         above = v**2 * q**2 + 1j * alpha * v * q - 4 * np.sin(q / 2) ** 2 * (1 - 1j * eta * v * q)
@@ -401,7 +401,7 @@ def test_chain_closed_forms():
 
 
 def test_viscosity_of_the_paper_at_0_7():
-    """It raises the front from 1.400 c to 1.926 c."""
+    """This viscosity raises the front speed from 1.400 c to 1.926 c."""
     assert theory.chain_speed(0.7) == pytest.approx(1.400, abs=5e-4)
     assert theory.chain_speed(0.7, eta=ETA) == pytest.approx(1.926, abs=5e-4)
     assert theory.chain_speed_undamped(0.7) == pytest.approx(theory.chain_speed(0.7), rel=1e-10)
@@ -415,7 +415,7 @@ def test_slow_fronts_of_the_chain():
 
 
 def test_fronts_down_to_1e_4_c():
-    """tau_bar is inverted, also where waves of v q of order one are averaged."""
+    """tau_bar is inverted, also at speeds at which waves with v q of order one are averaged."""
     for alpha, tau_bar in ((10.0, 1.1e-3), (0.3, 3e-4)):
         v = theory.chain_speed(tau_bar, alpha)
         assert theory.chain.SLOWEST < v < 0.01
@@ -433,7 +433,7 @@ def test_averaged_periods_against_brute_force(v, alpha, eta):
 
 
 def overdamped_by_quadrature(w, periods):
-    """Gauss points in half periods, dense where sin(q/2) = 0; the tail 2/(w Q)."""
+    """Return tau_bar by Gauss points, dense near sin(q/2) = 0, and the tail 2/(w Q)."""
     nodes, weights = np.polynomial.legendre.leggauss(40)
     t = (1 + nodes) / 2
     near, weights = np.pi * t**4, 2 * np.pi * t**3 * weights
@@ -444,7 +444,7 @@ def overdamped_by_quadrature(w, periods):
 
 
 def test_overdamped_chain():
-    """tau_bar(w), and the limit of fast sliding blocks: 1 - tau_bar = 1/w + ..."""
+    """tau_bar(w) agrees with quadrature and with the limit 1 - tau_bar = 1/w + ..."""
     w = np.array([0.1, 0.3, 1.0, 3.0])
     found = theory.chain_prestress_overdamped(w)
     exact = [overdamped_by_quadrature(one, 20_000) for one in w]
@@ -452,7 +452,7 @@ def test_overdamped_chain():
     np.testing.assert_allclose(found, [0.077133, 0.191729, 0.442898, 0.724601], atol=1e-6)
     assert theory.chain_prestress_overdamped(0.01) == pytest.approx(0.0092094, abs=1e-7)
     np.testing.assert_allclose(theory.chain_speed_overdamped(found, 2.0), w / 2, rtol=1e-9)
-    # it is the limit of the chain with inertia
+    # the overdamped chain is the limit of the chain with inertia
     error = [theory.chain_prestress(one / 10, 10.0) / theory.chain_prestress_overdamped(one) - 1
              for one in w[:3]]  # fmt: skip
     assert np.abs(error).max() < 5e-3
@@ -468,9 +468,9 @@ def test_the_line_where_fronts_reach_c():
 
 
 def test_radiation_in_the_lattice():
-    """Rows tied by k/2 in shear, the lowest moved at v, lose the traction rho c_S v to a wave.
+    """If the lowest row moves at v, a shear wave takes the traction rho c_S v.
 
-    It comes back from the top after 2 H/c_S.
+    The wave returns from the top after 2 H/c_S.
     """
     k, m, l, B, v, rows = 2e6, 3e-4, 2e-3, 5e-3, 0.1, 40
     material = theory.Material.of_lattice(k, m, l, B)
@@ -486,7 +486,7 @@ def test_radiation_in_the_lattice():
 
 
 def test_one_dimensional_length():
-    """A chain that is pushed slowly slips up to where mu_k p of its blocks uses up F_T."""
+    """A chain under a slow push slips up to the block at which the sum of mu_k p equals F_T."""
     scene = chain(L=0.06, p=10.0, tau=0.0, K=4e6, V=5e-3, mu_s=0.4, mu_k=0.4)
     record = simulate(scene, 4.5e-3, fidelity="dynamic", progress=False)
     blocks, first = np.unique(record.switches["block"], return_index=True)
@@ -498,9 +498,9 @@ def test_one_dimensional_length():
 
 @pytest.mark.parametrize("drive", [2e-5, 6e-5])
 def test_pressure_balances_force_and_torque(drive):
-    """A slider that is stiff beside its foundation: p L/F_N = 1 + 6 (h/L)(F_T/F_N)(2 x/L - 1).
+    """For a slider stiffer than its foundation, p L/F_N = 1 + 6 (h/L)(F_T/F_N)(2 x/L - 1).
 
-    N blocks have the lever of (N - 1)/(N + 1).
+    With N blocks the second term has the factor (N - 1)/(N + 1).
     """
     scene = setup2(L=0.1, H=0.03, l=5e-3, k=1.35e12, k_f=13.5e6, theta=0.0, h=0.01)
     state, N = solve_static(scene, np.zeros(scene.N_x), drive), scene.N_x
@@ -567,7 +567,7 @@ def test_refusals(field, call):
 
 
 def test_a_quantity_does_not_lose_its_unit():
-    """5 mm was taken for 5 m."""
+    """A quantity in mm is refused, because its number would count as m."""
     units = pint.UnitRegistry()
     for given in (5 * units.mm, [5 * units.mm], units.Quantity([1.0, 2.0], "mm"), "5 mm"):
         with pytest.raises(ValueError, match=r"(?s)^a = .*; allowed: plain numbers, in m"):
@@ -599,13 +599,13 @@ def test_masked_values_are_refused():
 
 
 class WithUnit(np.ndarray):
-    """An array as some libraries of units have it; NumPy drops its unit without a word."""
+    """An array with a unit, as in some unit libraries; NumPy drops its unit silently."""
 
     unit = "ms"
 
 
 def test_arrays_with_a_unit_are_refused():
-    """So they are where front speeds follow from times."""
+    """Rupture times with a unit are refused, too."""
     values = np.linspace(0.0, 1e-3, 7)
     given = values.view(WithUnit)
     assert theory.fracture_energy(0.7, 0.45, values, 1e-6).shape == (7,)

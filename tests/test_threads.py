@@ -1,4 +1,4 @@
-"""Threads that are late at the barriers of the core (docs/threads.md) do not change a bit."""
+"""Delays of threads at barriers of the core (docs/threads.md) do not change a bit."""
 
 import os
 import shutil
@@ -29,7 +29,7 @@ void GOMP_barrier(void)
     if (rand_r(&seed) % 8 == 0) usleep(rand_r(&seed) % 200);
 }
 """
-"""In place of libgomp's: the same, with random delays."""
+"""Barriers of libgomp, with random delays."""
 
 RUNS = """
 import os
@@ -70,7 +70,7 @@ def barrier(tmp_path_factory):
 
 
 def run(library, **environment):
-    """Return what is the same, and how often contacts switched, for each way of stepping."""
+    """Return a checksum and the number of contact switches for each way of stepping."""
     preloaded = [os.environ.get("LD_PRELOAD", ""), str(library)]
     env = os.environ | {"LD_PRELOAD": " ".join(filter(None, preloaded))} | environment
     paths = [os.path.dirname(__file__), os.environ.get("PYTHONPATH", "")]
@@ -149,4 +149,4 @@ def test_threads_at_a_barrier_sleep_soon_unless_the_environment_says_how_they_wa
     if "libgomp" not in ran.stderr and "GOMP_SPINCOUNT" not in ran.stderr:
         pytest.skip("another OpenMP than libgomp")
     assert f"GOMP_SPINCOUNT = '{looks}'" in ran.stderr
-    assert ran.stdout.strip() == said.get("GOMP_SPINCOUNT", "None")  # others keep their own way
+    assert ran.stdout.strip() == said.get("GOMP_SPINCOUNT", "None")  # other settings stay

@@ -1,4 +1,4 @@
-"""The twin against itself: symmetries, energies and the switching rule."""
+"""The twin by itself: symmetries, energies and the switching rule."""
 
 from types import SimpleNamespace
 

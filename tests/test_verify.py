@@ -1,4 +1,4 @@
-"""`pyfric verify`: what it checks, and that it fails."""
+"""`pyfric verify`: its checks, and failures of a wrong build."""
 
 import json
 import math
@@ -22,7 +22,7 @@ hybrid = "run1_linear: hybrid engine against stored full dynamics"
 verify._all = lambda: [(name, groups[name]) for name in ("build", hybrid)]
 main(["verify", "--json"])
 """
-"""The other groups are made by tests of claims (exact answers), core (bits) and reference."""
+"""A command with one group of checks. Tests of claims, core and reference have the other groups."""
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_checks_without_end_are_ended(monkeypatch):
     monkeypatch.setattr(verify, "LIMIT", 0.2)
     begin = time.process_time()
     found = verify.verify()
-    assert time.process_time() - begin < 0.35  # for both together
+    assert time.process_time() - begin < 0.35  # for both runs together
     assert not found["holds"].any()
     assert verify.report(found).count("together may take 0.2 s") == 2
 
@@ -113,7 +113,7 @@ def test_all_that_holds_ends_with_code_0(monkeypatch):
     ],
 )
 def test_other_bits_are_noticed(other, monkeypatch):
-    """The last case ends with another bit in one velocity."""
+    """The last case has another bit in one velocity at its end."""
     known = verify.digest("linear", "finite", "step_end", core.VARIANT, 1)
     if other == ("linear", "finite", "step_end"):
         advance = core.advance

@@ -1,4 +1,4 @@
-"""The page of a record: what it holds, that it needs nothing else, how it answers in a browser."""
+"""The page of a record: its content, no other files, and its behaviour in a browser."""
 
 import json
 import re
@@ -151,7 +151,7 @@ def test_in_a_browser(record, page):
     at = 62 + 825 * record.events["t_start"][row] / span
     page.click(box["x"] + at * box["width"] / 900, box["y"] + 300 * box["height"] / 470)
     assert abs(record.events["t_start"][shown()] - record.events["t_start"][row]) < 0.02 * span
-    assert page.js("document.activeElement.id") == "map"  # it has the keys now
+    assert page.js("document.activeElement.id") == "map"  # keys go to the map now
     page.press("Home")
     assert shown() == 1
     page.press("ArrowRight")
@@ -214,7 +214,7 @@ CONTRAST = """(() => {
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_pages_can_be_read_in_the_dark(page, tmp_path, scheme):
-    """Contrasts that WCAG asks of text, 4.5, and of lines, 3; a row of a miss is among them."""
+    """Contrasts reach those of WCAG, 4.5 for text and 3 for lines, also in the row of a miss."""
     claims = {"claims": [{"number": "2", "text": "more", "verdict": "misses", "how": "by eye"}]}
     (tmp_path / "claims.json").write_text(json.dumps(claims), encoding="utf-8")
     paper.write_index(tmp_path)

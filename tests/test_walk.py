@@ -1,7 +1,7 @@
-"""A newcomer's walk: the blocks of README, front page, how-to pages and one tutorial, run in order.
+"""Blocks of README, front page, how-to pages and one tutorial, run in order.
 
-They run in an empty folder, as they are written. The site runs all tutorials, to show what they
-print and draw.
+Blocks run unchanged in an empty folder. The site runs all tutorials, to show their output and
+figures.
 """
 
 import subprocess
@@ -27,7 +27,7 @@ LONG = {
     "seeds": "site",
     "sweep_again": "site",
 }
-"""Pages that take seconds, which `make docs` walks: it runs all of this file."""
+"""Pages that take seconds; `make docs` runs them."""
 
 
 def walked(page):

@@ -1,4 +1,4 @@
-"""Slip weakening, mu(s) = mu_s - (mu_s - mu_k) min(s/d_c, 1), against exact solutions."""
+"""Slip weakening, mu(s) = mu_s - (mu_s - mu_k) min(s/d_c, 1), compared with exact solutions."""
 
 import dataclasses
 import math
@@ -25,7 +25,7 @@ SLOPE = (MU_S - MU_K) * P / D_C
 
 
 def rigid(k_top=0.0, K=1e-30, V=0.0):
-    """Return three blocks at their threshold; under equal forces and no driver they move as one."""
+    """Return three blocks at their threshold, which move as one under equal forces."""
     return chain(L=5e-3, p=P, tau=MU_S * P, k_top=k_top, K=K, V=V, d_c=D_C, mu_s=MU_S, mu_k=MU_K)
 
 
@@ -75,7 +75,7 @@ CASES = {"unstable": 0.0, "held": 0.3 * SLOPE, "neutral": SLOPE, "stable": 1.1 *
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_block_slips_as_the_formula_says(name):
-    """Before d_c at the order of the stepper; beyond it, where mu(s) bends, at second order."""
+    """Errors have the order of the stepper before d_c; beyond its corner they are second order."""
     scene = rigid(CASES[name])
     v = 1.2 * D_C * math.sqrt(SLOPE / scene.m)
     t_c = D_C / v
@@ -93,7 +93,7 @@ def test_a_block_slips_as_the_formula_says(name):
 
 
 def test_slip_at_the_pace_of_the_driver():
-    """Stiffer than the weakening, a driven chain slips stably; its motion is linear."""
+    """A driven chain stiffer than the weakening slips stably, in linear motion."""
     scene = rigid(K=4 * SLOPE, V=1e-3)
     _, K, C = (np.asarray(a.todense()) if hasattr(a, "todense") else a for a in operators(scene))
     K, C = K[:3, :3] - SLOPE * np.eye(3), C[:3, :3]
@@ -226,9 +226,7 @@ def test_jumps_give_the_events_of_full_dynamics(scene, t_end, geometry):
 
 
 def test_the_automatic_step_is_stable_with_weakening():
-    """Weakening is a negative stiffness: slow modes grow, as they should, overdamped ones decay
-    faster. At the automatic step all that decays is stable if the growth is resolved.
-    """
+    """If growth is resolved, all decaying modes are stable at the automatic step."""
     scene = setup1(L=0.015, H=0.01, h=2.5e-3)
     M, K, C = operators(scene)
     dt = AUTO_SHARE * stability_limit(scene)[0]
@@ -294,7 +292,7 @@ def test_unresolved_weakening_is_noted():
 
 
 def test_unresolved_weakening_is_not_measured():
-    """In both runs friction drops at once: that they agree says nothing."""
+    """In both runs friction drops at once, so that their agreement has no meaning."""
     scene, how = rod(d_c=1e-9, V=1.0), {"tolerance": 0.05, "want": "precursors", "progress": False}
     record = pyfric.simulate(scene, 1e-3, **how)
     assert record.errors.holds is None
@@ -306,7 +304,7 @@ def test_unresolved_weakening_is_not_measured():
 
 @pytest.mark.parametrize("since", ["stick", "start"])
 def test_slip_of_the_law_may_go_on_over_sticks(since):
-    """Two pushes of a rigid chain, each until it has stopped, beside SciPy: a run-in, or none."""
+    """Two pushes of a rigid chain, each until it stops, agree with SciPy for both options."""
     p, mu_s, mu_k, d_c, force = 10.0, 0.7, 0.3, 1e-4, 8.0
     pushes = [(n, force, t, t + 2e-4) for n in range(1, 7) for t in (0.0, 1e-3)]
     own = {"L": 0.0125, "p": p, "tau": 0.0, "K": 0.0, "V": 0.0, "eta": 0.0, "push": pushes}
@@ -315,7 +313,7 @@ def test_slip_of_the_law_may_go_on_over_sticks(since):
     record = pyfric.simulate(scene, 1.8e-3, fidelity="dynamic", progress=False)
 
     def slides(u, s, t, t_end, pushed):
-        """Return u, s and v after a slide from rest under a push, and then until it stops."""
+        """Return u, s and v after a slide from rest under a push and then to a stop."""
 
         def moves(t, y):
             mu = mu_s - (mu_s - mu_k) * min(y[2] / d_c, 1.0)

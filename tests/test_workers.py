@@ -1,4 +1,4 @@
-"""Worker processes: one that dies takes only its job along, and all end with the script."""
+"""Worker processes: a dead worker loses only its job, and all end with the script."""
 
 import contextlib
 import os
@@ -76,7 +76,7 @@ else:
     ],
 )
 def test_no_worker_runs_a_script_again_that_guards_nothing(what, printed, tmp_path):
-    """Jobs of a class of the script itself are made in its own process."""
+    """Jobs with classes of the script run in its own process."""
     path = tmp_path / "plain.py"
     path.write_text(PLAIN)
     done = subprocess.run([sys.executable, "-P", path, what], capture_output=True, text=True)
@@ -85,7 +85,7 @@ def test_no_worker_runs_a_script_again_that_guards_nothing(what, printed, tmp_pa
 
 @pytest.fixture
 def sweeping(tmp_path):
-    """The script, which has kept one run and makes two that do not end, and its workers' ids."""
+    """Start a script that has kept one run and makes two endless runs; return it and worker ids."""
     path = tmp_path / "script.py"
     path.write_text(SCRIPT)
     (tmp_path / "noted.py").write_text(NOTED)
@@ -107,7 +107,7 @@ def sweeping(tmp_path):
 
 
 def alive(group):
-    """Processes of a group that still run (those that nobody has waited for do not)."""
+    """Return the processes of a group that still run; ended ones do not count."""
     listed = subprocess.run(["ps", "-eo", "pgid=,stat="], capture_output=True, text=True).stdout
     pairs = [line.split() for line in listed.splitlines()]
     return sum(pgid == str(group) and not stat.startswith("Z") for pgid, stat in pairs)
@@ -122,7 +122,7 @@ def seconds_until_dead(group):
 
 
 def test_ctrl_c_in_a_terminal_stops_all_and_keeps_what_is_finished(tmp_path, sweeping):
-    """It reaches all processes; workers leave it to the script."""
+    """Ctrl-C reaches all processes; workers ignore it."""
     script, _ = sweeping
     os.killpg(script.pid, signal.SIGINT)
     _, errors = script.communicate(timeout=30)
@@ -136,9 +136,9 @@ def test_ctrl_c_in_a_terminal_stops_all_and_keeps_what_is_finished(tmp_path, swe
 def test_workers_end_with_a_script_that_is_killed(tmp_path, sweeping):
     script, _ = sweeping
     script.kill()
-    _, errors = script.communicate(timeout=30)  # the workers hold the other ends
+    _, errors = script.communicate(timeout=30)  # workers hold the other ends of pipes
     assert seconds_until_dead(script.pid) < 5
-    assert not errors or "leaked semaphore objects to clean up" in errors  # and they are
+    assert not errors or "leaked semaphore objects to clean up" in errors  # Python cleans these up
     assert len(list((tmp_path / "kept").glob("*.nc"))) == 1
 
 

@@ -1,4 +1,4 @@
-"""Energies of hybrid runs: those of full dynamics, also over jumps."""
+"""Energies of hybrid runs are those of full dynamics, also over jumps."""
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def test_events_and_totals_are_those_of_full_dynamics(runs):
 
 
 def test_the_budget_closes(runs):
-    """In an event within what steps miss, in a jump by what dashpots take."""
+    """In events the error is that of steps; in jumps dashpots take the difference."""
     full, jumps = runs
     left = jumps.events["work"] - jumps.events[PARTS].sum(axis=1)
     missed = analysis.budget_left(full.curve).abs().max()
@@ -74,7 +74,7 @@ def test_a_run_that_goes_on_keeps_its_budget():
 
 @pytest.mark.usefixtures("cheap_attempts")
 def test_no_jump_over_slip_with_energies():
-    """The heat of stable slip follows from steps."""
+    """The heat of stable slip can only follow from steps."""
     scene = setup1(L=0.02, H=0.0125, F_N=400.0, V=2e-3, d_c=5e-6)
     how = {"geometry": "linear", "sample": 1e-3}
     plain = pyfric.simulate(scene, 0.04, fidelity="hybrid", **how)

@@ -1,4 +1,4 @@
-"""Blocks in the cohesive zone of fronts: against the theory in Pa, and in records."""
+"""Blocks in the cohesive zone of fronts: compared with theory in Pa, and in records."""
 
 import math
 from collections import UserDict
@@ -23,12 +23,12 @@ B = 6e-3  # of the paper's slider
 
 
 def test_the_zone_of_the_paper_s_slider():
-    """About 2.55 mm for each um of d_c, and the theory's in Pa at any speed below c_R."""
+    """The zone is 2.55 mm for each um of d_c, and agrees with theory at any speed below c_R."""
     scene = preset("fig1", d_c=1e-6)
     slider, p = scene.slider, np.array([0.0, np.nan, 30.0, 61.4])
     material = theory.Material.of_lattice(slider.k, scene.m, slider.l, B)
     assert material.E_prime == pytest.approx(3e9)
-    even = scene.F_N / (slider.L * B) * (slider.l * B)  # over L B, as a continuum has it
+    even = scene.F_N / (slider.L * B) * (slider.l * B)  # over L B, as in a continuum
     assert zone_at_rest(scene, even) * slider.l == pytest.approx(2.55e-3, rel=0.01)
     for share in (0.0, 0.5, 0.99):
         v = share * material.c_R
@@ -44,7 +44,7 @@ def test_the_zone_of_the_paper_s_slider():
 
 @pytest.mark.parametrize("v", [0.0, 0.6])
 def test_the_zone_of_a_chain(v):
-    """k l^2 (1 - v^2/c^2) u'' = tau_s - tau_0 - f u/d_c from rest at the tip, tau_0 = tau_k."""
+    """The oracle is k l^2 (1 - v^2/c^2) u'' = tau_s - tau_0 - f u/d_c, tau_0 = tau_k."""
     scene = chain(L=0.1, d_c=1e-5)
     f, d_c, k, c = (
         0.25 * 10.0,
@@ -98,7 +98,7 @@ def test_every_record_says_how_well_its_fronts_are_resolved(side, tmp_path):
 
 
 def noted(scene, at_rest, moving, speed=1.0):
-    """Return the notes of one main event whose blocks have these zones; NaN has no speed."""
+    """Return the notes of one main event whose blocks have these zones; NaN means no speed."""
     times = np.arange(len(at_rest)) * scene.slider.l / speed
     known = {
         "rupture_times": times,
@@ -143,7 +143,7 @@ def test_amontons_coulomb_takes_a_short_note():
 
 @pytest.mark.parametrize(("d_c", "said"), [(0.0, "set by the lattice"), (2e-6, "X_c(v)/l below 6")])
 def test_pushed_fronts_have_a_note(d_c, said):
-    """Their static states are not known; the mean normal force stands for them."""
+    """Static states of pushed fronts are unknown; the mean normal force replaces p."""
     scene = pyfric.setup2(L=0.06, H=0.02, l=0.002, F_N=200.0, V=0.0, d_c=d_c, push=((1, 80.0),))
     record = pyfric.simulate(scene, 2e-4, fidelity="dynamic", progress=False)
     assert np.isnan(record.p_before).all()
@@ -151,7 +151,7 @@ def test_pushed_fronts_have_a_note(d_c, said):
 
 
 def test_viscosity_slows_fronts_as_in_the_cracks_of_the_study():
-    """Within a sixth; full dashpots of little viscosity are the lattice's own error."""
+    """The slowing agrees within a sixth, with the error of the lattice at low viscosity."""
     cracks = pd.read_csv(CRACKS)
     assert len(cracks) >= 16
     assert set(cracks["dashpots"]) == {"full", "along"}
@@ -166,7 +166,7 @@ def test_viscosity_slows_fronts_as_in_the_cracks_of_the_study():
 
 
 def test_barriers_do_not_count():
-    """Ten times p beyond the fault of TPV3, where the zone would be a tenth as long."""
+    """Blocks beyond the fault of TPV3 have ten times p and a tenth of the zone."""
     scene = preset("tpv3")
     inside = can_rupture(scene)
     x = (np.arange(scene.N_x) + 0.5) * scene.slider.l
@@ -188,9 +188,10 @@ def test_prescribed_loads_are_known_without_a_static_state():
 
 
 def test_the_plan_of_front_speeds_names_the_lattice_and_its_price():
-    """X_c0/l is 1.04 at l = 2.5 mm, d_c = 1 um: 5 % takes 6 blocks, 2.5 % twice as many.
+    """X_c0/l is 1.04 at l = 2.5 mm, d_c = 1 um. An error of 5 % needs 6 blocks, 2.5 % needs 12.
 
-    With the paper's viscosity cracks are 7.6 % slower at 6 blocks, which falls with their root.
+    With the paper's viscosity cracks are 7.6 % slower at 6 blocks. The slowing falls with the root
+    of the number of blocks.
     """
     paper = preset("fig1", d_c=1e-6, L=0.07, H=0.0375)
     little = preset("fig1", d_c=1e-6, L=0.07, H=0.0375, damping=1e-5)
@@ -221,7 +222,7 @@ def test_the_plan_of_front_speeds_names_the_lattice_and_its_price():
 
 
 def test_zones_of_blocks_without_weakening_are_left_out_of_the_median():
-    """The median of X_c0 was 0 here, and the run was lost by a division."""
+    """With these blocks the median of X_c0 would be 0."""
     d_c = [0.0] * 10 + [1e-6] * 11
     scene = preset("setup2", l="5 mm", h="5 mm", d_c=d_c)
     record = pyfric.simulate(scene, 0.4, fidelity="hybrid", geometry="linear", progress=False)

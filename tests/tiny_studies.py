@@ -1,8 +1,8 @@
-"""Runs every command of `python studies --tiny` in one process, and prints what became of each.
+"""Run every command of `python studies --tiny` in one process, and print each result.
 
     python -P tests/tiny_studies.py FOLDER [COMMAND ...]
 
-Outputs go to the folder. The runs that studies keep are in one folder, so that they share them.
+Outputs go to the folder. Studies store their runs in one folder, so that they share them.
 """
 
 import json
@@ -18,7 +18,7 @@ from click.testing import CliRunner
 from pyfric import core
 
 GIVEN = {"fronts": ["--collapse", "5 mm"], "collapse": ["{out}/fronts/fronts_fronts.csv"]}
-"""What commands need or should try beside folders; the file is what `fronts` made before."""
+"""Arguments of commands besides folders; `fronts` has made the file before."""
 
 
 def words(folder, name, command):
@@ -34,7 +34,7 @@ def words(folder, name, command):
 
 
 def main(folder, *chosen):
-    core.processors = lambda: 1  # workers would load all modules again
+    core.processors = lambda: 1  # workers would import all modules again
     studies = runpy.run_path(str(Path(__file__).parents[1] / "studies"))["main"]
     rows = []
     for name, command in sorted(studies.commands.items(), key=lambda one: one[0] == "collapse"):

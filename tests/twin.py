@@ -1,7 +1,7 @@
-"""The model once more, in plain Python loops: the oracle that the fast code is compared with.
+"""The model in plain Python loops, as an oracle for the fast code.
 
-Written to be read beside the paper (J. Trømborg et al., Phys. Rev. Lett. 107, 074301 (2011)), not
-to be fast: about 10 us per block and evaluation. Nothing here is shared with the package.
+The twin follows the paper (J. Trømborg et al., Phys. Rev. Lett. 107, 074301 (2011)) line by line,
+and takes about 10 us per block and evaluation. The twin shares no code with the package.
 
 A scene is any object with the attributes of `pyfric.Scene`. The state is
 
@@ -12,7 +12,7 @@ A scene is any object with the attributes of `pyfric.Scene`. The state is
     u_drv0       u_x of the driven block where F_T = 0, m; of several, one number for each, upward
 
 Forces act on the blocks, positive to the right and up. Under a rod the top row of y follows from
-the rod; what y holds there is ignored.
+the rod, and its values in y are ignored.
 """
 
 import functools
@@ -36,7 +36,7 @@ WORKS = ("bonds", "friction", "driver", "load")
 
 
 class Slab(SimpleNamespace):
-    """A scene by its attributes; those of bonds stay, because `_bonds` remembers them."""
+    """A scene by its attributes. Data of bonds must not change, because `_bonds` caches them."""
 
     __hash__ = object.__hash__
 
@@ -73,7 +73,7 @@ def bond_forces(scene: Any, y: np.ndarray, geometry: str) -> np.ndarray:
 
 @functools.cache
 def _bonds(scene: Any) -> dict[tuple[int, int], list[tuple]]:
-    """Return the bonds of each block: its neighbour, what there is of them, and their geometry."""
+    """Return the bonds of each block: neighbour, share of each bond that exists, and geometry."""
     found = {(j, i): [] for j in range(scene.N_z) for i in range(scene.N_x)}
     for (j, i), bonds in found.items():
         for a, b in NEIGHBOURS:
@@ -83,14 +83,14 @@ def _bonds(scene: Any) -> dict[tuple[int, int], list[tuple]]:
 
 
 def along(scene: Any) -> bool:
-    """Return whether dashpots act along the bonds only, whose direction is that of now."""
+    """Return whether dashpots act only along the bonds, in their present direction."""
     return getattr(scene.slider, "dashpots", "full") == "along"
 
 
 def neighbour(scene: Any, j: int, i: int) -> tuple[int, int, int] | None:
-    """Return row, column and the sign of u_z of the block at (j, i); None where nothing is.
+    """Return row, column and the sign of u_z of the block at (j, i); None if there is none.
 
-    Beyond a mirrored side or top it is the image of the block as far behind it as (j, i) is beyond.
+    Beyond a mirrored side or top, (j, i) is the image of the block at the same distance inside.
     """
     N_x, N_z = scene.N_x, scene.N_z
     if 0 <= i < N_x and 0 <= j < N_z:
@@ -115,8 +115,8 @@ def prescribed(scene: Any) -> bool:
 def absorbing(scene: Any, y: np.ndarray) -> np.ndarray:
     """Return the forces of the dashpots of absorbing walls, (N_z, 2, N_x), in N.
 
-    Along the normal rho c_P v per area, across it rho c_S v (not where two walls meet); a block has
-    the face m/(rho l), and c_P = l sqrt(3 k/(2 m)), c_S = l sqrt(k/(2 m)).
+    The traction is rho c_P v along the normal and rho c_S v across it (except in corners of two
+    walls). The face of a block is m/(rho l), and c_P = l sqrt(3 k/(2 m)), c_S = l sqrt(k/(2 m)).
     """
     F, walls = np.zeros_like(y[:, :2]), getattr(scene, "walls", None)
     if walls is None:
@@ -147,13 +147,13 @@ def cut(scene: Any, j: int, i: int) -> tuple[bool, bool]:
 
 
 def part(scene: Any, j: int, i: int) -> float:
-    """Return what there is of a block: a half on a cut, a quarter where two cross."""
+    """Return the share of a block that exists: 1/2 on a cut, 1/4 where two cuts cross."""
     row, column = cut(scene, j, i)
     return (0.5 if row else 1.0) * (0.5 if column else 1.0)
 
 
 def share(scene: Any, j: int, i: int, a: int, b: int) -> float:
-    """Return what there is of the bond by (a, b) of block (j, i): half of those along a cut."""
+    """Return the share of the bond by (a, b) of block (j, i): 1/2 along a cut."""
     row, column = cut(scene, j, i)
     return 0.5 if (row and b == 0) or (column and a == 0) else 1.0
 
@@ -192,7 +192,8 @@ def rod_inertia(scene: Any) -> tuple[float, float]:
 def driver_forces(scene: Any, t: float, y: np.ndarray, u_drv0: Any) -> dict[tuple[int, int], float]:
     """Return the force of the driver in N by row and column: (K/n) (V t - x) on each of n blocks.
 
-    x is the advance of the block along the driving; a plate drives all up to h_top, or the top.
+    x is the displacement of the block along the drive. A plate drives all blocks up to h_top, or
+    the top.
     """
     top = getattr(scene.driver, "h_top", None)
     last = scene.j_h if top is None else round(top / scene.slider.l)
@@ -209,7 +210,7 @@ def driver_forces(scene: Any, t: float, y: np.ndarray, u_drv0: Any) -> dict[tupl
 def field(scene: Any, name: str, default: float = 0.0) -> list[float]:
     """Return mu_s, mu_k, d_c (m), alpha (N s/m) or k_f (N/m) of each block, left to right.
 
-    A list of the interface runs from the trailing edge, which is on the driven side.
+    A list of the interface begins at the trailing edge, on the driven side.
     """
     given = getattr(scene.interface, name, default)
     if given is None or isinstance(given, float):
@@ -218,19 +219,19 @@ def field(scene: Any, name: str, default: float = 0.0) -> list[float]:
 
 
 def normal_forces(scene: Any, y: np.ndarray) -> np.ndarray:
-    """Return p_i = k_f |z| (N) of the blocks pressed into the foundation, else 0; or as given."""
+    """Return p_i = k_f |z| (N) of blocks pressed into the foundation, otherwise 0; or given p."""
     if prescribed(scene):
         return np.array(scene.p_prescribed)
     return np.array([k * -z if z < 0 else 0.0 for k, z in foundation(scene, y)])
 
 
 def foundation(scene: Any, y: np.ndarray) -> list[tuple[float, float]]:
-    """Return k_f (N/m) and z = u_z + gap (m) of each block; k_f is 0 where none can touch it."""
+    """Return k_f (N/m) and z = u_z + gap (m) of each block; k_f is 0 without contact."""
     k_f, gap = field(scene, "k_f", scene.slider.k), field(scene, "gap")
     contact = getattr(scene.interface, "contact", None)
     touches = [True] * scene.N_x if contact is None else list(contact)
     touches = touches if contact is None or scene.driver.side == "left" else touches[::-1]
-    if not hasattr(scene.interface, "k_f"):  # a slab of `Slab`, which gives it at once
+    if not hasattr(scene.interface, "k_f"):  # a `Slab`, which gives k_f directly
         k_f = [scene.k_f] * scene.N_x
     return [(k_f[i] * touches[i], u_z + gap[i]) for i, u_z in enumerate(y[0, 1])]
 
@@ -242,7 +243,7 @@ def bare(scene: Any, i: int) -> bool:
 
 
 class Forces(NamedTuple):
-    """What `right_hand_side` returns."""
+    """The result of `right_hand_side`."""
 
     dydt: np.ndarray
     drod: np.ndarray
@@ -343,7 +344,7 @@ def right_hand_side(
 def friction_coefficient(scene: Any, slip: float, i: int = 0, v: float = 0.0) -> float:
     """Return mu(s) = mu_s - (mu_s - mu_k) min(s/d_c, 1) of a block that slips; mu_k if d_c = 0.
 
-    A law of speed multiplies it with a factor that is straight between the speeds that it names.
+    A law of speed multiplies mu by a factor, linear between the given speeds.
 
     Within a step that ends a slip the block can move back beyond its start: s < 0 counts as 0.
     """
@@ -361,7 +362,7 @@ def friction_coefficient(scene: Any, slip: float, i: int = 0, v: float = 0.0) ->
 
 
 def over_walls(scene: Any) -> list[tuple[int, int, int, int]]:
-    """Return the bonds over mirrored walls, as (j, i, a, b): one half of each counts."""
+    """Return the bonds across mirrored walls, as (j, i, a, b). Each counts by one half."""
     walls = getattr(scene, "walls", None)
     if walls is None or "mirrored" not in (walls.left, walls.right, walls.top):
         return []
@@ -376,7 +377,7 @@ def over_walls(scene: Any) -> list[tuple[int, int, int, int]]:
 
 
 def difference(scene: Any, q: np.ndarray, j: int, i: int, a: int, b: int) -> np.ndarray:
-    """Return what a field q (N_z, 2, N_x) changes by over a bond, shape (2,)."""
+    """Return the change of a field q (N_z, 2, N_x) over a bond, shape (2,)."""
     j2, i2, sign = neighbour(scene, j + b, i + a)
     return q[j2, :, i2] * (1, sign) - q[j, :, i]
 
@@ -470,8 +471,8 @@ def switch(
     removed by stopping them (the switching loss, J).
 
     First the blocks that slip against their direction, s v_x <= 0, are stopped, all at once. Then
-    the forces are evaluated, and every block is judged by them: `other` is the sum of all its
-    horizontal forces but friction.
+    the forces are evaluated. The forces decide the state of every block, with `other` the sum of
+    its horizontal forces without friction.
 
         p <= 0, or no friction          open (the block keeps its velocity)
         slipping, not stopped           unchanged
@@ -517,14 +518,14 @@ def rk4_step(*args: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, 
 
 
 def rk46_step(*args: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, float]]:
-    """Return the same with R(z) = 1 + z + ... + z^6/720."""
+    """Return a step as in `rk4_step`, with R(z) = 1 + z + ... + z^6/720."""
     c = 0.215698616936814233, 0.589123227484637551, 0.887069754615658149, 0.1643, 0.8179633309290967
     b = 0.0327885706189006, 0.282159545482237559, 0.296320423971946809, 0.194766711269656088
     return _nested_step(c, (*b, 0.102282590685891691), *args)
 
 
 def rk46_waves_step(*args: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, float]]:
-    """Return the same with R(z) of Berland, Bogey and Bailly."""
+    """Return a step as in `rk4_step`, with R(z) of Berland, Bogey and Bailly."""
     c = 0.465515130665907016, 0.123614612658358104, 0.44338770386844224, 0.9222, 0.5321417524599334
     b = 0.137085190131006644, 0.024058266856017584, 0.0245763656183909, 0.491341862869562718
     return _nested_step(c, (*b, 0.246267357324908651), *args)
@@ -533,13 +534,13 @@ def rk46_waves_step(*args: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, dic
 def _nested_step(
     c: Sequence[float], b: Sequence[float], *args: Any
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, float]]:
-    """Return the same by stages each of which follows from the last one alone."""
+    """Return a step as in `rk4_step`, by stages that each follow from the previous one alone."""
     rows = [], *([0] * k + [share] for k, share in enumerate(c))
     return _runge_kutta_step(rows, [*b, 1 - sum(b)], *args)
 
 
 def imex_step(*args: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, float]]:
-    """Return the same by the explicit part of the implicit-explicit method, of order 3."""
+    """Return a step by the explicit part of the implicit-explicit method, of order 3."""
     rows = [], [1 / 2], [11 / 18, 1 / 18], [5 / 6, -5 / 6, 1 / 2]
     return _runge_kutta_step(rows, [1 / 4, 7 / 4, 3 / 4, -7 / 4], *args)
 
@@ -610,7 +611,7 @@ def verlet_step(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return y and rod after a kick of dt/2, a drift of dt, and a kick of dt/2.
 
-    The second kick is by the forces at the new positions and the velocities v + dt a.
+    The second kick uses the forces at the new positions and the velocities v + dt a.
     """
     y = with_rod(scene, y, rod)
     F = right_hand_side(scene, geometry, t, y, rod, mode, u_drv0)
@@ -630,7 +631,7 @@ def verlet_step(
 
 @dataclass
 class Run:
-    """The state after `steps` steps, and what happened on the way.
+    """The state after `steps` steps, with works and switches.
 
     works: integrals of the powers (J) plus "switching", the switching loss.
     switches: (step, block, old mode, new mode), the step counted from 1.

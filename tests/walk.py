@@ -1,8 +1,8 @@
-"""Runs the blocks of a Markdown page in order, in the working folder: for tests and for the site.
+"""Run the blocks of a Markdown page in order, in the working folder, for tests and site.
 
-A block of Python goes on where the one before it ended. A block of TOML whose first line is a
-comment with a name becomes that file. A block of text is how the output of the block before it
-ends, where "..." stands for anything. Lines of `make` are left out: they are what runs the tests.
+A block of Python continues the previous one. A block of TOML whose first line is a comment with a
+name becomes a file of this name. A block of text is the end of the output of the previous block,
+where "..." stands for any text. Lines of `make` are left out, because they run the tests.
 """
 
 import contextlib
@@ -27,7 +27,7 @@ def blocks(page):
 
 
 def run(kind, text, known):
-    """Run a block; `known` are the names of those before it, and what the last one printed."""
+    """Run a block; `known` has the names of earlier blocks and the output of the last one."""
     if kind == "python":
         with contextlib.redirect_stdout(io.StringIO()) as printed:
             exec(compile(text, "block", "exec"), known)
@@ -54,8 +54,7 @@ def run(kind, text, known):
 
 
 def shown(source, folder, root):
-    """Run the blocks of a page in a new folder below `root`, and return the source of the page
-    with what each block printed, and what it drew."""
+    """Run the blocks of a page in a new folder below `root`; return the page with their output."""
 
     def with_output(found):
         names = {*folder.glob("*.png")}
@@ -81,6 +80,6 @@ def shown(source, folder, root):
         return BLOCK.sub(with_output, source)
 
 
-if __name__ == "__main__":  # page, a folder for what it writes, the root of the site
+if __name__ == "__main__":  # page, folder for its output, root of the site
     page, folder, root = map(Path, sys.argv[1:])
     print(shown(page.read_text(encoding="utf-8"), folder / page.stem, root))

@@ -1,1 +1,1 @@
-"""Is it right, how good, how fast. Each module is imported by itself, as each takes its time."""
+"""Checks of correctness, accuracy and cost; import each module by itself, because it is slow."""

@@ -1,9 +1,10 @@
-"""Error against cost of every level and stepper, for any scene and question.
+"""Error against cost of every engine and stepper, for any scene and question.
 
-Each level (static states, the ladder, the hybrid engine, full dynamics), geometry, stepper and step
-runs the scene once. Its record is compared, event by event, with full dynamics at a small step
-(`pyfric.record.differences`). Cost is processor time. What refuses the scene is listed with its
-reason, and what would not fit into the budget with the time that it was expected to take.
+The scene runs once with each method: each engine (static states, quasi-static sequence, hybrid,
+full dynamics), geometry, stepper and step. Each record is compared, event by event, with full
+dynamics at a small step (`pyfric.record.differences`). Cost is processor time. Methods that refuse
+the scene are listed with the reason. Methods too slow for the budget are listed with their expected
+time.
 """
 
 from __future__ import annotations
@@ -37,13 +38,14 @@ WANTS = {
     "stress": "stresses before and after events: RMS over F_N/N_x, worst event",
     "front_speed": "front speeds: 95th percentile of relative differences",
 }
-"""Question -> what its error is."""
+"""Question -> definition of its error."""
 EVENTS = 2
-"""Main events that a run has by default, as the quasi-static sequence has them."""
+"""Default length of runs, in main events of the quasi-static sequence."""
 TRANSITS = 2.0
-"""Times that a shear wave passes the slider in a default run of a scene without a ladder."""
+"""Default length of runs of a scene without a quasi-static sequence, in times of a shear wave along
+the slider."""
 FINEST = 1 / 16
-"""Step of the reference over the stability limit, or as near to it as half of the budget allows."""
+"""Step of the reference over the stability limit; larger if half of the budget requires it."""
 
 
 class Method(NamedTuple):
@@ -57,7 +59,7 @@ class Method(NamedTuple):
 
 
 def methods(scene: Scene) -> list[Method]:
-    """Return all that is tried, levels from below."""
+    """Return all methods, the cheapest engine first."""
     found = [Method("equilibrium"), Method("quasistatic")]
     six = default_stepper(scene, "located")
     for geometry in ("linear", "finite"):
@@ -82,22 +84,22 @@ def chart(
     budget: float = 60.0,
     say: Callable[[str], None] = lambda _: None,
 ) -> pd.DataFrame:
-    """Run a scene by every level and stepper.
+    """Run a scene by every engine and stepper.
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
-        t_end: end of the runs (s); None: just after the second main event of the ladder, or two
-            transits of a shear wave where there is no ladder.
-        budget: processor time (s). Half of it is for the reference, whose steps are as small as
-            that allows.
-        say: is told what comes next.
+        t_end: end of the runs (s). None means just after the second main event of the quasi-static
+            sequence, or two transits of a shear wave if there is no sequence.
+        budget: processor time (s). Half of it is for the reference, whose step is as small as this
+            time allows.
+        say: function that receives the name of the next step.
 
     Returns:
         One row for each method, the reference first. Columns: fidelity, geometry, switching,
         stepper, share (step over its stability limit), dt and t_end (s), seconds (processor time),
-        the errors of `WANTS` (NaN where nothing was compared), covered (the share of the time that
-        the record knows), events, and status: "reference",
-        "ok", or why there is no answer.
+        the errors of `WANTS` (NaN if nothing could be compared), covered (share of the time that
+        the record covers), events, and status: "reference", "ok", or the reason why there is no
+        result.
 
     Raises:
         SceneError: no scene, or t_end is refused.
@@ -119,7 +121,7 @@ def chart(
 
 
 def after_events(scene: Scene, events: int) -> float | None:
-    """Return a time just after so many main events of a driven scene, s; None without them."""
+    """Return a time (s) after `events` main events of a driven scene; None if there are fewer."""
     t_end = 2.0 * scene.F_N / (scene.driver.K * scene.driver.V)
     how = {"stop_when": f"main_events = {events + 1}", "progress": False}
     found = simulate(scene, t_end, fidelity="quasistatic", **how).events
@@ -136,7 +138,7 @@ def _default_end(scene: Scene) -> float:
 
 
 def _reference(scene: Scene, t_end: float, budget: float) -> Method:
-    """Return full dynamics at the smallest step of a row of halves that the budget pays for."""
+    """Return full dynamics at the smallest step, by halving, that the budget allows."""
     geometry, switching = default_geometry(scene), default_switching(scene)
     finest = Method("dynamic", geometry, switching, 0.5, default_stepper(scene))
     while finest.share > FINEST:
@@ -148,7 +150,7 @@ def _reference(scene: Scene, t_end: float, budget: float) -> Method:
 
 
 def _expected(scene: Scene, t_end: float, method: Method) -> float:
-    """Return the time that full dynamics takes, s; 0 for other levels, which take less."""
+    """Return the time that full dynamics takes, s; 0 for other engines, which take less."""
     if method.fidelity != "dynamic" or method.share is None:
         return 0.0
     dt = _step(scene, method)
@@ -157,7 +159,7 @@ def _expected(scene: Scene, t_end: float, method: Method) -> float:
 
 
 def _step(scene: Scene, method: Method) -> float | None:
-    """Return the step of a method, s; None where it makes none."""
+    """Return the step of a method, s; None if it has none."""
     if method.share is None:
         return None
     return method.share * stability_limit(scene, method.stepper)[0]
@@ -185,7 +187,7 @@ def run(
 def _measured(
     scene: Scene, t_end: float, method: Method, truth: Record, left: float
 ) -> dict[str, Any]:
-    """Return time, status and errors of a method; where it has no answer, the reason."""
+    """Return time, status and errors of a method; without a result, the reason as status."""
     expected = _expected(scene, t_end, method)
     if expected > left or not left:
         why = f"not run: about {expected:.2g} s, and {left:.2g} s of the budget are left"
@@ -199,7 +201,7 @@ def _measured(
 
 
 def _errors(record: Record, truth: Record, t_end: float) -> dict[str, Any]:
-    """Return the errors of `WANTS`; NaN where nothing was compared."""
+    """Return the errors of `WANTS`; NaN if nothing could be compared."""
     off = differences(record, truth)
     worst = {name: math.nan if error is None else error for name, error in off.errors().items()}
     t = truth.curve["t"].to_numpy()
@@ -229,7 +231,7 @@ def _named(method: Any) -> str:
 
 
 def report(table: pd.DataFrame) -> str:
-    """Return the chart as text: methods by cost, then those without an answer."""
+    """Return the chart as text: methods by cost, then methods without a result."""
     lines = [
         f"errors compared with full dynamics at a small step, up to {table['t_end'].iloc[0]:.3g} s",
         "method, its step over the limit, processor time (s), and the share of the time compared",
@@ -259,11 +261,11 @@ LOOKS = {
     "dynamic symplectic_euler": ("<", "#CC79A7"),
     "dynamic adaptive": (">", "#56B4E9"),
 }
-"""Marker and colour of each level and stepper; hollow where the geometry is linear."""
+"""Marker and colour of each engine and stepper; hollow for linear geometry."""
 
 
 def figure(table: pd.DataFrame) -> DataFigure:
-    """Return error over processor time, one panel for each question that has an answer."""
+    """Draw error over processor time, one panel for each question with a result."""
     wants = [want for want in WANTS if want in table and table[want].notna().any()]
     rows = math.ceil(max(len(wants), 1) / 2)
     fig = DataFigure(figsize=(7.2, 3.0 * rows + 0.4))
@@ -275,7 +277,7 @@ def figure(table: pd.DataFrame) -> DataFigure:
             marker, colour = LOOKS[row.fidelity + dynamic]
             full = colour if row.geometry == "finite" or math.isnan(row.share) else "none"
             error = getattr(row, want)
-            if not error > 0:  # where both are the same a logarithm shows nothing
+            if not error > 0:  # a logarithm cannot show an error of zero
                 continue
             (point,) = axes.loglog(row.seconds, error, marker, color=colour, mfc=full, ms=5)
             shown.setdefault((row.fidelity + dynamic).replace("_", " "), point)

@@ -1,8 +1,8 @@
-"""Where methods fail: regimes at the edge of the model, and what pyfric does there.
+"""Regimes in which methods fail, at the edge of the model, and what pyfric does in them.
 
-Each regime is a small scene, the behaviour that is stated for it, and a function that runs it and
-says what was seen. `observe` makes the table of all of them; `pyfric regimes` prints it, and the
-tests run the same table. Stated behaviour is one of
+Each regime is a small scene, its stated behaviour, and a function that runs it and returns the
+observed behaviour. `observe` makes the table of all regimes. `pyfric regimes` prints the table, and
+the tests run it, too. Stated behaviour is one of
 
 refusal   a `SceneError` before anything starts
 stop      a `RunError` that names step, time and block; the record until then is kept
@@ -38,13 +38,14 @@ from pyfric.values import SceneError
 Behaviour = Literal["refusal", "stop", "warning", "switch", "answer"]
 
 FORCE = 1e-6
-"""Forces of events between hybrid engine and full dynamics, over F_N, in linear geometry."""
+"""Largest difference of forces of events between hybrid engine and full dynamics, over F_N, in
+linear geometry."""
 BUDGET = 1e-6
-"""Error of the energy budget, over the largest energy exchanged."""
+"""Largest error of the energy budget, over the largest energy exchanged."""
 
 
 class Observed(NamedTuple):
-    """What was seen: a behaviour, text and, of an answer, a quantity with its value and limit."""
+    """An observation: behaviour, text and, for an answer, a quantity with its value and limit."""
 
     behaviour: str
     text: str
@@ -58,11 +59,11 @@ class Regime:
     """One regime.
 
     Attributes:
-        name: what is extreme.
-        scene: makes the scene.
-        behaviour: what is stated to happen.
-        text: the same in words.
-        look: runs the scene and says what was seen.
+        name: the extreme property.
+        scene: function that makes the scene.
+        behaviour: the stated behaviour.
+        text: the stated behaviour in words.
+        look: function that runs the scene and returns what it observed.
     """
 
     name: str
@@ -86,7 +87,7 @@ cascade = partial(_scene, setup1, {}, h=7.5e-3)
 
 
 def _changes(scene: partial[Scene]) -> str:
-    """Return a scene in words."""
+    """Return the changes of a scene in words."""
     setup, _ = scene.args
     kept = ", ".join(f"{key} = {value:g}" for key, value in scene.keywords.items())
     return f"{setup.__name__}: {kept}" if kept else setup.__name__
@@ -114,7 +115,7 @@ def _above_limit(scene: Callable[[], Scene]) -> Observed:
 
 
 def _stopped(scene: Callable[[], Scene], *, t_end: float) -> Observed:
-    """A run that stops with step, time and block, and keeps what was done."""
+    """A run that stops with step, time and block, and keeps its record so far."""
     try:
         _run(scene(), t_end, fidelity="dynamic")
     except RunError as error:
@@ -134,7 +135,7 @@ def _noted(scene: Callable[[], Scene], *, note: str, t_end: float = 1e-5, **how)
 
 
 def _moved_up(scene: Callable[[], Scene], *, t_end: float, finer: int) -> Observed:
-    """The hybrid engine becomes full dynamics and says so; the budget closes at a finer step."""
+    """The hybrid engine becomes full dynamics, with a note; the budget closes at a finer step."""
     record = _run(scene(), t_end, verify="none")
     said = next((note for note in record.notes if "integrated like in full dynamics" in note), "")
     if record.method.engine != "dynamic" and not said:
@@ -148,10 +149,10 @@ def _moved_up(scene: Callable[[], Scene], *, t_end: float, finer: int) -> Observ
 def _same(
     scene: Callable[[], Scene], *, t_end: float, least: int = 1, opens: bool = False
 ) -> Observed:
-    """Events of the hybrid engine, one by one, against full dynamics."""
+    """Events of the hybrid engine, compared one by one with full dynamics."""
     how = {"geometry": "linear"}
     a = _run(scene(), t_end, fidelity="dynamic", energies=False, **how)
-    # Slip that weakens grows before it ruptures, and with it what jumps leave.
+    # With slip weakening, slip grows before rupture, and so do errors of jumps.
     weakens = {"accuracy": 1e-8} if scene().law.weakens else {}
     b = _run(scene(), t_end, fidelity="hybrid", **weakens, **how)
     n = len(a.events)
@@ -167,7 +168,7 @@ def _same(
 
 
 def _continuous(scene: Callable[[], Scene], *, t_end: float) -> Observed:
-    """Dynamics without a drop of friction against growth of the slipping zone in equilibrium."""
+    """Dynamics without a drop of friction, compared with slip growing in equilibrium."""
     record = _run(scene(), t_end, fidelity="dynamic", geometry="linear", energies=False)
     curve = prediction_curve(scene()).curve
     within = (record.curve["t"] <= curve["t"].iloc[-1]).to_numpy()
@@ -261,7 +262,7 @@ STATED: dict[Any, Behaviour] = {
     _refused: "refusal", _above_limit: "refusal", _stopped: "stop", _noted: "warning",
     _moved_up: "switch",
 }  # fmt: skip
-"""What a look is for -> the behaviour that is then stated; "answer" for all others."""
+"""Function of a regime -> its stated behaviour; "answer" for all others."""
 _same_events = "hybrid engine and full dynamics agree event by event"
 _linear = {"fidelity": "hybrid", "geometry": "linear"}
 _ladder = {"fidelity": "quasistatic"}
@@ -349,14 +350,14 @@ def observe(
     """Run regimes and return a table with one row for each.
 
     Args:
-        regimes: which ones.
-        progress: called with the name of each before it runs.
+        regimes: the regimes to run.
+        progress: called with the name of each regime before it runs.
 
     Returns:
-        Columns regime, scene, stated (behaviour), text, observed (behaviour), quantity ("" where
-        nothing is measured), value and limit (NaN there), as_stated (behaviour as stated and value
-        within the limit), seconds (processor time) and says (what pyfric said, or what the run was
-        like).
+        Columns regime, scene, stated (behaviour), text, observed (behaviour), quantity ("" if
+        nothing is measured), value and limit (NaN if nothing is measured), as_stated (behaviour as
+        stated and value within the limit), seconds (processor time) and says (the message of
+        pyfric, or a summary of the run).
     """
     rows = []
     for regime in regimes:

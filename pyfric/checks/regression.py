@@ -1,4 +1,4 @@
-"""Runs against stored full dynamics, event by event.
+"""Runs compared with stored full dynamics, event by event.
 
 A stored set (`reference_data/make.py`) holds a scene of the paper, solved with full dynamics and
 located switching up to its first event over the whole interface. Three comparisons give `Check`s:
@@ -9,8 +9,8 @@ located switching up to its first event over the whole interface. Three comparis
 
 The quasi-static sequence is compared by the lengths and forces of its precursors (`ladder`).
 
-Events are compared, not trajectories: forces over F_N, stresses over F_N/N_x, lengths in blocks.
-What a run may differ by is in `HYBRID`, `DYNAMIC` and `STEP_END`, with its reason.
+Events are compared by forces over F_N, stresses over F_N/N_x, and lengths in blocks. `HYBRID`,
+`DYNAMIC` and `STEP_END` are the tolerances, with their reasons.
 """
 
 from __future__ import annotations
@@ -41,12 +41,13 @@ BINS = 10
 MANY = 100
 """Fewest blocks in fronts for a collapse."""
 LEAST = 0.02
-"""Blocks that carry less than this share of F_N/N_x have no tau/p worth comparing."""
+"""Least p, over F_N/N_x, of blocks whose tau/p is compared."""
 BEFORE, AFTER = 2e-4, 5e-3
-"""Times that a run of one event begins before its first slip, and ends after its last stick, s."""
+"""Times in s: a run of one event begins `BEFORE` its first slip and ends `AFTER` its last stick."""
 
 LADDER = 0.03
-"""Forces of the quasi-static sequence, over F_N: it has no inertia, so that nothing overshoots."""
+"""Tolerance of forces of the quasi-static sequence, over F_N. The sequence lacks inertia, which
+makes slip overshoot."""
 NO_INERTIA = "no inertia: nothing overshoots, and steps are a little shorter"
 
 
@@ -55,14 +56,14 @@ NO_INERTIA = "no inertia: nothing overshoots, and steps are a little shorter"
 
 @dataclass(frozen=True)
 class Check:
-    """A value that has to stay within a tolerance.
+    """A value with its tolerance.
 
     Attributes:
-        name: what was measured.
-        value: not negative; NaN where there was nothing to measure.
+        name: name of the measured value.
+        value: the value, >= 0; NaN if there was nothing to measure.
         tolerance: largest value that holds.
-        unit: of both; "" for pure numbers.
-        why: the reason of the tolerance.
+        unit: unit of value and tolerance; "" for pure numbers.
+        why: reason for the tolerance.
     """
 
     name: str
@@ -78,7 +79,7 @@ class Check:
 
 
 def largest(error: np.ndarray | list[float]) -> float:
-    """Largest size, NaN if one is missing or there are none."""
+    """Largest magnitude; NaN if a value is missing or no value is given."""
     return float(np.max(np.abs(error))) if len(error) else math.nan
 
 
@@ -90,7 +91,7 @@ def rms(error: np.ndarray) -> float:
 _TABLE = {
     # hybrid engine, linear and finite geometry; hybrid engine with switching at step ends
     "start": (5e-6, 3e-5, 2.5e-3),  # static force of main events at first slip, over F_N
-    "arrest": (5e-6, 3e-5, 0.01),   # the same at last stick
+    "arrest": (5e-6, 3e-5, 0.01),   # static force of main events at last stick
     "time": (1e-5, 5e-5, 4e-3),     # start of main events, s
     "small": (5e-6, 1e-3, None),    # static forces of the other events, over F_N
     "blocks": (0, 0, 2),            # first and last block of events; blocks in one of two fronts
@@ -109,18 +110,19 @@ _TABLE = {
 }
 # fmt: on
 Tolerances = namedtuple("Tolerances", _TABLE)
-"""What a run may differ by from full dynamics with located switching, and why; None: anything."""
+"""Tolerances against full dynamics with located switching, and their reason; None means no
+limit."""
 _LINEAR, _FINITE, STEP_END = map(Tolerances, *_TABLE.values())
 """Hybrid with switching at step ends. Measured: start 1.2e-3, arrest 5.1e-3, 1.9 ms, 2 blocks,
-stresses 0.06, behind the tip 0.12 (run 3), v_c 0.13, spread 0.07. Slow nucleation takes up to
-0.8 ms longer or shorter, so that rupture times say nothing."""
+stresses 0.06, behind the tip 0.12 (run 3), v_c 0.13, spread 0.07. Slow nucleation takes up to 0.8
+ms longer or shorter, so that rupture times are not compared."""
 HYBRID = {"linear": _LINEAR, "finite": _FINITE}
 """Hybrid with located switching, geometry -> tolerances. Measured in seven scenes: in linear
 geometry forces 3.5e-7, stresses 2e-6, rupture times 2e-8 s, v_c 5e-5; in finite geometry forces
-3e-6 (2.3e-4 for a single-block event of run 3), stresses 1.2e-5, rupture times 2.3e-7 s, v_c 6e-5;
-no block more or less."""
+3e-6 (2.3e-4 for a single-block event of run 3), stresses 1.2e-5, rupture times 2.3e-7 s, v_c 6e-5.
+The same blocks slip."""
 DYNAMIC = {geometry: within._replace(curve=None) for geometry, within in HYBRID.items()}
-"""Full dynamics of one event, from a hybrid state."""
+"""Tolerances of full dynamics of one event, from a hybrid state."""
 
 
 # --- stored sets ---------------------------------------------------------------------------------
@@ -143,7 +145,7 @@ def load(name: str, folder: str | os.PathLike[str] = INSTALLED) -> Reference:
     """Return a stored set, such as "fig1_linear".
 
     Raises:
-        FileNotFoundError: it is not in the folder.
+        FileNotFoundError: the set is not in the folder.
         SceneError: its scene is refused.
     """
     source = Path(folder) / name
@@ -182,7 +184,7 @@ def dynamic(known: Reference, event: int) -> Record:
 
 
 def quasistatic(known: Reference) -> Record:
-    """Return the quasi-static run of a set, whose system-size event may come later."""
+    """Return the quasi-static run of a set; its system-size event may come later."""
     how = {"fidelity": "quasistatic", "t_gap": known.about["t_gap"], "progress": False}
     return simulate(known.scene, 1.2 * known.about["t_end"], **how)
 
@@ -257,8 +259,8 @@ def stresses(known: Reference, made: Record, within: Tolerances) -> list[Check]:
 def crack_speeds(known: Reference, made: Record, within: Tolerances) -> list[Check]:
     """Compare fronts of the main events of a run with those of a set.
 
-    The spread is that about the stored points' binned median on the scaled prestress, of the run's
-    points less that of the stored ones; it is left out with fewer than 5 points for each bin.
+    The stored points have a binned median over the scaled prestress. The spreads of the run's and
+    of the stored points about this median are compared, if each bin has at least 5 points.
     """
     table, ours, theirs = fronts(made), [], []
     times, alone, ratios = [], [], []
@@ -299,21 +301,21 @@ def crack_speeds(known: Reference, made: Record, within: Tolerances) -> list[Che
 def precursors(events: pd.DataFrame, scene: Scene) -> pd.DataFrame:
     """Return the main precursors from the trailing edge before the first system-size event.
 
-    Their length is that of the farthest block: L_p is 0 where a corner block that hardly carries
-    load did not move.
+    Lengths are compared by the farthest block, because L_p is 0 if a corner block with little load
+    did not move.
     """
     main = events[events["is_main"] & events["at_trailing_edge"]]
     return main[(main["last_block"] == scene.N_x).cumsum() == 0]
 
 
 def ladder(known: Reference, made: Record, blocks: int, last: int | None = None) -> list[Check]:
-    """Compare each precursor of a set with one of a quasi-static run, which may have one more.
+    """Compare the precursors of a set with those of a quasi-static run, which may have one more.
 
     Args:
         known: the set, in the geometry of the run.
         made: the run.
         blocks: tolerance of lengths.
-        last: tolerance of the last, longest one; None means the same.
+        last: tolerance of the last, longest precursor; None means `blocks`.
     """
     a, b = (precursors(run.events, known.scene) for run in (known, made))
     more = len(b) - len(a)
@@ -341,7 +343,7 @@ def ladder(known: Reference, made: Record, blocks: int, last: int | None = None)
 
 
 def _checks(within: Tolerances, *measured: tuple[Any, ...]) -> list[Check]:
-    """Return checks of what was measured: name, value, tolerance and, maybe, unit."""
+    """Return checks from tuples: name, value, tolerance and, optionally, unit."""
     return [
         Check(name, float(value), limit, *unit, why=within.why)
         for name, value, limit, *unit in measured
@@ -352,7 +354,7 @@ def _checks(within: Tolerances, *measured: tuple[Any, ...]) -> list[Check]:
 def _events(
     known: Reference, made: Record, within: Tolerances
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Events of the set that a run covers, and those of the run up to the last of them."""
+    """Events of the set that a run covers, and events of the run up to the last of these."""
     begin, end = made.curve["t"].iloc[[0, -1]]
     a, b = known.events, made.events
     a = a[(a["t_start"] >= begin) & (a["t_stop"] + made.method.t_gap <= end)]
@@ -369,7 +371,7 @@ def _main(known: Reference, made: Record, within: Tolerances) -> list[tuple[int,
 
 
 def _still(known: Reference, t: np.ndarray) -> np.ndarray:
-    """Where nothing slips, a bit of ring-down aside."""
+    """Times at which nothing slips and the ring-down is nearly over."""
     quiet = t < known.whole["t_start"]
     for start, stop in known.events[["t_start", "t_stop"]].to_numpy():
         quiet &= ~((t > start - 1e-5) & (t < stop + 2e-4))

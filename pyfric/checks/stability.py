@@ -1,10 +1,11 @@
-"""Largest stable steps of a scene, computed and measured, and what happens beyond them.
+"""Largest stable steps of a scene, computed and measured, and growth beyond them.
 
-Computed: `pyfric.stability_limit`, from the eigenvalues of the scene's own operator. Measured: the
-slider at rest is shaken by next to nothing, once stuck to the surface and, where it stands on a
-foundation, once lifted off it. The core integrates it with steps of different length, and a
-bisection finds where the disturbance begins to grow. Nothing switches on the way, because neither
-the driver nor a load moves and friction holds all that comes. A run with such steps is refused.
+Computed limits are from `pyfric.stability_limit`, by eigenvalues of the scene's own operator.
+Measured limits are from a slider at rest with a tiny disturbance: once stuck to the surface and, on
+a foundation, once lifted off. The core integrates the motion with steps of different length, and
+bisection finds the step at which the disturbance begins to grow. No contact switches, because
+driver and loads do not move and friction is strong enough. `simulate` refuses steps beyond the
+limit.
 """
 
 from __future__ import annotations
@@ -27,17 +28,17 @@ from pyfric.statics import loaded_state, stability_limit
 LIMITED = ("rk4", "verlet", "symplectic_euler")
 """Explicit steppers with uniform steps."""
 BEYOND = (0.5, 0.9, 0.98, 1.02, 1.05, 1.1, 1.2, 1.5)
-"""Steps over the computed limit at which growth is measured."""
+"""Steps, over the computed limit, at which growth is measured."""
 STEPS, GROWTH, HALVINGS = 3000, 1e3, 9
 LOOKS = 300
-"""Times at which a disturbance is looked at."""
+"""Number of times at which the disturbance is recorded."""
 TINY = 1e-300
 NEXT_TO_NOTHING = 1e-12
 """Size of the disturbance, in l."""
 
 
 def at_rest(scene: Scene) -> Scene:
-    """Return the scene without driving, with friction that holds."""
+    """Return the scene without driving, with friction too strong for slip."""
     top, k_f = scene.top, None if scene.prescribed else float(np.max(scene.k_f))
     none = {"T": 0.0, "T_protocol": (), "protocol": (), "tau": 0.0, "push": ()}
     own = {field.name for field in dataclasses.fields(top)}
@@ -53,7 +54,7 @@ def at_rest(scene: Scene) -> Scene:
 def measured_limit(scene: Scene, stepper: str, around: float) -> float:
     """Return the largest step at which a disturbance does not grow, in s.
 
-    Nothing slips in the scene, which is at rest (V = 0). The step is looked for between 0.7 and 1.4
+    Nothing slips in the scene, which is at rest (V = 0). The step is searched between 0.7 and 1.4
     times `around` (s).
     """
     low, high = 0.7 * around, 1.4 * around
@@ -70,19 +71,19 @@ def grows(scene: Scene, stepper: str, dt: float) -> bool:
 
 
 def growth(scene: Scene, stepper: str, dt: float) -> float:
-    """Return by what a disturbance grows in a step, as ln(after/before); negative: it decays."""
+    """Return the growth of a disturbance in a step, ln(after/before); negative means decay."""
     rates = []
     for sizes in _shaken(scene, stepper, dt, LOOKS):
         half = (len(sizes) - 1) // 2
         steps = (len(sizes) - 1 - half) * (STEPS // LOOKS)
         ratio = max(sizes[-1], TINY) / max(sizes[half], TINY)
         rate = math.log(ratio) / steps
-        rates.append(rate if sizes[-1] > sizes[0] else min(rate, 0.0))  # what is left is rounding
+        rates.append(rate if sizes[-1] > sizes[0] else min(rate, 0.0))  # growth is rounding
     return max(rates)
 
 
 def _shaken(scene: Scene, stepper: str, dt: float, looks: int) -> Iterator[list[float]]:
-    """Yield lists of the largest speed (m/s) over time: of the slider stuck, then lifted off.
+    """Yield lists of the largest speed (m/s) over time: for the slider stuck, then lifted off.
 
     A list ends early if the speed has grown far too large.
     """
@@ -118,16 +119,16 @@ def stability(
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
-        budget: processor time (s) after which nothing more is measured.
-        say: is told what comes next.
+        budget: processor time (s), after which measurements end.
+        say: function that receives the name of the next step.
 
     Returns:
         One row for each stepper and step: stepper, computed and measured (largest stable step, s),
         ratio (measured over computed), share (step over the computed limit), dt (s), growth (ln of
-        the factor by which a disturbance grows in a step). NaN where the budget had ended.
+        the factor by which a disturbance grows in a step). NaN means that the budget had ended.
 
     Raises:
-        SceneError: no scene, or one that cannot be loaded.
+        SceneError: it is no scene, or the scene has no loaded state.
     """
     scene, begin, rows = as_scene(scene), time.process_time(), []
     still = at_rest(scene)

@@ -1,6 +1,6 @@
-"""Is this build right? The checks that a user can make of an installed package, in a minute.
+"""Checks of an installed package that a user can run in a minute.
 
-Exact answers, bits, and stored full dynamics (`pyfric.checks.regression`).
+The checks compare exact solutions, bits, and stored full dynamics (`pyfric.checks.regression`).
 """
 
 from __future__ import annotations
@@ -32,13 +32,14 @@ from pyfric.scene import chain, laws, setup1
 from pyfric.signals import at_once
 
 STEPS, SWITCHES = 300, 50
-"""Steps of the runs whose bits are compared, and how many contacts have to switch in them."""
+"""Number of steps of the runs whose bits are compared, and least number of contact switches in
+them."""
 RUNS = (
     ("linear", "finite", "step_end"),
     ("linear", "linear", "located"),
     ("table", "linear", "located"),
 )
-"""Kind of law, geometry and switching of these runs."""
+"""Kind of law, geometry and switching of the runs whose bits are compared."""
 
 
 class _OutOfTime(Exception):
@@ -46,10 +47,10 @@ class _OutOfTime(Exception):
 
 
 LIMIT = 50.0
-"""Processor time of all checks together, s: five times what those of a right build took where it
-was measured; with the start less than a minute. A wrong build may go on without end."""
+"""Largest processor time of all checks together, s: five times the time measured with a correct
+build. A wrong build might run without end."""
 ERRORS = (RuntimeError, ValueError, ArithmeticError, ImportError, OSError, _OutOfTime)
-"""What a wrong build may raise; the check then fails."""
+"""Exceptions of a wrong build, which make the check fail."""
 
 
 @at_once()
@@ -60,9 +61,9 @@ def verify(progress: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
         progress: called with the name of each group before it is made.
 
     Returns:
-        One row for each check. Columns: group, what is compared with what; name, value, tolerance,
-        unit and why (`pyfric.checks.regression.Check`); holds; note, what a reader of the group has
-        to know, such as what was skipped; seconds, wall time of the group.
+        One row for each check. Columns: group, the compared results; name, value, tolerance, unit
+        and why (`pyfric.checks.regression.Check`); holds; note, remarks on the group, such as
+        skipped checks; seconds, wall time of the group.
     """
     rows, begin = [], time.process_time()
     for group, make in _all():
@@ -82,7 +83,7 @@ def verify(progress: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
 
 @contextmanager
 def _limited(seconds: float) -> Iterator[None]:
-    """End the block after so much processor time; only the main thread can be ended."""
+    """End a with block after so much processor time; this works only in the main thread."""
     text = f"not run: all checks together may take {LIMIT:g} s of processor time"
     if seconds <= 0:
         raise _OutOfTime(text)
@@ -131,7 +132,7 @@ def _all() -> Iterator[tuple[str, Callable[[], Made]]]:
     at_ends = partial(regression.hybrid, switching="step_end")
     made = partial(_stored, "fig1_linear", at_ends, {"linear": STEP_END})
     yield "fig1_linear: switching at step ends", made
-    for event in (5, 37):  # a short and a long one
+    for event in (5, 37):  # a short and a long event
         made = partial(_stored, "fig1_linear", partial(regression.dynamic, event=event), DYNAMIC)
         yield f"fig1_linear: full dynamics of event {event}, from a hybrid state before it", made
     yield "fig1_linear: quasi-static sequence", _ladder
@@ -153,7 +154,7 @@ def _build() -> Made:
 
 
 def _bits() -> Made:
-    """Every variant, threads, and a run in two halves, against the variant in use on one thread."""
+    """Compare bits of all variants, of threads and of two halves with those of a usual run."""
     checks, skipped = (
         [],
         [f"{n} (not on this processor)" for n, r in core.variants().items() if not r],
@@ -186,7 +187,7 @@ def digest(
     threads: int,
     halves: bool = False,
 ) -> tuple[str, int]:
-    """Return a checksum of all that a short run leaves, and how many contacts switched in it.
+    """Return a checksum of all results of a short run, and its number of contact switches.
 
     The loaded slider is shaken, at 20 m/s, so that its blocks slip at once. In `halves`, the state
     is saved and loaded after half of the steps.
@@ -244,7 +245,7 @@ def _weakening() -> float:
 def _stored(
     name: str, run: Callable[[regression.Reference], Record], within: dict[str, Tolerances]
 ) -> Made:
-    """A run of a stored set against it, within the tolerances of its geometry."""
+    """A run of the scene of a stored set, compared with the set."""
     known = regression.load(name)
     allowed = within[known.about["geometry"]]
     return regression.compare(known, run(known), allowed), allowed.why

@@ -16,6 +16,6 @@ def start() -> None:
 
 
 def _end(number: int, frame: FrameType | None) -> NoReturn:
-    """Leave while no command has anything to save."""
+    """End the process while there is nothing to save."""
     os.write(2, b"interrupted\n")
     os._exit(128 + number)

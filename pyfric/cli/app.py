@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
 
 EXTRA = re.compile(r"extra arguments? \(([^\s)]+)")
-"""What click says of arguments that a command does not take."""
+"""Message of click on arguments that a command does not take."""
 
 
 class _Listed:
-    """A command in a section of a list, which shows its whole first paragraph.
+    """A command in a section of the help page, which shows its whole first paragraph.
 
-    `example` is a line that it understands, for those who leave something out.
+    `example` is a valid command line, shown after a usage error.
     """
 
     def __init__(
@@ -43,12 +43,12 @@ class Command(_Listed, click.Command):
     """A command of `Commands`."""
 
     def get_help_option_names(self, ctx: click.Context) -> list[str]:
-        """Return both names, also beside a context of its own: click keeps the first answer."""
+        """Return the same names in any context, because click caches the first answer."""
         return ["-h", "--help"]
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         def with_hyphens(word: str) -> str:
-            """Return an option, which may be written with underscores as in Python."""
+            """Return an option with hyphens, if it was written with underscores as in Python."""
             name, sign, value = str(word).partition("=")
             other = name.replace("_", "-")
             known = name.startswith("--") and name not in names and other in names
@@ -70,7 +70,7 @@ class Command(_Listed, click.Command):
             raise click.UsageError(text, error.ctx) from None
 
     def _hint(self, error: click.UsageError) -> str:
-        """Return the line to write instead of one that was not understood."""
+        """Return a suggestion for a command line that was not understood."""
         from pyfric.cli import hints
 
         if isinstance(error, click.NoSuchOption):
@@ -105,7 +105,7 @@ class Commands(_Listed, click.Group):
         return super().resolve_command(ctx, args)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the names of the commands: run, which most people look for, and the others."""
+        """Return the names of the commands, run first."""
         return sorted(self.commands, key=lambda name: (name != "run", name))
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -132,7 +132,7 @@ class Commands(_Listed, click.Group):
             except KeyboardInterrupt:
                 stop(signalled(), "interrupted")
             except Exception as error:
-                if asked_to_stop():  # such as an import that was cut short
+                if asked_to_stop():  # such as an interrupted import
                     stop(signalled(), "interrupted")
                 code = _code(error)
                 if code is None:
@@ -144,7 +144,7 @@ class Commands(_Listed, click.Group):
 
 
 def _once() -> Callable[..., None]:
-    """Return what shows a warning as one line on stderr, the same text once."""
+    """Return a function that shows a warning as one line on stderr; equal texts are shown once."""
     shown = set()
 
     def show(message: Warning | str, *where: Any) -> None:
@@ -156,11 +156,11 @@ def _once() -> Callable[..., None]:
 
 
 def _code(error: Exception) -> Exit | None:
-    """Return the exit code of a refusal or failure; None for what nobody expects."""
+    """Return the exit code of a refusal or failure; None for an unexpected error."""
     import pyfric
 
     variant = isinstance(error, ImportError) and str(error).startswith("PYFRIC_VARIANT")
-    if variant or isinstance(error, pyfric.SceneError):  # the others need the core
+    if variant or isinstance(error, pyfric.SceneError):  # the other errors need the core
         return Exit.BAD_INPUT
     if isinstance(error, pyfric.StateError | pyfric.RecordError):
         return Exit.BAD_INPUT
@@ -180,8 +180,7 @@ def main() -> None:
     """Simulate how an elastic block starts to slide on a frictional surface.
 
     A command that writes one file, or files named after one stem, replaces existing files only with
-    --overwrite, as Record.save does with overwrite=True; a run that goes on replaces its earlier
-    part. A command that writes into a folder makes the folder and replaces files with the
-    same names. --json prints the result as JSON, and --quiet prints errors only. Progress is shown
-    only in a terminal.
+    --overwrite. A continued run replaces its earlier part. A command that writes into a folder
+    makes the folder and replaces files with the same names. --json prints the result as JSON, and
+    --quiet prints errors only. Progress is shown only in a terminal.
     """

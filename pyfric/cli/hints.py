@@ -1,7 +1,7 @@
-"""What the command line says of words that it does not know, and errors in its own words.
+"""Messages of the command line: hints for unknown words, and errors in terms of options.
 
-Words are those of `pyfric.values.words`. Errors of Python functions name arguments, such as
-units={"t": "s"}; the command line says --unit t=s.
+`pyfric.values.words` finds similar words. Errors of Python functions name arguments, such as
+units={"t": "s"}. On the command line they name the option, --unit t=s.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def _line_in_shell(text: str, options: dict[str, str]) -> str:
     option = options.get(name, "")
     if option and sign == ".":
         head = f"{option} {rest.replace(' = ', '=', 1)}"
-    elif option and plain(option) != plain(name):  # any other one is clear by its name
+    elif option and plain(option) != plain(name):  # other options have the name of the argument
         head = f"{option}{sign.replace(' = ', ' ')}{rest}"
 
     def table(found: re.Match[str]) -> str:
@@ -74,14 +74,14 @@ def _line_in_shell(text: str, options: dict[str, str]) -> str:
 
 
 def _value(text: str) -> str:
-    """Return a value of a dict as it stands in an option."""
+    """Return a value of a dict as it is written in an option."""
     if text.startswith("("):
         return ":".join(part.strip(" \"'") for part in text.strip("()").split(","))
     return "NAME" if text.startswith("name") else text.strip("\"'")
 
 
 def of_command(word: str, known: Iterable[str]) -> str:
-    """Return the line to write for a command that does not exist, or ""."""
+    """Return a suggestion for a command that does not exist, or ""."""
     if word in PRESETS or word.endswith(".toml"):
         return f"Write: pyfric run {word} --t-end '400 ms'"
     if word.endswith(".nc"):
@@ -94,7 +94,7 @@ def of_command(word: str, known: Iterable[str]) -> str:
 
 
 def of_option(word: str, command: click.Command) -> str:
-    """Return the line to write for an option that a command has not, or ""."""
+    """Return a suggestion for an option that a command does not have, or ""."""
     word, options = word.lstrip("-"), options_of(command)
     if instead := line(word, "shell"):
         return f"Write: {instead}"
@@ -108,7 +108,7 @@ def of_option(word: str, command: click.Command) -> str:
 
 
 def of_extra(word: str, command: click.Command) -> str:
-    """Return the line to write for an argument that a command does not take, or ""."""
+    """Return a suggestion for an argument that a command does not take, or ""."""
     if "=" not in word:
         return ""
     if "changes" in options_of(command):

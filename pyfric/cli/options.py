@@ -1,7 +1,7 @@
-"""Options of runs on the command line, which follow from the declarations of `pyfric.Options`.
+"""Options of runs on the command line, from the declarations of `pyfric.Options`.
 
-Those are read when a command is used or asked for its help: the list of all commands waits for no
-library.
+The declarations are read only when a command is used or its help is shown. The list of all commands
+is therefore fast.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ if TYPE_CHECKING:
     from pyfric.values import Annotation
 
 ELSEWHERE = ("checkpoint", "checkpoint_every")
-"""Options without a word of their own: --out of `pyfric run` is the checkpoint."""
+"""Options of runs without an option on the command line. --out of `pyfric run` is the
+checkpoint."""
 
 
 class OptionsCommand(Command):
-    """A command that has options of runs, all or those with these names, before `before`."""
+    """A command with options of runs, all or those with given names, placed before `before`."""
 
     def __init__(
         self, *given: Any, options: Sequence[str] = (), before: str = "quiet", **more: Any

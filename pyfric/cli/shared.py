@@ -1,4 +1,4 @@
-"""What commands share: exit codes, parameters, options, output."""
+"""Common parts of commands: exit codes, parameters, options, output."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 CLAIM = ".running"
-"""End of the name of a file that is locked while a command makes what stands beside it."""
+"""End of the name of a file that is locked while a command makes the output beside it."""
 
 
 class Exit(enum.IntEnum):
@@ -62,8 +62,8 @@ def signalled() -> int:
     """Return the exit code of a command that was asked to stop."""
     from pyfric.signals import asked_to_stop
 
-    # Where KeyboardInterrupt left a text that Python ran, as libraries do when they are imported,
-    # `python -m` would end by SIGINT; the next text makes it forget.
+    # If KeyboardInterrupt ended a text that Python executed, as imports of libraries do, `python
+    # -m` would end by SIGINT. Executing another text prevents this.
     eval("0")
     return 128 + (asked_to_stop() or signal.SIGINT)
 
@@ -80,7 +80,7 @@ def stop_unless_complete(record: Record, hint: str) -> None:
 
 
 class Listed(click.Choice[str]):
-    """Choices that a registry lists; it is imported when they are asked for."""
+    """Choices from a registry, which is imported only when needed."""
 
     def __init__(self, names: Callable[[], Iterable[str]]) -> None:
         self.names, self.case_sensitive = names, True
@@ -103,7 +103,7 @@ def fidelity_option(default: str, text: str) -> Callable[[Any], Any]:
 
 
 class SceneName(click.ParamType):
-    """A preset or a file. Shells complete both."""
+    """A preset or a file, which shells can complete."""
 
     name = "scene"
 
@@ -176,7 +176,7 @@ def record_of(path: str) -> Record:
     """Return the record in this file.
 
     Raises:
-        RecordError: there is none.
+        RecordError: the file is not a record.
     """
     import pyfric
     from pyfric.scene import PRESETS
@@ -198,11 +198,11 @@ def check_out(
     suffix: str = "",
     reads: Iterable[str | Path | None] = (),
 ) -> None:
-    """Refuse an output before anything starts, by the same rule for all commands.
+    """Refuse an output before anything starts. All commands use this rule.
 
-    It is the file `out`, in the format of `suffix`, or several files with this stem and different
-    `ends`. All must be writable (`pyfric.scene.check_writable`). A file is replaced only with
-    --overwrite, and one that the command `reads` never.
+    The output is the file `out`, in the format of `suffix`, or several files with this stem and
+    different `ends`. All files must be writable (`pyfric.scene.check_writable`). A file is replaced
+    only with --overwrite. A file that the command `reads` is never replaced.
     """
     if out is None:
         return
@@ -239,10 +239,10 @@ def _check_writable(out: Path, path: Path, option: str, suffix: str = "") -> Non
 
 @contextmanager
 def claimed(out: Path | None, what: object, option: str = "--out") -> Iterator[None]:
-    """Refuse an output, for the block, that another process makes from something else meanwhile.
+    """Claim an output in a with block; refuse it if another process makes different results there.
 
-    A file beside the output is locked, as long as this process lives. Where nothing can be locked,
-    nobody is refused. `what` says what it is made from.
+    A file beside the output is locked while this process lives. Without locks in the folder,
+    nothing is refused. `what` describes the inputs of the output.
     """
     if out is None:
         yield
@@ -317,7 +317,7 @@ class _Folder(click.Path):
 
 
 def _named(kind: click.ParamType, value: Any, param: Any, ctx: Any) -> str:
-    """Return a path with the home folder for ~, which shells leave inside of quotes."""
+    """Return a path with the home folder for ~, which shells do not expand inside quotes."""
     text = os.fspath(value)
     if text == "-":
         kind.fail("results are not written to stdout: name a place for them.", param, ctx)
@@ -325,7 +325,7 @@ def _named(kind: click.ParamType, value: Any, param: Any, ctx: Any) -> str:
 
 
 class _File(click.Path):
-    """The path of a file or of the stem of a figure: neither is empty, or ends like a folder."""
+    """The path of a file or the stem of a figure; not empty, and not a folder."""
 
     def convert(self, value: Any, param: Any, ctx: Any) -> Any:
         text = os.fspath(value)
@@ -366,7 +366,7 @@ figure_out_option = folder_option(
 
 @dataclass(frozen=True)
 class Tell:
-    """What a command prints: its result on stdout, as JSON with --json, nothing with --quiet.
+    """The output of a command: its result on stdout, as JSON with --json, nothing with --quiet.
 
     Progress is shown on stderr, if stderr is a terminal.
     """
@@ -380,7 +380,7 @@ class Tell:
         return not (self.quiet or self.as_json) and sys.stderr is not None and sys.stderr.isatty()
 
     def step(self, text: str) -> None:
-        """Say what comes next."""
+        """Print the name of the next step."""
         if self.progress:
             click.echo(text, err=True)
 
@@ -427,7 +427,7 @@ def check_table(out: Path | None, overwrite: bool) -> None:
 
 
 def command_line() -> str:
-    """Return the command as it was given, for `provenance`."""
+    """Return the command line as given, for `provenance`."""
     return shlex.join(["pyfric", *sys.argv[1:]])
 
 

@@ -38,7 +38,7 @@ from pyfric.values import no_attribute
 
 
 def __getattr__(name: str) -> Any:
-    """Say what draws what no function of this name draws."""
+    """Refuse a name that no function has, and suggest one."""
     raise no_attribute("figures", name, sys.modules[__name__], known=__all__)
 
 

@@ -1,4 +1,4 @@
-"""One event run again with full dynamics, to look at what the record does not hold."""
+"""One event run again with full dynamics, for data that the record does not hold."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pyfric.record import Record
 from pyfric.values import SceneError
 
 LEAD = 20
-"""Steps between the state that a run up to it gives and the event."""
+"""Number of steps before an event at which the run with full dynamics begins."""
 
 
 def again(
@@ -29,20 +29,20 @@ def again(
 ) -> Iterator[tuple[Any, State]]:
     """Yield the core's model, and its state at the first step end from each time on.
 
-    The event is run again from a state shortly before it, which the hybrid engine gives. On
-    junctions and on a prescribed interface full dynamics gives it, which takes as long as the run
-    up to there did.
+    The event is run again from a state shortly before it. The state comes from a run of the hybrid
+    engine up to it. On junctions and on a prescribed interface this run needs full dynamics, and
+    takes as long as the original run.
 
     Args:
         record: a run of the hybrid or the dynamic engine; its geometry and stepper are kept.
-        event: its number, from 1; both passed `check_event`.
+        event: number of the event, from 1. Record and event have passed `check_event`.
         times: rising times, s.
-        initial: the state that the run began from; None for the loaded slider.
-        dt: step from the first of these times on, s; None for that of the run.
+        initial: the state from which the run began; None for the loaded slider.
+        dt: step from the first of `times` on, s; None for that of the run.
 
     Raises:
-        SceneError: a stepper that the hybrid engine lacks, or a run that began from another state:
-            another one is found before the event, or nothing slips where it should.
+        SceneError: the hybrid engine lacks the stepper; or the run began from another state, as
+            other events before the event, or a missing event, show.
     """
     scene, method = record.scene, record.method
     first = 0.0 if initial is None else initial.t
@@ -79,7 +79,7 @@ def again(
 
 
 def another_start() -> SceneError:
-    """Return the refusal of a run that began from another state."""
+    """Return the error for a run that began from another state."""
     allowed = "a run from the loaded slider at t = 0, or the state that it began from, as initial"
     return SceneError("record", "a run from another state", "", allowed)
 

@@ -1,4 +1,4 @@
-"""A fit: data over model, residuals, profiles; a tornado plot of sensitivities."""
+"""Figures of a fit (data, model, residuals, profiles), and a tornado plot of sensitivities."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from pyfric.figures.style import (
 from pyfric.fitting import COUNTS, QUANTITIES, Fit, Sensitivity
 
 LIMITS = (-2, 2)
-"""Standard deviations between which residuals of a model that fits mostly lie."""
+"""Range, in standard deviations, of most residuals of a model that fits."""
 
 
 def fit_page(fit: Fit) -> DataFigure:
-    """Draw a fit: forces of events, or what else was measured, residuals, and profiles.
+    """Draw a fit: forces of events or other measurements, residuals, and profiles.
 
     Returns:
         The figure. Its tables are "events", "others" and "profiles".
@@ -76,7 +76,7 @@ def fit_page(fit: Fit) -> DataFigure:
 
 
 def _draw_events(fit: Fit, forces: Axes, residuals: Axes) -> str:
-    """Draw forces of events, measured and of the model, and residuals; return what they are."""
+    """Draw measured and model forces of events, and residuals; return the title."""
     at = np.arange(1, len(fit.table) + 1)
     looks = {"peak": ("^", BLUE, "start"), "valley": ("v", VERMILION, "end")}
     for name, (symbol, colour, text) in looks.items():
@@ -99,11 +99,11 @@ LOOKS = {
     "arrivals": ("Arrivals of fronts", "$t$ (s)", "$x$ (m)"),
     "known": ("What was known", "value", ""),
 }
-"""Kinds of measurements -> what they are, and labels of the axes; the first one is drawn."""
+"""Kinds of measurements -> title and labels of the axes; the first kind present is drawn."""
 
 
 def _draw(fit: Fit, values: Axes, residuals: Axes) -> str:
-    """Draw other measurements of the first curve and the model, and return what they are."""
+    """Draw other measurements of the first curve and of the model, and return the title."""
     part = fit.others[fit.others["curve"] == 1]
     kind = next(kind for kind in LOOKS if kind in set(part["kind"]))
     part = part[part["kind"] == kind]

@@ -1,4 +1,4 @@
-"""Figs. 3 and 4: stresses along the interface, and how fast rupture fronts run there."""
+"""Figs. 3 and 4: stresses along the interface, and speeds of rupture fronts."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ STATES = {"initial": (GREY, ":", 1.2), "before": (BLUE, "--", 1.0), "after": (VE
 LOOKS = ((BLUE, "o"), (ORANGE, "s"), (GREEN, "^"), (VERMILION, "D"))
 """Colour and marker of each run."""
 MEDIANS = 10
-"""Bins of the medians of a run."""
+"""Number of bins for the medians of a run."""
 MEDIAN = {"mec": "black", "mew": 0.5, "ms": 3.4}
-"""Look of their markers."""
+"""Style of the markers of medians."""
 
 
 @figure(
@@ -61,7 +61,7 @@ def fig3a(record: Record, event: int | None = None) -> DataFigure:
     """Fig. 3(a) of the paper: p and tau along the interface, at F_T = 0 and about one precursor.
 
     Top: p over F_N/N_x. Bottom: tau, with the thresholds mu_s p before and mu_k p after the event.
-    Which precursor the paper shows is not known: for its run, that of Fig. 4(a) is taken.
+    The paper does not say which precursor it shows. The precursor of Fig. 4(a) is drawn.
 
     Args:
         record: the run.
@@ -82,7 +82,7 @@ def fig3a(record: Record, event: int | None = None) -> DataFigure:
 
     fig, (top, bottom) = panels(3.6, (1, 1.35), sharex=True)
     force = {"initial": 0.0, "before": row["F_T_start"], "after": row["F_T_arrest"]}
-    for state, table in reversed(states.items()):  # lines with gaps on top: equal ones are all seen
+    for state, table in reversed(states.items()):  # dashed on top: equal lines stay visible
         colour, line, width = STATES[state]
         look = {"color": colour, "ls": line, "lw": width, "zorder": 3}
         text = rf"$F_\mathrm{{T}}/F_\mathrm{{N}}$ = {force[state] / record.scene.F_N:.3g}"
@@ -94,7 +94,7 @@ def fig3a(record: Record, event: int | None = None) -> DataFigure:
     _mark_tip(top, bottom, (row["L_p_over_L"] * N_x - 1) / (N_x - 1))
     top.set_ylim(bottom=0)
     top.set_ylabel(r"$p\,N_x/F_\mathrm{N}$")
-    bottom.margins(y=0.12)  # room for the name of a threshold that is the highest
+    bottom.margins(y=0.12)  # room for the name of the highest threshold
     bottom.set_ylabel(r"$\tau\,N_x/F_\mathrm{N}$")
     bottom.set_xlabel(r"position $x/L$ from the trailing edge")
     bottom.set_xlim(0, 1)
@@ -116,8 +116,8 @@ def fig3b(record: Record) -> DataFigure:
     """Fig. 3(b) of the paper: how precursors change p, and (its inset) p after sliding.
 
     Top: p over the p of the same block at F_T = 0, after every second main precursor of the first
-    loading; a dot marks the last block of each. Bottom: p over F_N/N_x after each event over the
-    whole interface.
+    loading; a dot marks the last block of each precursor. Bottom: p over F_N/N_x after each event
+    over the whole interface.
 
     Raises:
         SceneError: the record holds no precursor or no event over the whole interface.
@@ -151,10 +151,10 @@ def fig3b(record: Record) -> DataFigure:
 
 
 def longest_precursor(record: Record) -> int:
-    """Return the longest main precursor of the first loading, the first one if several are equal.
+    """Return the longest main precursor of the first loading, the first of equal ones.
 
     Raises:
-        SceneError: there is none.
+        SceneError: the run has no main precursor.
     """
     found = precursor_lengths(record)
     if found.empty:
@@ -213,7 +213,7 @@ def fig4a(record: Record, event: int | None = None) -> DataFigure:
 def fig4b(records: Sequence[Record]) -> DataFigure:
     """Fig. 4(b) of the paper: front speed against prestress, all main events of several runs.
 
-    Top: against tau/p. Bottom (its inset): against (tau/p - mu_k)/(mu_s - mu_k).
+    Top: v_c against tau/p. Bottom (inset in the paper): v_c against (tau/p - mu_k)/(mu_s - mu_k).
 
     Args:
         records: runs with the small steps of want = "front_speed".
@@ -258,7 +258,7 @@ def fig4b(records: Sequence[Record]) -> DataFigure:
 
 
 def _thresholds(axes: Axes, states: dict[str, pd.DataFrame], friction: Law) -> None:
-    """The lines mu_s p before and mu_k p after the event."""
+    """Draw the lines mu_s p before and mu_k p after the event."""
     for state, mu, name in (("before", friction.mu_s, "s"), ("after", friction.mu_k, "k")):
         table, (colour, _, _) = states[state], STATES[state]
         threshold = mu * table["p"]
@@ -277,7 +277,7 @@ def _thresholds(axes: Axes, states: dict[str, pd.DataFrame], friction: Law) -> N
 
 
 def _mark_tip(top: Axes, bottom: Axes, tip: float) -> None:
-    """A line at x/L of the last block of an event."""
+    """Draw a line at x/L of the last block of an event."""
     for axes in (top, bottom):
         axes.axvline(tip, color="0.6", lw=0.6, ls=(0, (1, 2)), zorder=0)
     bottom.axhline(0, color="0.6", lw=0.5, zorder=0)
@@ -323,17 +323,17 @@ def _after_sliding(axes: Axes, record: Record, events: list[int]) -> list[pd.Dat
 def _draw_runs(
     both: Sequence[Axes], records: Sequence[Record], points: pd.DataFrame
 ) -> tuple[list[Line2D], pd.DataFrame]:
-    """Draw the points of each run and, over them, its medians, where there are enough points.
+    """Draw the points of each run and, if there are enough, their medians on top.
 
     Returns:
-        One legend handle for each run; run, scene, axis, its median, and v_c of each median.
+        One legend handle for each run; and the medians: run, scene, axis, median on the axis, v_c.
     """
     handles, tables = [], [pd.DataFrame(columns=["at", "v_c", "run", "scene", "axis"])]
     for n, record in enumerate(records, 1):
         colour, shape = LOOKS[(n - 1) % len(LOOKS)]
         rows, friction = points[points["run"] == n], record.scene.law.mean
         look = {"ls": "", "marker": shape, "ms": 1.8, "color": colour, "alpha": 0.35, "mew": 0.3}
-        look["zorder"] = 3 - len(rows) / max(len(points), 1)  # few on top
+        look["zorder"] = 3 - len(rows) / max(len(points), 1)  # runs with few points on top
         look["rasterized"] = len(rows) > 5000
         medians = {"color": colour, "marker": shape, "lw": 1.2, "zorder": 5, **MEDIAN}
         for axes, x in zip(both, ("tau_over_p", "scaled"), strict=True):
@@ -352,10 +352,10 @@ def _draw_runs(
 
 
 def _speeds(axes: Axes, scene: Scene) -> float:
-    """Mark speeds of long waves as the paper does, c_L and c_S, or c of a chain.
+    """Mark speeds of long waves: c_L and c_S as in the paper, or c of a chain.
 
     Returns:
-        The largest of them, m/s.
+        The largest of these speeds, m/s.
     """
     shown = {name: speed for name, speed in speeds(scene).items() if name != "c_R"}
     for name, speed in shown.items():

@@ -1,4 +1,4 @@
-"""Fig. 2: how far precursors reach at which force, with the prediction of mu_s = mu_k."""
+"""Fig. 2: lengths of precursors against force, with the prediction for mu_s = mu_k."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from pyfric.values import SceneError
 COLOURS = (SKY, BLUE, GREEN, ORANGE, VERMILION, PURPLE)
 MARKERS = "os^D"
 SHIFT = 0.1
-"""Between loads, in F_T/F_N."""
+"""Shift between loads, in F_T/F_N."""
 
 
 @figure("Fig. 2(a): precursor length against force, setup 1", runs="fig2a")
@@ -45,9 +45,9 @@ def fig2a(records: Sequence[Record]) -> DataFigure:
     """Fig. 2(a) of the paper: precursor length against force after arrest, setup 1.
 
     Colours are h, markers L. Lines are `prediction_curve`, one for each L and h. Small dots are
-    precursors that reach no further than an earlier one. If runs with equal L and h
-    have different F_N, panel (b) shows these runs again. Each F_N and its prediction are shifted to
-    the right.
+    precursors that reach no further than an earlier precursor. If runs with equal L and h have
+    different F_N, panel (b) shows these runs again. Each F_N and its prediction are shifted to the
+    right.
 
     Args:
         records: runs of setup 1 up to sliding; L, h and F_N may differ.
@@ -92,7 +92,7 @@ def fig2a(records: Sequence[Record]) -> DataFigure:
 def _draw_loads(
     axes: Axes, points: pd.DataFrame, curves: pd.DataFrame, shape: dict[float, str]
 ) -> None:
-    """Draw the runs that differ in F_N alone, each F_N beside the last."""
+    """Draw runs that differ only in F_N, each F_N shifted from the previous one."""
     handles = []
     for n, (F_N, rows) in enumerate(points.groupby("F_N")):
         colour = (BLUE, VERMILION, GREEN)[n % 3]
@@ -116,7 +116,7 @@ def fig2b(records: Sequence[Record]) -> DataFigure:
     """Fig. 2(b) of the paper: as Fig. 2(a), for setup 2 and several slopes theta of the load.
 
     Raises:
-        SceneError: there is no record, or one that is not of setup 2.
+        SceneError: there is no record, or a record is not of setup 2.
     """
     records = listed(records)
     for record in records:
@@ -166,7 +166,7 @@ PREDICTED = r"$\mu_\mathrm{s}=\mu_\mathrm{k}$ prediction"
 
 def lengths_of(records: Sequence[Record]) -> pd.DataFrame:
     """Length and force of all precursors: scene, L_mm, h_mm, F_N, theta (NaN without), event,
-    F_T_over_F_N, L_p_over_L, and advances, whether it reaches further than all before it."""
+    F_T_over_F_N, L_p_over_L, and advances, whether it reaches further than all earlier ones."""
     tables = []
     for record in records:
         table = precursor_lengths(record).rename(columns={"force": "F_T_over_F_N"})
@@ -177,7 +177,7 @@ def lengths_of(records: Sequence[Record]) -> pd.DataFrame:
 
 
 def _named(scene: Scene, table: pd.DataFrame) -> pd.DataFrame:
-    """Return a table behind columns that say which scene it is of."""
+    """Return a table with its scene in leading columns."""
     columns = {
         "scene": scene.name,
         "L_mm": round(scene.slider.L * 1e3, 9),

@@ -30,7 +30,7 @@ from pyfric.figures.style import (
 from pyfric.record import Record, analysis, main_blocks, numbered
 
 CURVE_BINS = 2000
-"""Columns of the loading curve's envelope: about two per pixel at column width."""
+"""Number of bins of the loading curve's envelope: about two per pixel at column width."""
 
 KINDS = {
     "whole": ("whole interface", VERMILION, 1.5, 3),
@@ -42,7 +42,7 @@ KINDS = {
 
 @figure("Fig. 1(a): the scene, to scale", runs="fig1")
 def fig1a(record: Record) -> DataFigure:
-    """Fig. 1(a) of the paper: the sketch of what was run; see `sketch`."""
+    """Fig. 1(a) of the paper: a sketch of the scene; see `sketch`."""
     single(record)
     return sketch(record.scene)
 
@@ -51,10 +51,10 @@ def fig1a(record: Record) -> DataFigure:
 def fig1b(record: Record) -> DataFigure:
     """Fig. 1(b) of the paper: loading curve, and where the interface slips in each event.
 
-    Top: F_T/F_N against time, with mu_k as a reference. Bottom: each event as a vertical bar at
-    the time of its first slip, over the blocks that slipped; x/L from the trailing edge. Block n
-    covers (n-1)/N_x to n/N_x, so that a bar from the trailing edge ends at L_p/L. Blocks that
-    only made corner slips, or were open when the event ended, are drawn thin.
+    Top: F_T/F_N against time, with mu_k as a reference. Bottom: each event is a vertical bar at the
+    time of its first slip, over the slipped blocks. The axis is x/L from the trailing edge. Block n
+    covers (n-1)/N_x to n/N_x, so that a bar from the trailing edge ends at L_p/L. Blocks that only
+    made corner slips, or were open when the event ended, are drawn thin.
     """
     single(record)
     fig, (top, bottom) = panels(3.3, (1.15, 1), sharex=True)
@@ -70,7 +70,7 @@ def fig1b(record: Record) -> DataFigure:
     top.set_ylim(0, 1.12 * max(mu_k, np.max(force, initial=0.0)))
     top.set_ylabel(r"force $F_\mathrm{T}/F_\mathrm{N}$")
     handles = _draw_segments(bottom, segments, scale)
-    if handles:  # where there is room: below a long curve, above a short one
+    if handles:  # at the best place: below a long curve, above a short one
         legend(top, handles=handles, title="slip in (b)", loc="best")
     bottom.set_xlabel(rf"time $t$ ({unit})")
     if span > 0:
@@ -86,7 +86,7 @@ def fig1b(record: Record) -> DataFigure:
 
 
 def slip_segments(record: Record) -> pd.DataFrame:
-    """Slipped regions as straight pieces: one row per event and run of neighbouring blocks.
+    """Slipped regions: one row for each event and each group of neighbouring blocks.
 
     Columns: event (from 1); t_s, time of first slip, s; kind, "whole" (over the whole interface),
     "partial" (main event) or "micro"; slipped, False for blocks that only made corner slips or
@@ -125,7 +125,7 @@ def event_kinds(record: Record) -> np.ndarray:
 
 
 def figure_caption(record: Record) -> str:
-    """Caption with the scene's parameters, the engine and what was found."""
+    """Caption with the scene's parameters, the engine and the numbers of events."""
     events = record.events
     t_end = record.curve["t"].iloc[-1] if len(record.curve) else 0.0
     kinds, main = event_kinds(record), events["is_main"].to_numpy()
@@ -153,7 +153,7 @@ def figure_caption(record: Record) -> str:
 
 
 def envelope(t: np.ndarray, y: np.ndarray, bins: int = CURVE_BINS) -> tuple[np.ndarray, ...]:
-    """Thin a curve to the lowest and highest point of each bin, in order, and both ends."""
+    """Reduce a curve to its ends and the lowest and highest point of each bin, in order."""
     if t.size <= 4 * bins:
         return t, y
     edges = np.linspace(0, t.size, bins + 1).astype(int)
@@ -163,7 +163,7 @@ def envelope(t: np.ndarray, y: np.ndarray, bins: int = CURVE_BINS) -> tuple[np.n
 
 
 def _draw_segments(axes: Axes, segments: pd.DataFrame, scale: float) -> list[Line2D]:
-    """Draw the bars, with times times scale; return one legend handle per kind that occurs."""
+    """Draw the bars, with times scaled; return a legend handle for each kind present."""
     handles = []
     for kind, (label, colour, width, order) in KINDS.items():
         rows = segments[segments["kind"] == kind]

@@ -29,7 +29,7 @@ SYMBOLS = ("x", "o", "s", "^", "D", "v", "*", "+")
 COLOURS = (GREY, BLACK, SKY, PURPLE)
 """Colours of labels, each with all symbols."""
 THEORY = ((1.0, "-", "v = c"), (0.1, "--", "v = 0.1 c"))
-"""Speeds of the chain whose lines are drawn, and how."""
+"""Speeds of the chain that are drawn as lines, with their style."""
 
 
 def phase_map(diagram: PhaseDiagram, label: str | None = None) -> DataFigure:
@@ -37,15 +37,14 @@ def phase_map(diagram: PhaseDiagram, label: str | None = None) -> DataFigure:
 
     Args:
         diagram: what `pyfric.phase_diagram` returns.
-        label: which of its labels is shown by symbols; None means the first one.
+        label: label of the diagram that symbols show; None means the first label.
 
-    Colours are speeds of fronts over c = l sqrt(k/m). For a chain over alpha and tau_bar the speeds
-    c and 0.1 c of steady fronts are drawn, by `pyfric.theory.chain_prestress`, as far as it goes
-    (alpha <= 10). White: no front
-    reached the end.
+    Colours are speeds of fronts over c = l sqrt(k/m). For a chain over alpha and tau_bar, lines
+    show steady fronts of speeds c and 0.1 c, by `pyfric.theory.chain_prestress` (alpha <= 10).
+    White means that no front reached the end.
 
     Returns:
-        The figure. Its tables are those of the diagram, "table" and "lines".
+        The figure. Its tables are "table" and "lines" of the diagram.
 
     Raises:
         SceneError: the diagram has no such label.
@@ -92,7 +91,7 @@ def phase_map(diagram: PhaseDiagram, label: str | None = None) -> DataFigure:
 
 
 NAMES = {"alpha": r"$\alpha/\sqrt{km}$", "tau_bar": r"$\bar\tau$"}
-"""Name of a number of the chain -> how it is written."""
+"""Name of a number of the chain -> its symbol."""
 
 
 def _speeds(axes: Axes, diagram: PhaseDiagram) -> None:

@@ -14,14 +14,14 @@ from pyfric.sweeps import MEASURED, Resolution, Results
 from pyfric.values import SceneError, unknown
 
 LINES = 8
-"""Most lines of a sweep, one for each set of values of its other fields."""
+"""Largest number of lines of a sweep, one for each set of values of its other fields."""
 
 
 def curve_figure(curve: Curve) -> DataFigure:
-    """Draw a measured curve: F_T/F_N, forces or slip over time, and the events that are found.
+    """Draw a measured curve: F_T/F_N, forces or slip over time, and its events.
 
     Returns:
-        The figure. Its tables are "curve" and, where events are found, "events".
+        The figure. Its tables are "curve" and, if events are found, "events".
     """
     name, label = next(
         (name, label)
@@ -66,7 +66,7 @@ def sweep_figure(results: Results, column: str | None = None) -> DataFigure:
 
     Args:
         results: what `pyfric.Sweep` returns.
-        column: a number of each run, such as "n_precursors" or "t_slide"; None is "F_first", or
+        column: a number of each run, such as "n_precursors" or "t_slide"; None means "F_first", or
             "F_max" if no run has a main event.
 
     Returns:
@@ -102,7 +102,7 @@ def sweep_figure(results: Results, column: str | None = None) -> DataFigure:
 
 
 def resolution_figure(found: Resolution) -> DataFigure:
-    """Draw how results change with the size of blocks: each over its value at the smallest l.
+    """Draw results against the size of blocks, each over its value at the smallest l.
 
     Returns:
         The figure. Its table is "resolution".

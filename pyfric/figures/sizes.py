@@ -1,4 +1,4 @@
-"""Sizes of events: how many there are of each size, and how long they let wait."""
+"""Sizes of events, and waiting times between them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from pyfric.record import Record, Sizes, held_in, sizes
 
 
 def size_figure(record: Record, size: str = "potency", complete: float | None = None) -> DataFigure:
-    """Draw the number of events at least so large (a), and the waiting times between them (b).
+    """Draw the number of events at least as large (a), and waiting times between events (b).
 
     Args:
         record, size, complete: see `pyfric.analysis.sizes`.
@@ -35,7 +35,7 @@ def size_figure(record: Record, size: str = "potency", complete: float | None = 
 
 
 def sizes_drawn(found: Sizes, size: str = "size", unit: str = "SI") -> DataFigure:
-    """Draw sizes of events by this name, in this unit; see `size_figure`."""
+    """Draw sizes of events; `size` and `unit` are the label of the axis. See `size_figure`."""
     fig, (above, below) = panels(4.2, (1.3, 1))
     counts, m_c = found.counts, 10**found.m_c
     above.loglog(counts["size"], counts["number"], ls="", marker=".", ms=3, color=BLUE)

@@ -1,4 +1,4 @@
-"""Sketches of scenes, like Fig. 1(a): the lattice and all that acts on it, drawn to scale.
+"""Sketches of scenes, like Fig. 1(a): the lattice and its loads, drawn to scale.
 
 Lengths in the drawing are in hundredths of L.
 """
@@ -36,7 +36,7 @@ from pyfric.values import annotations, prefix_power
 MOST_COLUMNS = 32
 """Lattices with more columns are thinned."""
 MOST_SPRINGS = 6
-"""Of a plate as many springs are drawn at most."""
+"""Largest number of springs that are drawn for a plate."""
 FIELD_ROOM = 11
 """Height of a field below the interface, two lines of text."""
 FIELDS = {
@@ -49,7 +49,7 @@ FIELDS = {
     "slip": ("slip before", "m", -2),
     "limit_from": ("limit from", "s", -1),
 }
-"""Name of a field -> how it is written, its unit, and the power of 1000 of the usual prefix."""
+"""Name of a field -> its symbol, unit, and power of 1000 of the usual prefix."""
 LINE = 0.8  # of springs and outlines, pt
 
 
@@ -110,7 +110,7 @@ def sketch(scene: SceneLike) -> DataFigure:
 
 
 def _thinning(scene: Scene) -> int:
-    """Every how many blocks are drawn, if possible in equal steps from edge to edge."""
+    """Return n if every n-th block is drawn; if possible, steps are equal from edge to edge."""
     least = -(-scene.N_x // MOST_COLUMNS)
     common = np.gcd.reduce([scene.N_x - 1, scene.N_z - 1, scene.j_h, scene.j_h_top])
     whole = [q for q in range(least, 3 * least + 1) if common % q == 0]
@@ -146,9 +146,9 @@ def _forces(scene: Scene) -> np.ndarray:
 
 
 def _foundation(axes: Axes, x: np.ndarray, scene: Scene) -> None:
-    """The springs of the foundation, and the fields that do not vary.
+    """Draw the springs of the foundation, and the values of uniform fields.
 
-    A prescribed interface stands on the wall.
+    A prescribed interface is drawn on the wall.
     """
     depth = 1 if scene.prescribed else 5
     if not scene.prescribed:
@@ -170,10 +170,10 @@ def _foundation(axes: Axes, x: np.ndarray, scene: Scene) -> None:
 
 
 def _fields(axes: Axes, l: float, scene: Scene) -> None:
-    """The fields that vary along the interface, each between its least and its largest value."""
+    """Draw the fields that vary along the interface, each from its least to its largest value."""
     for n, name in enumerate(scene.varied):
         values = scene.field(name)
-        values = np.where(np.isfinite(values), values, np.nan)  # inf means never, and is not drawn
+        values = np.where(np.isfinite(values), values, np.nan)  # inf (no limit) is not drawn
         low, high = np.nanmin(values), np.nanmax(values)
         bottom, high_at = -(19 + FIELD_ROOM * (n + 1) - 3), 5
         height = bottom + high_at * (values - low) / max(high - low, np.finfo(float).tiny)
@@ -189,7 +189,7 @@ def _fields(axes: Axes, l: float, scene: Scene) -> None:
 
 
 def _rod(axes: Axes, H: float, scene: Scene) -> None:
-    """The rod, the mattress that resists its tilt, and F_N at its centre."""
+    """Draw the rod, the mattress that resists its tilt, and F_N at its centre."""
     thick, above = 2, 10
     axes.add_patch(Rectangle((0, H), 100, thick, fc=GREY, ec=BLACK, lw=LINE, zorder=4))
     if scene.top.mattress:
@@ -207,7 +207,7 @@ def _rod(axes: Axes, H: float, scene: Scene) -> None:
 
 
 def _load(axes: Axes, l: float, H: float, scene: Scene) -> None:
-    """Forces on the blocks, normal and shear, and for a chain springs to a rigid top."""
+    """Draw normal and shear forces on the blocks, and for a chain the springs to a rigid top."""
     at = np.linspace(0, scene.N_x - 1, min(scene.N_x, 21)).round().astype(int)
     load, shear, row = _forces(scene), scene.shear[at], scene.j_shear * l
     largest, gap = np.max(load), 0.8
@@ -233,7 +233,7 @@ def _load(axes: Axes, l: float, H: float, scene: Scene) -> None:
 
 
 def _driver(axes: Axes, z: np.ndarray, l: float, scene: Scene) -> None:
-    """The spring at height h, or those of a plate, the moving end, and their numbers."""
+    """Draw the spring at height h or the springs of a plate, the moving end, and their values."""
     d, driver, ends = scene.ahead, scene.driver, np.array([scene.j_h, scene.j_h_top])
     if driver.side == "top":
         _driven_top(axes, z[-1], l, scene)
@@ -259,7 +259,7 @@ def _driver(axes: Axes, z: np.ndarray, l: float, scene: Scene) -> None:
 
 
 def _driven_top(axes: Axes, H: float, l: float, scene: Scene) -> None:
-    """Springs from the blocks of the top to a plate that moves along it, and their numbers."""
+    """Draw springs from the blocks of the top to a moving plate, and their values."""
     x = np.linspace(0, scene.N_x - 1, min(scene.N_x, MOST_SPRINGS)).round() * l
     for at in x:
         axes.plot(*_zigzag((at, H), (at + 4, H + 4), 1.0, 4), color=BLACK, lw=LINE, zorder=5)
@@ -273,7 +273,7 @@ def _driven_top(axes: Axes, H: float, l: float, scene: Scene) -> None:
 def _length(
     axes: Axes, start: Sequence[float], stop: Sequence[float], text: str, away: float
 ) -> None:
-    """A length between two arrow heads, with its text beside it, or below it."""
+    """Draw a length between two arrow heads, with its text beside or below it."""
     look = {"arrowstyle": "<->", "lw": 0.6, "color": "0.3", "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", stop, start, arrowprops=look)
     x, z = (start[0] + stop[0]) / 2, (start[1] + stop[1]) / 2
@@ -283,7 +283,7 @@ def _length(
 
 
 def _wall(axes: Axes, start: float, stop: float, z: float, out: int) -> None:
-    """A fixed horizontal wall, hatched above (out = 1) or below (out = -1)."""
+    """Draw a fixed horizontal wall, hatched above (out = 1) or below (out = -1)."""
     axes.plot((start, stop), (z, z), color=BLACK, lw=LINE)
     lines = [[(a, z), (a - 1.5, z + 1.5 * out)] for a in np.arange(start, stop + 1e-9, 2.5)]
     axes.add_collection(LineCollection(lines, colors=BLACK, linewidths=0.3))
@@ -309,7 +309,7 @@ def _shown(values: float | Sequence[float], unit: str, power: int = 0, **how: An
 
 
 def _zigzag(start: Sequence[float], stop: Sequence[float], width: float, turns: int) -> np.ndarray:
-    """A spring from start to stop, shape (2, points): straight ends, zigzag between."""
+    """Return a spring from start to stop, shape (2, points): straight ends, zigzag between."""
     start, stop = np.asarray(start, float), np.asarray(stop, float)
     along = stop - start
     across = np.array([-along[1], along[0]]) / np.hypot(*along)

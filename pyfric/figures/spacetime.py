@@ -29,42 +29,42 @@ from pyfric.signals import at_once
 from pyfric.values import SceneError
 
 BEFORE, AFTER = 0.15, 0.5
-"""What is shown before and after the front, in units of the time that it takes."""
+"""Time shown before and after the front, over the duration of the front."""
 ROWS, FEWEST = 500, 100
-"""Most instants of a picture; fewest, where switches are located and smaller steps change nothing
-that can be seen."""
+"""Largest number of instants of a picture; least number with located switches, which need no
+smaller steps."""
 AROUND, LEAST = 0.5, 8
-"""What is shown beside the front, over its length; at least so many blocks."""
+"""Length shown beside the front, over its length; least number of blocks beside it."""
 SLOW = 0.1
-"""In the first third of a front, steps from block to block below this share of c_R are creep."""
+"""Speed over c_R below which steps from block to block in the first third of a front are creep."""
 ROUNDED = 1e-6
-"""A scaled prestress that is 1 but for rounding."""
+"""Distance from 1 within which a scaled prestress counts as 1."""
 INSTANTS = 20
-"""Fewest instants of a picture that the record itself holds."""
+"""Fewest instants of a picture that is made from the record itself."""
 SHORTEST = 4
-"""Fewest steps that a front is taken to need."""
+"""Least duration of a front, in time steps."""
 
 
 @at_once()
 def space_time(record: Record, event: int, initial: State | None = None) -> DataFigure:
     """Draw the slip rate along the interface over time, with wave speeds and theory as lines.
 
-    The event is run again with full dynamics. On junctions the colour is the share of them that is
-    pinned, at the times of the record's curve (`sample`).
+    The event is run again with full dynamics. On junctions the colour is the share of pinned
+    junctions, at the times of the record's curve (`sample`).
 
     Lines begin where and when the front starts to run: c_R (dash-dotted), c_S (dotted) and c_L
-    (dashed); in a chain there is c alone. Black: the rupture times of the record. Purple: theory
+    (dashed); in a chain there is only c. Black: the rupture times of the record. Purple: theory
     (`theory_times`).
 
     Args:
         record: a run of the hybrid or the dynamic engine, from the loaded slider on.
         event: its number, from 1.
-        initial: the state that the run began from; None for the loaded slider.
+        initial: the state from which the run began; None for the loaded slider.
 
     Returns:
         The figure, with the tables "slip_rate" (n, x_over_L, t_s, v_m_per_s), "lines" (name,
-        speed_m_per_s, x_over_L, t_s) and "front". On junctions the first one is "pinned" (n,
-        x_over_L, t_s, share).
+        speed_m_per_s, x_over_L, t_s) and "front". On junctions "pinned" (n, x_over_L, t_s, share)
+        replaces "slip_rate".
 
     Raises:
         SceneError: there is no such event, it cannot be run again, or the curve has too few points.
@@ -90,7 +90,7 @@ def space_time(record: Record, event: int, initial: State | None = None) -> Data
 
 
 def wave_lines(record: Record, event: int) -> pd.DataFrame:
-    """Return where waves are that leave the block where the front starts to run, when it does.
+    """Return the lines of waves that leave the front's starting block at its starting time.
 
     Returns:
         name ("c_R", "c_S", "c_L", or "c" for a chain), speed_m_per_s, x_over_L, t_s: two points of
@@ -108,7 +108,7 @@ def wave_lines(record: Record, event: int) -> pd.DataFrame:
 
 
 def speeds(scene: Scene) -> dict[str, float]:
-    """Return the wave speeds of long waves by name, m/s."""
+    """Return the speeds of long waves by name, m/s."""
     slider = scene.slider
     if scene.N_z == 1:
         chain = theory.lattice_waves(slider.k, scene.m, slider.l, polarisation="chain")
@@ -118,16 +118,16 @@ def speeds(scene: Scene) -> dict[str, float]:
 
 
 def theory_times(record: Record, event: int) -> pd.DataFrame:
-    """Return where theory has a front that starts to run where and when this one does.
+    """Return the theoretical line of a front with the same starting place and time.
 
-    In a chain it is the exact speed of steady fronts at the local prestress. In two dimensions it
-    is fracture mechanics: g_II(v) G = Gamma, with the G of static states, of
-    `pyfric.analysis.energy_release`; without weakening Gamma is 0 and v is c_R, a line that is
-    there already. A prescribed interface has no static states, and no line. The line ends where
-    theory has no front.
+    In a chain the speed is the exact speed of steady fronts at the local prestress. In two
+    dimensions the speed v follows from fracture mechanics: g_II(v) G = Gamma, with G of static
+    states (`pyfric.analysis.energy_release`). Without weakening Gamma is 0 and v is c_R, which is
+    drawn already. A prescribed interface has no static states, and so no line. The line ends where
+    theory gives no front.
 
     Returns:
-        Columns of `wave_lines`, one row for each block; empty where theory has nothing to say.
+        Columns of `wave_lines`, one row for each block; empty if theory gives no line.
     """
     scene, table, x_0 = record.scene, front(record, event), _origin(record, event)[0]
     nothing = pd.DataFrame({k: [] for k in ("name", "speed_m_per_s", "x_over_L", "t_s")})
@@ -153,7 +153,7 @@ def theory_times(record: Record, event: int) -> pd.DataFrame:
 
 
 def _chain_speeds(scene: Scene, scaled: np.ndarray) -> np.ndarray:
-    """Return the exact speed at each block, m/s; 0 where there is no steady front, or no stress."""
+    """Return the exact speed at each block, m/s; 0 without a steady front or without stress."""
     scaled = np.round(np.nan_to_num(scaled), 9)
     unit = scene.slider.l * math.sqrt(scene.slider.k / scene.m)
     eta = scene.eta / math.sqrt(scene.slider.k * scene.m)
@@ -161,15 +161,15 @@ def _chain_speeds(scene: Scene, scaled: np.ndarray) -> np.ndarray:
     for tau_bar in known:
         try:
             known[tau_bar] = theory.chain_speed(float(tau_bar), 0.0, eta) * unit
-        except ValueError:  # it slips at once, or there is no front at this prestress
+        except ValueError:  # the block slips at once, or no front exists
             known[tau_bar] = math.inf if tau_bar > 1 - ROUNDED else 0.0
     return np.array([known[tau_bar] for tau_bar in scaled])
 
 
 def _origin(record: Record, event: int) -> tuple[float, float]:
-    """Return x/L and t where the front starts to run: its first slip, slow creep left out.
+    """Return x/L and t at which the front starts to run: first slip, without slow creep.
 
-    On junctions fronts may be slow: it is where the event starts.
+    On junctions, where fronts may be slow, this is the start of the event.
     """
     table = front(record, event)
     if table.empty or "pinned" in record.motion:
@@ -203,7 +203,7 @@ def _slip_rates(record: Record, event: int, initial: State | None) -> tuple[np.n
     order, times, rates = np.argsort(scene.n_of_i), [], []
     for _, state in again(record, event, np.arange(*window, every * dt), initial, dt):
         if times and state.t <= times[-1]:
-            continue  # the run began later
+            continue  # before the start of the run
         times.append(state.t)
         rates.append(scene.d * state.y[0, 2][order])
     return np.array(times), np.array(rates)

@@ -1,7 +1,7 @@
-"""One event as pictures: the velocity field of the slider with the interface below it.
+"""Pictures of one event: the velocity field of the slider, and the interface below it.
 
-The event is run again with full dynamics, from a state shortly before it. This state comes from a
-run of the hybrid engine. On junctions and on a prescribed interface it is one of full dynamics.
+The event is run again with full dynamics, from a state shortly before it. A run of the hybrid
+engine gives this state, or full dynamics on junctions and on a prescribed interface.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ from pyfric.signals import at_once
 from pyfric.values import SceneError, check_unmasked, written
 
 MOMENTS = (0.05, 0.3, 0.55, 0.8, 1.0, 1.6)
-"""Frames of a strip, in units of the time the front takes."""
+"""Times of the frames of a strip, over the duration of the front."""
 FILM_DPI = 150
 
 
 class Film(type(Path())):
-    """The path of a film; a notebook plays it."""
+    """The path of a film; notebooks show the film."""
 
     def _repr_html_(self) -> str:
         data = base64.b64encode(self.read_bytes()).decode()
@@ -82,9 +82,9 @@ class Frame:
 
 
 def frame_times(record: Record, event: int, moments: Sequence[float] = MOMENTS) -> np.ndarray:
-    """Return times in s: the first slip plus `moments` times the time that the front takes.
+    """Return times in s: the first slip plus `moments` times the duration of the front.
 
-    If no front is resolved, the duration of the event is used instead of this time.
+    If no front is resolved, the duration of the event is used.
     """
     check_event(record, event)
     check_unmasked("moments", moments)
@@ -106,13 +106,13 @@ def event_frames(
     Args:
         record: a run of the hybrid or the dynamic engine; its geometry and stepper are kept.
         event: its number, from 1.
-        times: increasing times in s, from the first slip of the event on; each is taken at the
-            next step end.
-        initial: the state that the run began from; None for the loaded slider.
+        times: increasing times in s, from the first slip of the event on. Each frame is at the next
+            step end.
+        initial: the state from which the run began; None for the loaded slider.
 
     Raises:
-        SceneError: no such event, another engine, a stepper that the hybrid engine lacks, times
-            before the event, or a run that began from another state.
+        SceneError: there is no such event; the engine or its stepper cannot run it again; times are
+            before the event; or the run began from another state.
     """
     check_event(record, event)
     check_unmasked("times", times)
@@ -145,7 +145,7 @@ def event_strip(
     Args:
         record: a run of the hybrid or the dynamic engine.
         event: its number, from 1.
-        moments: times of the frames from the first slip on, in units of the front's time.
+        moments: times of the frames from the first slip on, over the duration of the front.
         initial: as in `event_frames`.
 
     Raises:
@@ -179,7 +179,7 @@ def event_movie(
         record, event: as in `event_strip`.
         path: the file; its name ends in .gif, or in .mp4 if ffmpeg is installed.
         count: number of frames.
-        moments: times of the first and the last frame, in units of the front's time.
+        moments: times of the first and the last frame, over the duration of the front.
         fps: frames per second.
         initial: as in `event_frames`.
 
@@ -201,7 +201,7 @@ def event_movie(
     unit = time_unit(frames[-1].t - t_start)
     fig.set_dpi(FILM_DPI)
     with written(path) as draft:
-        film = draft.with_name(draft.name + Path(path).suffix)  # writers go by the name
+        film = draft.with_name(draft.name + Path(path).suffix)  # its suffix sets the format
         try:
             with writer.saving(fig, film, dpi=FILM_DPI):
                 panels.show(frames[0], t_start, unit)
@@ -216,7 +216,7 @@ def event_movie(
 
 
 def _stand_still(fig: DataFigure, moving: Sequence[Artist]) -> None:
-    """Lay a picture of all that does not move over what moves, so that a frame is drawn fast."""
+    """Replace everything that does not move by a picture, so that frames are drawn fast."""
     fig.canvas.draw()
     fig.set_layout_engine(None)  # "none" would draw each frame twice
     for artist in (*moving, fig.patch, *(axes.patch for axes in fig.axes)):
@@ -229,10 +229,10 @@ def _stand_still(fig: DataFigure, moving: Sequence[Artist]) -> None:
 
 
 def _writer(path: Path, fps: int) -> AbstractMovieWriter:
-    """Return what writes this kind of film.
+    """Return the writer of this kind of film.
 
     Raises:
-        SceneError: there is nothing that does.
+        SceneError: there is no such writer.
     """
     kind, allowed = path.suffix.lower(), "a name that ends in .gif, or .mp4 where ffmpeg is found"
     if kind == ".gif":
@@ -246,7 +246,7 @@ def _writer(path: Path, fps: int) -> AbstractMovieWriter:
 
 
 def has_ffmpeg() -> bool:
-    """Whether MP4 can be written: by ffmpeg on the path, or by that of imageio-ffmpeg."""
+    """Whether MP4 can be written: ffmpeg is on the path, or imageio-ffmpeg is installed."""
     if FFMpegWriter.isAvailable():
         return True
     try:
@@ -303,7 +303,7 @@ class _Panels:
             cmap="RdBu_r",
             vmin=-fastest,
             vmax=fastest,
-            aspect="auto",  # in line with the interface below; heights are chosen to scale
+            aspect="auto",  # aligned with the interface below; panel heights give the scale
             interpolation="nearest",
         )
         x = np.arange(scene.N_x) / (scene.N_x - 1)
@@ -338,7 +338,7 @@ class _Panels:
         self.top.text(*at, shown, **look)
 
     def show(self, frame: Frame, t_start: float, unit: tuple[float, str]) -> None:
-        """Show a frame; t_start is the time of the first slip, s, unit that of `time_unit`."""
+        """Show a frame. t_start is the time of the first slip, s; `unit` is from `time_unit`."""
         self.image.set_data(frame.v[:, 0])
         ratio = frame.tau_over_p
         self.line.set_ydata(ratio)
@@ -350,7 +350,7 @@ class _Panels:
 
 
 def _largest(frames: Sequence[Frame]) -> float:
-    """Range of the colours, m/s: nearly all velocities of all frames are inside."""
+    """Range of the colours, m/s, which includes nearly all velocities of all frames."""
     found = float(np.quantile(np.abs([frame.v[:, 0] for frame in frames]), 0.995))
     return found or 1e-12
 

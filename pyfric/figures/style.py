@@ -1,4 +1,4 @@
-"""What all figures share: names, size, colours, panels, parts of captions, and their files."""
+"""Common parts of all figures: registry, size, colours, panels, captions, and files."""
 
 from __future__ import annotations
 
@@ -53,10 +53,10 @@ class PaperFigure(NamedTuple):
 
     Attributes:
         title: its title.
-        runs: name of what it is drawn from, a key of `pyfric.paper.RUNS`.
+        runs: name of its runs, a key of `pyfric.paper.RUNS`.
         draw: function of a record, or of a list of records if there are several runs.
-        precursor: which main precursor of the first loading the paper shows, counted from 1; None
-            for figures that are not of one event.
+        precursor: number, from 1, of the main precursor of the first loading that the paper shows;
+            None for figures of several events.
     """
 
     title: str
@@ -66,11 +66,11 @@ class PaperFigure(NamedTuple):
 
 
 FIGURES: dict[str, PaperFigure] = {}
-"""Name -> figure, in the order of the modules; `sorted` gives the paper's."""
+"""Name -> figure, in the order of the modules. `sorted` gives the order of the paper."""
 
 
 def figure(title: str, *, runs: str, precursor: int | None = None) -> Callable[[Draw], Draw]:
-    """Enter the function below as a figure of the paper, under its own name."""
+    """Register the decorated function as a figure of the paper, under its own name."""
 
     def enter(draw: Draw) -> Draw:
         draw = usage()(draw)
@@ -85,7 +85,7 @@ def panels(
 ) -> tuple[DataFigure, list[Axes]]:
     """Return a figure of this height (inches) and its panels, one below the other.
 
-    Letters, where there are several panels, stand above them at the left, where no line is.
+    With several panels, letters are above them at the left, outside the axes.
     """
     fig = DataFigure(figsize=(COLUMN_WIDTH, height))
     fig.get_layout_engine().set(h_pad=0.02, w_pad=0.02, hspace=0.02)
@@ -96,7 +96,7 @@ def panels(
 
 
 def style(axes: Axes, letter: str = "") -> None:
-    """Ticks, frame, sizes of the labels and letter of a panel."""
+    """Set ticks, frame, sizes of labels, and the letter of a panel."""
     for axis in (axes.xaxis, axes.yaxis):
         axis.label.set_size(BODY)
     axes.tick_params(which="both", direction="in", top=True, right=True, labelsize=SMALL)
@@ -109,7 +109,7 @@ def style(axes: Axes, letter: str = "") -> None:
 
 
 def legend(axes: Axes, **options: Any) -> None:
-    """A compact legend without a frame."""
+    """Draw a compact legend without a frame."""
     standard = {
         "fontsize": SMALL,
         "title_fontsize": SMALL,
@@ -125,7 +125,7 @@ def legend(axes: Axes, **options: Any) -> None:
 
 
 def mark(axes: Axes, value: float, text: str, *, vertical: bool = False, **where: Any) -> None:
-    """A dashed line at a value, with its name."""
+    """Draw a dashed line at a value, with its name."""
     draw = axes.axvline if vertical else axes.axhline
     draw(value, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
     at, away = where.get("at", 0.02), where.get("away", (2, 2))
@@ -145,7 +145,7 @@ def mark(axes: Axes, value: float, text: str, *, vertical: bool = False, **where
 def colour_bar(
     fig: DataFigure, image: Any, axes: Any, text: str, extend: str = "both", **where: Any
 ) -> None:
-    """A bar of the colours of an image, beside the axes."""
+    """Draw a bar of the colours of an image, beside the axes."""
     bar = fig.colorbar(image, ax=axes, extend=extend, pad=0.01, aspect=30, **where)
     bar.ax.tick_params(which="both", labelsize=SMALL)
     bar.ax.tick_params(width=0.6, length=2)
@@ -157,9 +157,9 @@ def colour_bar(
 def save_figure(fig: DataFigure | Shown, path_stem: str | os.PathLike[str]) -> list[Path]:
     """Write the figure as PNG (300 dpi) and PDF, its caption as text and its data as CSV.
 
-    ``fig`` may also be what has a picture, such as a record.
-    ``path_stem`` is a path whose suffix, .png or .pdf, may be left out; the files are stem.png,
-    stem.pdf, stem.txt and stem_<table>.csv. Returns the paths.
+    ``fig`` may also be an object with a picture, such as a record. ``path_stem`` is a path, with or
+    without the suffix .png or .pdf. The files are stem.png, stem.pdf, stem.txt and
+    stem_<table>.csv. Returns the paths.
 
     Raises:
         OSError: a file cannot be written, such as into a missing folder.
@@ -172,9 +172,9 @@ def save_figure(fig: DataFigure | Shown, path_stem: str | os.PathLike[str]) -> l
     png, pdf = io.BytesIO(), io.BytesIO()
     dpi, layout = fig.dpi, fig.get_layout_engine()
     fig.set_dpi(PNG_DPI)
-    # savefig would draw everything twice, to lay it out
+    # savefig would draw everything twice for the layout
     FigureCanvasAgg(fig).print_png(png, metadata={"Description": fig.caption})
-    fig.set_layout_engine("none")  # laid out already
+    fig.set_layout_engine("none")  # the layout is final
     about = {"Subject": fig.caption, "CreationDate": None}
     FigureCanvasPdf(fig).print_pdf(pdf, metadata=about)
     FigureCanvasAgg(fig)
@@ -187,7 +187,7 @@ def save_figure(fig: DataFigure | Shown, path_stem: str | os.PathLike[str]) -> l
 
 
 def time_unit(span: float) -> tuple[float, str]:
-    """Return how many units a second has, and the unit, for times of such a span (s)."""
+    """Return the number of units in a second, and the unit, for times of such a span (s)."""
     for unit, scale in ((r"$\mu$s", 1e6), ("ms", 1e3)):
         if span * scale < 1e3:
             return scale, unit
@@ -201,7 +201,7 @@ def listed(records: Iterable[Record]) -> list[Record]:
     """Return records as a list.
 
     Raises:
-        SceneError: there is none, or one that is not in a list.
+        SceneError: there is no record, or a single one that is not in a list.
     """
     if not isinstance(records, Iterable):
         raise SceneError("records", type(records).__name__, "", "a list of records", "not a list")
@@ -211,14 +211,14 @@ def listed(records: Iterable[Record]) -> list[Record]:
 
 
 def single(record: Record) -> None:
-    """Raise SceneError unless this is one record, and no list of records."""
+    """Raise SceneError unless this is one record."""
     check_record(record)
 
 
 def caption(records: Record | Sequence[Record], *texts: str) -> str:
-    """Join texts, and add a line with the scenes and one with the methods of the records.
+    """Join texts, and add a line on the scenes and a line on the methods of the records.
 
-    That of the methods also says what the records left open, and their version.
+    The line on methods also names the version, and runs that are not complete.
     """
     several = [*records] if isinstance(records, Sequence) else [records]
     hows = "; ".join(dict.fromkeys(str(record.method) for record in several))
@@ -289,8 +289,8 @@ def in_unit(
 ) -> str:
     """Return numbers in SI as text in one unit.
 
-    The unit has the prefix of this power of 1000, or another one if the largest number then needs
-    an exponent.
+    The unit has the prefix of this power of 1000, or another prefix if the largest number would
+    need an exponent.
     """
     largest = max(values, key=abs)
     if unit and "e" in f"{largest / 1000.0**power:.4g}":

@@ -1,8 +1,8 @@
-"""What notebooks and pages show of objects.
+"""Pictures and pages of objects, for notebooks and browsers.
 
-The page of a record, `Record.to_html`, is one file that loads nothing else. What it looks like is
-in ``view.html``, what answers to the mouse and the keys in ``view.js``; here are the numbers that
-both show. ``head.html`` is how every page begins, up to its own style.
+The page of a record, `Record.to_html`, is one file that loads no other file. ``view.html`` is its
+template, and ``view.js`` handles mouse and keys. This module computes the numbers on the page.
+``head.html`` is the common beginning of all pages.
 """
 
 from __future__ import annotations
@@ -42,18 +42,18 @@ if TYPE_CHECKING:
     import jinja2
 
 LARGEST = 2_000_000
-"""Most bytes of a page."""
+"""Largest number of bytes of a page."""
 SPARE = 20_000
-"""Bytes of it that are kept for what is counted last."""
+"""Bytes reserved for parts of the page whose size is counted last."""
 MOST_EVENTS = 3000
-"""Most events of a page: the main ones and the micro-slips of most blocks."""
+"""Largest number of events of a page: those with the most blocks."""
 
 
 @usage('plot(); pyfric.figures.save_figure(record.plot(), "name") writes it')
 def drawing(shown: Any) -> DataFigure | None:
-    """Return the picture of an object; None for what has none.
+    """Return the picture of an object; None if it has none.
 
-    That of a record is its loading curve, or of a prediction length against force.
+    The picture of a record is its loading curve; that of a prediction is length against force.
     """
     match shown:
         case Record():
@@ -73,15 +73,15 @@ DRAWN: Mapping[type, Callable[[Any], DataFigure]] = {
     Sensitivity: tornado,
     Sizes: sizes_drawn,
 }
-"""Results -> what draws them."""
+"""Type of a result -> function that draws it."""
 
 
 def record_page(record: Record) -> str:
-    """Return a page about a record, as HTML: at most 2 MB, which needs nothing from elsewhere.
+    """Return a page about a record, as HTML of at most 2 MB that needs no other files.
 
-    It shows the loading curve, where the interface slips, and what made the record. Of the chosen
-    event it shows when each block slips, and the stresses before and after. If there are too many
-    events for the size of the page, it says which are left out.
+    The page shows the loading curve, where the interface slips, and the method of the run. For a
+    selected event the page shows when each block slips, and the stresses before and after. If there
+    are too many events for the size of the page, a line names the events left out.
     """
     kept = np.argsort(-record.events["n_blocks"].to_numpy(), kind="stable")[:MOST_EVENTS] + 1
     rows = _event_rows(record, np.sort(kept))
@@ -104,7 +104,7 @@ def record_page(record: Record) -> str:
 
 
 def _json(values: Any) -> str:
-    """Return JSON that can stand inside a script element."""
+    """Return JSON that is safe inside a script element."""
     return json.dumps(values, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
@@ -134,7 +134,7 @@ def _overview(record: Record, kept: np.ndarray) -> dict[str, Any]:
 
 
 def _event_rows(record: Record, kept: np.ndarray) -> list[dict[str, Any]]:
-    """What the page says of each event, in order of time."""
+    """Entries of each event on the page, in order of time."""
     events, F_N = record.events.loc[kept], record.scene.F_N
     kinds = event_kinds(record)[kept - 1]
     return [
@@ -157,7 +157,7 @@ def _event_rows(record: Record, kept: np.ndarray) -> list[dict[str, Any]]:
 
 
 def _details(record: Record, kept: np.ndarray, room: int) -> dict[str, Any]:
-    """Stresses and slip of the events, largest first, as many as there is room for (bytes).
+    """Stresses and slip of events, largest first, as many as fit into `room` bytes.
 
     Stresses are static tau and p over F_N/N_x from the trailing edge on.
     """
@@ -197,7 +197,7 @@ def _rounded(values: Iterable[float], digits: int = 6) -> list[float | None]:
 
 
 def _number(value: float, digits: int = 6) -> float | int | None:
-    """A number with so many digits, short; None where it is not known."""
+    """A number with `digits` digits, as short as possible; None if it is unknown."""
     if not math.isfinite(value):
         return None
     short = float(f"{value:.{digits}g}")
@@ -205,7 +205,7 @@ def _number(value: float, digits: int = 6) -> float | int | None:
 
 
 def template(beside: str, name: str) -> jinja2.Template:
-    """Return the template of this name that lies beside a file, or beside this one."""
+    """Return the template of this name, in the folder of a file or of this module."""
     import jinja2  # slow to import
 
     environment = jinja2.Environment(

@@ -1,12 +1,12 @@
-"""Parameters of a scene from the events of measured curves, with what is known of them.
+"""Parameters of a scene from measured curves, with confidence intervals.
 
-The misfit is that of `pyfric.fitting.misfits`. It is minimised from several starts: least squares
-of the overview, then of the misfit with a tolerance of forces that goes to zero. It ends with
-profiles (`pyfric.fitting.profiles`).
+A fit minimises the misfit (`pyfric.fitting.misfits`) from several starts. Least squares of the
+overview come first. Least squares of the misfit follow, with a tolerance of forces that goes to
+zero. Profiles (`pyfric.fitting.profiles`) then give the intervals.
 
-The search for starts takes quasi-static runs, where friction allows them; the rest is done with the
-engine that is asked for. Quasi-static runs alone serve for questions of statics: they lack what
-inertia does, which is 0.01 to 0.05 F_N after large events.
+The search for starts uses quasi-static runs, if the friction law allows them. The fit itself uses
+the engine that the caller chooses. Quasi-static runs lack inertia, which changes forces after large
+events by 0.01 to 0.05 F_N. Quasi-static runs are enough for static forces.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from pyfric.scene import Number, Scene, SceneLike, as_scene, full_name, scene_fi
 from pyfric.values import Quantity, SceneError, check_number, check_whole, naming, usage
 
 TOLERANCES = (0.01, 0.003, 0.0)
-"""Standard deviations of forces added while the minimum is searched, over F_N. A policy."""
+"""Standard deviations of forces added during the search for the minimum, over F_N (a choice)."""
 STARTS = 8
-"""Starts, spread over the bounds, that are followed at most until the residuals are those of noise.
-A policy."""
+"""Largest number of starts, spread over the bounds (a choice). The search ends once the residuals
+are as small as noise."""
 MORE = 2.0
-"""Scatter of forces of large events over that of the model, beyond which they are no repetitions,
-and are compared as a population. A policy."""
+"""Ratio of the measured scatter of forces of large events to the model's scatter (a choice). Beyond
+this ratio, large events are compared as a population."""
 SEARCH = "quasistatic"
 """Engine that searches for starts."""
 
@@ -60,42 +60,44 @@ def fit(
     progress: Callable[[str], None] | None = None,
     **options: Any,
 ) -> Fit:
-    """Fit parameters of a scene to measurements: events of a curve, or what else was measured.
+    """Fit parameters of a scene to measurements, such as the events of a loading curve.
 
     Args:
-        scene: scene, preset or file, or one for each experiment, with everything that is known.
-        measured: a measurement of `pyfric.fitting`, or a sum of them, such as Events(curve) +
-            Known("mu_k", 0.45, 0.01); or a list of these, one for each experiment. A curve, or its
-            table of events, stands for Events(curve, part). None: only lengths were measured.
+        scene: scene, preset or file with all known values, or a list with one for each experiment.
+        measured: a measurement of `pyfric.fitting`, or a sum of measurements, such as Events(curve)
+            + Known("mu_k", 0.45, 0.01). A list has one such entry for each experiment. A curve, or
+            its table of events, stands for Events(curve, part). None: only lengths were measured.
         vary: name of a parameter, as in `Scene.replace`, -> bounds in SI units, or as text such as
-            "3 kN". It has to be a number that may have any value between them. Also "offset", a
-            force over F_N added to the curve, and "drift", 1/s. "K@2" is a parameter of the second
-            experiment alone.
-        lengths: of precursors in the first loading, one table for each curve: columns force, which
-            is F_T/F_N after arrest, L_p_over_L and error.
-        arrivals: of fronts at sensors, one table for each curve: columns event (number in the table
-            of events), x (m, from the trailing edge), t and error (s). Only differences of times
-            within an event count. The engine has to have fronts: "hybrid" or "dynamic".
+            "3 kN". Every value between the bounds must be allowed. Two parameters belong to the
+            curve: "offset", a force over F_N added to it, and "drift", 1/s. "K@2" is the K of the
+            second experiment alone.
+        lengths: lengths of precursors in the first loading, one table for each curve. Columns:
+            force (F_T/F_N after arrest), L_p_over_L, error.
+        arrivals: arrivals of fronts at sensors, one table for each curve. Columns: event (number in
+            the table of events), x (m, from the trailing edge), t and error (s). Only time
+            differences within an event count. The engine must resolve fronts: "hybrid" or
+            "dynamic".
         t_end: end of the loading, s, if measured is None.
-        level: confidence of the intervals, > 0, < 1. None: no profiles; `Fit.profiled` makes them
-            later.
-        part: "onset": events before the first large one (a fifth of the largest drop) are compared
-            one by one, and large ones by their mean forces; "all": all are compared one by one, for
-            periodic sequences. With "onset", large events that scatter as those of the model do not
-            are compared as a population (`Sizes`), and the fit says so.
-        model_error: standard deviation of forces of the model, over F_N, that is added to the
-            errors of the measurement. If no parameter fits, intervals assume that of the best one.
-        seed: of the runs that are spread over the bounds.
-        progress: function that is told what is done.
-        options: of the runs, as of `pyfric.simulate`; fidelity = "hybrid" by default.
+        level: confidence of the intervals, > 0, < 1. None means no profiles; `Fit.profiled` can add
+            them later.
+        part: which events are compared one by one. "onset": events before the first large event (a
+            fifth of the largest drop); large events are compared by their mean forces. "all": all
+            events, for periodic sequences. With "onset", large events that scatter more than the
+            model's are compared as a population (`Sizes`), and the fit has a note.
+        model_error: standard deviation of the model's forces, over F_N, added to the errors of
+            measurement. If the model does not fit, intervals assume its deviation at the best
+            parameters.
+        seed: seed of the starts that are spread over the bounds.
+        progress: function that receives each step of the fit as text.
+        options: options of the runs, as in `pyfric.simulate`; fidelity = "hybrid" by default.
 
     Returns:
         The best parameters, their intervals and profiles, and residuals.
 
     Raises:
-        SceneError: an argument is refused, a curve has fewer than two events or another normal
-            force than its scene, no parameters in the bounds have a run, or none has events of the
-            measurement.
+        SceneError: an argument is refused; a curve has fewer than two events; its normal force
+            differs from that of its scene; no parameters within the bounds can be run; or no run
+            has a measured event.
     """
     if level is not None:
         level = check_number("level", level, "", gt=0.0, lt=1.0)
@@ -134,15 +136,15 @@ def fit(
 
 
 class _Unlike(Exception):
-    """Measured events scatter as those of the model do not."""
+    """Measured events scatter more than the model's events."""
 
 
 def _best(problem: Problem, seed: int, say: Callable[[str], None]) -> np.ndarray:
     """Return the best parameters.
 
     Raises:
-        SceneError: no parameters have a run, or events of the measurement.
-        _Unlike: measured events scatter as those of the model do not.
+        SceneError: no parameters can be run, or no run has a measured event.
+        _Unlike: measured events scatter more than the model's events.
     """
     starts = _starts(problem, seed)
     problem.check(starts[1:])
@@ -162,20 +164,20 @@ def _best(problem: Problem, seed: int, say: Callable[[str], None]) -> np.ndarray
     u = found[0]
     _check_alike(problem, u)
     problem.check_matched(u)
-    if problem.fits(u, TOLERANCES[-2]):  # what is further off is mended by no minimum nearby
+    if problem.fits(u, TOLERANCES[-2]):  # a nearby minimum would not improve a worse fit enough
         u = walked(problem, u, say)
     return u
 
 
 def _starts(problem: Problem, seed: int) -> list[np.ndarray]:
-    """Return the middle of the bounds, and places spread over them."""
+    """Return the middle of the bounds, and points spread over them."""
     dim = len(problem.names)
     spread = scipy.stats.qmc.Sobol(dim, rng=np.random.default_rng(seed)).random(STARTS)
     return [np.full(dim, 0.5), *spread]
 
 
 def _check_repeats(problem: Problem, seed: int) -> None:
-    """Raise _Unlike if curves without a first loading scatter as no run within the bounds does."""
+    """Raise _Unlike if curves without a first loading scatter more than any run in the bounds."""
     parts = [part for part in problem.parts if isinstance(part, Events)]
     if not parts or not all(_may_scatter(part) and part.onset_is_whole for part in parts):
         return
@@ -193,7 +195,7 @@ def _check_repeats(problem: Problem, seed: int) -> None:
 
 
 def _check_alike(problem: Problem, u: np.ndarray) -> None:
-    """Raise _Unlike if the best model does not fit, and large events scatter as its do not."""
+    """Raise _Unlike if the best model does not fit and its large events scatter less."""
     found = list(problem.compared(u, Events))
     if not found or problem.fits(u, TOLERANCES[0]):
         return
@@ -205,7 +207,7 @@ def _check_alike(problem: Problem, u: np.ndarray) -> None:
 
 
 def _may_scatter(part: Events) -> bool:
-    """Whether large events are many and scatter, and need not be compared one by one."""
+    """Whether large events are many, scatter, and may be compared by their means."""
     enough = len(large(part.whole)) >= POPULATION
     return part.later is not None and enough and _scatter(part.whole) > TOLERANCES[0]
 
@@ -222,7 +224,7 @@ def _said(parts: Sequence[Events]) -> str:
 
 
 def _populations(problem: Problem) -> Problem:
-    """Return the problem with events as populations."""
+    """Return the problem with the events of each curve as a population."""
     data = [
         Together(
             Sizes(part.whole, spreads=False) if isinstance(part, Events) else part for part in each
@@ -240,7 +242,7 @@ def _made(
     lengths: pd.DataFrame | Sequence[pd.DataFrame | None] | None,
     arrivals: pd.DataFrame | Sequence[pd.DataFrame | None] | None,
 ) -> list[Together]:
-    """Return the measurements of each experiment, of curves and tables."""
+    """Return the measurements of each experiment from its curve and tables."""
     if part not in ("onset", "all"):
         raise SceneError("part", part, "", "'onset' or 'all'")
     n = len(given)
@@ -257,7 +259,7 @@ def _together(
     part: Any,
     t_end: float | str | None,
 ) -> Together:
-    """Return what was measured in one experiment."""
+    """Return the measurements of one experiment."""
     if isinstance(measured, Measurement | Together):
         found = next(experiments(measured))
         if lengths is not None or arrivals is not None:
@@ -295,7 +297,7 @@ def _parallel(name: str, given: Any, n: int) -> list[Any]:
 def _check(
     scenes: Sequence[Scene], data: Sequence[Together], bounds: Mapping[str, Any], engine: str
 ) -> None:
-    """Refuse measurements that are not of their scenes, or that an engine has not."""
+    """Refuse measurements that do not fit their scenes, or that the engine cannot give."""
     for scene, each, end in zip(scenes, data, Problem.durations(scenes, data), strict=True):
         if not end:
             allowed = "the end of the loading, as t_end of Lengths"

@@ -1,8 +1,8 @@
-"""What a measurement is to a fit: what a run has of it, and how far that is from it.
+"""A measurement as a fit uses it: the same quantity in a run, and the residuals of the two.
 
-A measurement is one object, and measurements of one experiment are added:
-`Events(curve) + Lengths(table) + Known("mu_k", 0.45, 0.01)`. A fit asks each for the same few
-things, and for nothing else. A new kind is a class under `@measurement`.
+A measurement is one object. Measurements of one experiment are added: `Events(curve) +
+Lengths(table) + Known("mu_k", 0.45, 0.01)`. A fit uses only the methods of `Measurement`. A new
+kind is a class under `@measurement`.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from pyfric.scene import Scene
 from pyfric.values import SceneError, check_number
 
 CAP = 10.0
-"""Standard deviations beyond which an event without a partner, or a pair, counts no more."""
+"""Largest residual of an unmatched event, or of a matched pair, in standard deviations."""
 KINDS: dict[str, type[Measurement]] = {}
 """Kinds of measurements by name."""
 ROWS = ("at", "measured", "error", "model", "off")
-"""Columns of numbers beside those of a model: place, value, standard deviation, value of the model,
-residual."""
+"""Columns of a table of measured and model values: place, value, standard deviation, value of the
+model, residual."""
 
 
 class At(NamedTuple):
-    """Parameters by name, and the standard deviation of forces of the model, over F_N."""
+    """Parameters by name, and the standard deviation of the model's forces, over F_N."""
 
     values: Mapping[str, float]
     tolerance: float = 0.0
 
 
 def measurement(kind: type[Any]) -> Any:
-    """Add a kind of measurement."""
+    """Register a kind of measurement."""
     KINDS[kind.kind] = kind
     return kind
 
@@ -48,11 +48,11 @@ class Measurement(Shown, abc.ABC):
 
     Attributes:
         kind: its name.
-        own: parameters that are not of a scene but of the measurement, and their units.
-        smooth: whether it changes smoothly with parameters of the scene.
-        engines: engines that have it; empty: all.
-        duration: length of a run that has it, s; None: any.
-        notes: what was left out, and what it may miss.
+        own: parameters of the measurement itself, such as an offset, and their units.
+        smooth: whether the measured quantity changes smoothly with parameters of the scene.
+        engines: engines whose runs have the measured quantity; empty means all.
+        duration: how long a run must be, s; None means any length.
+        notes: what was left out, and what may be missing.
     """
 
     kind: ClassVar[str]
@@ -65,7 +65,7 @@ class Measurement(Shown, abc.ABC):
         return None
 
     def lasts(self, scene: Scene) -> float | None:
-        """Return the length of a run of a scene that has it, s; None: any."""
+        """Return how long a run of a scene must be, s; None means any length."""
         return self.duration
 
     @property
@@ -79,52 +79,52 @@ class Measurement(Shown, abc.ABC):
 
     @property
     def count(self) -> int:
-        """Number of independent residuals, of which parameters have to be fewer."""
+        """Number of independent residuals; there must be fewer parameters."""
         return self.size
 
     @property
     def groups(self) -> np.ndarray:
-        """Number of the group of each residual that errors of a wrong model have in common."""
+        """Group number of each residual; in a group, errors of a wrong model are correlated."""
         return np.arange(self.size)
 
     def check(self, scene: Scene) -> None:
-        """Raise SceneError if it cannot be of this scene."""
+        """Raise SceneError if the measurement cannot belong to this scene."""
 
     def doubts(self, scene: Scene) -> tuple[str, ...]:
-        """Return what it may not tell of a scene."""
+        """Return warnings on what the measurement may not determine in a scene."""
         return ()
 
     def seen(self, record: Record) -> Any:
-        """Return what a run has of it."""
+        """Return the measured quantity as a run has it."""
         return None
 
     @abc.abstractmethod
     def residuals(self, seen: Any, at: At) -> np.ndarray:
-        """Return how far a run is from it, in standard deviations, shape (size,)."""
+        """Return the differences of a run from the measurement, in standard deviations, (size,)."""
 
     def overview(self, seen: Any, at: At) -> np.ndarray:
-        """Return how far a run is that may be far away: residuals that lead to the nearer ones."""
+        """Return rough residuals that also guide the search from a distant run."""
         return self.residuals(seen, at)
 
     @property
     def of_overview(self) -> int:
-        """Number of residuals of the overview, at most `size`."""
+        """Number of rough residuals, at most `size`."""
         return self.size
 
     def none(self, at: At) -> np.ndarray:
-        """Return the residuals of parameters that have no run, shape (size,)."""
+        """Return the residuals for parameters that cannot be run, shape (size,)."""
         return np.full(self.size, CAP)
 
     def told(self, seen: Any, at: At) -> int:
-        """Return the number of residuals that tell something of these parameters."""
+        """Return the number of residuals that depend on these parameters."""
         return self.count
 
     def table(self, seen: Any, at: At) -> pd.DataFrame:
-        """Return what was measured beside what a run has of it."""
+        """Return a table of measured values and those of a run."""
         return pd.DataFrame(columns=list(ROWS))
 
     def excess(self, seen: Any, at: At) -> np.ndarray:
-        """Return squares of errors of forces, over F_N, less their variance in the measurement."""
+        """Return squared deviations of forces, over F_N, minus the variance of the measurement."""
         return np.zeros(0)
 
     def __add__(self, other: Any) -> Together:
@@ -140,7 +140,7 @@ class Measurement(Shown, abc.ABC):
 
 
 class Together(tuple[Measurement, ...]):
-    """Measurements of one experiment; they are added, and so do their sums of squares."""
+    """Measurements of one experiment; their sums of squares are added."""
 
     __slots__ = ()
 
@@ -151,7 +151,7 @@ class Together(tuple[Measurement, ...]):
     def __add__(self, other: Any) -> Together:
         if isinstance(other, Measurement):
             other = (other,)
-        elif other == 0:  # the start of sum()
+        elif other == 0:  # sum() starts from 0
             other = ()
         elif not isinstance(other, Together):
             return NotImplemented
@@ -163,10 +163,10 @@ class Together(tuple[Measurement, ...]):
 @measurement
 @dataclass(frozen=True, repr=False)
 class Known(Measurement):
-    """A parameter that is known within an error: a prior.
+    """A parameter known within an error: a prior.
 
     Args:
-        name: of a parameter that is varied.
+        name: name of a varied parameter.
         value: its value, SI units.
         error: its standard deviation, > 0.
 
@@ -204,7 +204,7 @@ class Known(Measurement):
 
 
 def packed(value: Any) -> Any:
-    """Return a value for a file: arrays and tables as lists, NaN as None."""
+    """Return a value as it is stored in a file: arrays and tables become lists."""
     if isinstance(value, pd.DataFrame):
         columns = {name: packed(of.to_numpy()) for name, of in value.items()}
         attrs = {name: packed(of) for name, of in value.attrs.items()}
@@ -225,7 +225,7 @@ def packed(value: Any) -> Any:
 
 
 def unpacked(value: Any) -> Any:
-    """Return the value that `packed` was given."""
+    """Return the value from which `packed` made this one."""
     if not isinstance(value, dict):
         return value
     if "table" in value:
@@ -249,10 +249,10 @@ def unpacked(value: Any) -> Any:
 
 
 def experiments(measured: Any) -> Iterator[Together]:
-    """Yield the measurements of each experiment, of one sum or of a list of them.
+    """Yield the measurements of each experiment, from one sum or a list of sums.
 
     Raises:
-        SceneError: something else is among them.
+        SceneError: an entry is no measurement.
     """
     for each in measured if isinstance(measured, list) else [measured]:
         parts = Together.of(each) if isinstance(each, Measurement) else each

@@ -1,17 +1,17 @@
-"""Misfit of two tables of events: which events belong together, and how far they are apart.
+"""Misfit of two tables of events: which events match, and how much they differ.
 
-Far from the best parameters, a match may be wrong by an event throughout, and such matches are
-minima of their own. `overview` has none of these: it compares the force of events, and how many
-there were, as functions of the load, which is the force of an event and the drops before it.
+Far from the best parameters, all matches may be shifted by one event. Each shift is a local minimum
+of the misfit. `overview` avoids these minima. `overview` compares the force of events and their
+number as functions of the load. The load is the force of an event plus all drops before it.
 
-Near them, events are matched in their order. Their times do not count: in stick-slip, a small
-difference of a period would become a large one of times. What is compared are the forces at both
-ends of each event, with what their errors share, and the rate of loading between events. The
-matching minimises the sum of squares (dynamic programming). An event without a partner counts as
-the part of its drop that would have been seen, but as no more than `CAP` standard deviations; so
-does a pair, and no less than `ALONE`, so that noise parts no pair. Events of the model before the
-first and after the last match are free: where the
-measurement begins and ends is no property of the model.
+Near the best parameters, events are matched in their order. Times of events do not count: in
+stick-slip, a small difference of the period becomes a large difference of times. Residuals are the
+forces at both ends of each event, with correlated errors, and the rate of loading between events.
+The matching minimises the sum of squares (dynamic programming). The residual of an unmatched event
+is the part of its drop above the threshold. No residual exceeds `CAP`. The residual of an unmatched
+measured event is at least `ALONE`, so that noise does not separate a pair. Events of the model
+before the first and after the last match do not count, because the times at which a measurement
+begins and ends are arbitrary.
 """
 
 from __future__ import annotations
@@ -24,30 +24,30 @@ import pandas as pd
 from pyfric.fitting.measurement import CAP
 
 ALONE = 3.0
-"""Standard deviations of a measured event without a partner, at least; noise alone makes a pair
-worse once in ninety times (chi^2 with two degrees of freedom)."""
+"""Smallest residual of an unmatched measured event, in standard deviations. Noise makes one pair in
+ninety worse than this (chi^2 with two degrees of freedom)."""
 OF_FORCES, OF_COUNTS = 3e-3, 0.2
-"""Standard deviations of an overview: of forces over F_N, and of numbers of events. Policies."""
+"""Standard deviations in the overview: of forces over F_N, and of numbers of events (choices)."""
 LARGE = 0.2
-"""Drop of a large event over the largest one: a policy."""
+"""Smallest drop of a large event, over the largest drop (a choice)."""
 FEWEST = 3
-"""Large events whose mean is compared. A policy."""
+"""Fewest large events whose mean is compared (a choice)."""
 PER_EVENT = 2
-"""Residuals of a measured event: at its start and its end."""
+"""Number of residuals of a measured event: at its start and its end."""
 COMPARED = ["peak", "valley", "drop", "peak_error", "valley_error", "drop_error", "rate"]
 """Columns of events that are compared."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Misfit:
-    """How far a model is from a table of events.
+    """Differences of a model from a table of measured events.
 
     Attributes:
-        residuals: in standard deviations, shape (2 n + 4,): at starts and ends of the n measured
-            events, of the rate of loading, of events of the model that were not measured, and of
-            the mean forces at starts and ends of large events.
-        partner: row of the model for each measured event, -1 where there is none, shape (n,).
-        extra: number of events of the model between matched ones that would have been seen.
+        residuals: in standard deviations, shape (2 n + 4,): forces at the starts and at the ends of
+            the n measured events; the rate of loading; unmatched events of the model; mean forces
+            at starts and at ends of large events.
+        partner: matching row of the model for each measured event, -1 without a match, shape (n,).
+        extra: number of unmatched events of the model between matches, above the threshold.
     """
 
     residuals: np.ndarray
@@ -61,12 +61,12 @@ class Misfit:
 
     @property
     def missing(self) -> int:
-        """Number of measured events that the model has not."""
+        """Number of measured events without a match in the model."""
         return int((self.partner < 0).sum())
 
 
 def onset(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the events before the first large one; all, where these are fewer than `FEWEST`."""
+    """Return the events before the first large event, or all if these are fewer than `FEWEST`."""
     large = np.flatnonzero(table["drop"] >= LARGE * table["drop"].max())
     return table.iloc[: large[0]] if len(large) and large[0] >= FEWEST else table
 
@@ -78,12 +78,12 @@ def misfit(
     tolerance: float = 0.0,
     later: pd.DataFrame | None = None,
 ) -> Misfit:
-    """Return how far the events of a model are from measured ones.
+    """Return the differences of the events of a model from measured events.
 
     Args:
-        measured, model: tables of `pyfric.measured.events`; errors are those of the first.
-        later: measured events of which only the means of large ones count.
-        tolerance: standard deviation of forces that is added to the errors, over F_N.
+        measured, model: tables of `pyfric.measured.events`. Errors are taken from `measured`.
+        later: further measured events; of these, only the mean forces of large events count.
+        tolerance: standard deviation of forces added to the errors, over F_N.
     """
     n, m = len(measured), len(model)
     known, found = _columns(measured), _columns(model)
@@ -124,11 +124,11 @@ def _columns(table: pd.DataFrame) -> dict[str, np.ndarray]:
 def _off(
     measured: dict[str, np.ndarray], model: dict[str, np.ndarray], tolerance: float
 ) -> dict[str, np.ndarray]:
-    """Return how far ends of events are apart, in standard deviations, each of shape (n, m).
+    """Return differences of forces at both ends of events, in standard deviations, each (n, m).
 
-    Errors of both ends share that of the time of the event, whose variance is
-    c = (s_peak^2 + s_valley^2 - s_drop^2)/2. The second residual is what is left of that of the
-    valley if c/s_peak^2 of that of the peak is taken away, so that both are independent.
+    The error of the time of an event contributes to both ends. The covariance is c = (s_peak^2 +
+    s_valley^2 - s_drop^2)/2. The second residual is the difference of valleys minus c/s_peak^2
+    times the difference of peaks, which makes the two independent.
     """
     variances = {
         name: measured[f"{name}_error"][:, None] ** 2 for name in ("peak", "valley", "drop")
@@ -145,11 +145,11 @@ def _off(
 
 
 def overview(measured: pd.DataFrame, model: pd.DataFrame) -> np.ndarray:
-    """Return how far a model is, event by event, without a match: shape (2 n,).
+    """Return the rough differences of a model from each event, without matching, shape (2 n,).
 
-    Events near the threshold of the measurement count in part: 0 below half of it, 1/2 at the
-    threshold, 1 from 1.5 times the threshold on. Numbers of events may differ by a constant, as
-    small early events may be lost in noise.
+    An event has a weight by its drop: 0 below half the threshold of the measurement, 1/2 at the
+    threshold, 1 from 1.5 times the threshold on. Numbers of events may differ by a constant,
+    because small early events may be lost in noise.
     """
     threshold = measured.attrs.get("threshold", 0.0)
 
@@ -190,16 +190,16 @@ def _rate_off(measured: np.ndarray, model: np.ndarray) -> float:
     if len(known) < 3 or not len(found):
         return 0.0
     spread = 1.4826 * float(np.median(np.abs(known - np.median(known))))
-    error = 1.2533 * spread / np.sqrt(len(known))  # of a median
+    error = 1.2533 * spread / np.sqrt(len(known))  # standard error of a median
     if not error > 0:
         return 0.0
     return float(np.clip((np.median(found) - np.median(known)) / error, -CAP, CAP))
 
 
 def _matched(cost: np.ndarray, alone: np.ndarray, unseen: np.ndarray) -> np.ndarray:
-    """Return the partner of each measured event, -1 for none: the cheapest order-keeping match."""
+    """Return the match of each measured event, -1 for none, in order and at the least cost."""
     n, m = cost.shape
-    total = np.zeros((n + 1, m + 1))  # of i measured and j events of the model
+    total = np.zeros((n + 1, m + 1))  # cost of matching i measured and j model events
     total[1:, 0] = np.cumsum(alone)
     step = np.zeros((n + 1, m + 1), dtype=np.int8)
     step[1:, 0] = 1
@@ -212,7 +212,7 @@ def _matched(cost: np.ndarray, alone: np.ndarray, unseen: np.ndarray) -> np.ndar
         row = [float(total[i, 0])]
         skips = unseen.tolist() if i < n else [0.0] * m
         for j, (matched, skip) in enumerate(zip(best.tolist(), skips, strict=True), 1):
-            more = row[-1] + skip  # the model may have an event more
+            more = row[-1] + skip  # an unmatched event of the model
             row.append(min(matched, more))
             if more < matched:
                 step[i, j] = 2

@@ -1,4 +1,4 @@
-"""The whole of a measured curve, for responses that are smooth in the parameters."""
+"""A whole measured curve as a measurement, for smooth responses."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from pyfric.scene import Number
 from pyfric.values import SceneError, check_number, check_whole
 
 POINTS, PARTS = 500, 20
-"""Points of a curve of more samples, and parts of it whose errors in a wrong model are one:
-policies."""
+"""Largest number of means of a curve, and number of parts within which errors of a wrong model are
+correlated (choices)."""
 
 
 @measurement
@@ -26,17 +26,18 @@ policies."""
 class CurveOf(Measurement):
     """A loading curve as a whole: F_T/F_N at all times, for smooth responses.
 
-    Samples in a row are averaged, as are those of the run: `points` means are compared.
+    Means of consecutive samples are compared with means of the run over the same times.
 
     Args:
-        curve: with forces. It begins with the loading, at t = 0 of the run, if `start` is 0.
-        error: standard deviation of a sample of F_T/F_N, > 0; None: the noise of the curve.
-        points: number of means, at most; no more than samples.
-        start: time in the run at which the curve begins, s.
+        curve: a curve with forces. Its first sample is at the time `start` of the run.
+        error: standard deviation of a sample of F_T/F_N, > 0; None means the noise of the curve.
+        points: largest number of means.
+        start: time in the run at which the curve begins, s; 0 is the start of loading.
 
     Attributes:
-        t_from, t_to: times over which a mean is taken, s, shape (n,); f: means of F_T/F_N;
-        error: their standard deviation.
+        t_from, t_to: begin and end of each mean, s, shape (n,).
+        f: means of F_T/F_N.
+        error: standard deviations of the means.
 
     Raises:
         SceneError: an argument is refused; the curve has no forces or no noise.
@@ -97,7 +98,7 @@ class CurveOf(Measurement):
         return np.arange(self.size) * PARTS // self.size
 
     def seen(self, record: Record) -> np.ndarray:
-        """Return F_T/F_N of a run in the same means, shape (n,)."""
+        """Return means of F_T/F_N of a run over the same times, shape (n,)."""
         t, F_T = (record.curve[name].to_numpy() for name in ("t", "F_T"))
         scene = record.scene
         varies = scene.load_at(0.0) is not None
@@ -132,7 +133,7 @@ class CurveOf(Measurement):
 
 
 def _area_to(times: np.ndarray, t: np.ndarray, f: np.ndarray, area: np.ndarray) -> np.ndarray:
-    """Return the integral of a broken line up to some times."""
+    """Return the integral of a piecewise linear curve up to each of some times."""
     k = np.clip(np.searchsorted(t, times, side="right") - 1, 0, len(t) - 2)
     part = times - t[k]
     slope = np.divide(f[k + 1] - f[k], t[k + 1] - t[k], out=np.zeros(len(k)), where=t[k + 1] > t[k])

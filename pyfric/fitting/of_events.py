@@ -26,36 +26,37 @@ from pyfric.scene import Scene
 from pyfric.values import SceneError
 
 OTHERS = 4
-"""Residuals of a curve that are not of its events."""
+"""Number of residuals of a curve besides those of single events."""
 LONGER = 1.1
-"""Time of runs over that of the measurement: a policy."""
+"""Duration of runs over that of the measurement (a choice)."""
 OFF_LOAD = 0.05
-"""Largest difference of the normal force of a scene from that of its curve, over it. A policy."""
+"""Largest relative difference of the normal force of a scene from that of its curve (a choice)."""
 OF_THE_CURVE = {"offset": "", "drift": "1/s"}
-"""Parameters of a curve, not of a scene, and their units: a force added to it (over F_N), and one
-per time."""
+"""Parameters of the curve itself, and their units: a constant force added to it, over F_N, and a
+force per time."""
 IN_A_ROW = 3
-"""Events in a row whose errors in a wrong model are taken as one. A policy."""
+"""Number of consecutive events whose errors in a wrong model count as correlated (a choice)."""
 POPULATION, ENOUGH = 8, 20
-"""Fewest events of a population, and how many of a run are enough. Policies."""
+"""Fewest measured events of a population, and number of events that a run should have (choices)."""
 LATER = 3.0
-"""Mean time between events over that of a slider that sticks, beyond which no run waits for more.
-A policy."""
+"""Longest time between events for which runs are made long enough, over that of a slider that
+sticks between events (a choice)."""
 SLIDES = 0.5
-"""Rise of force between events over that of a slider that sticks, below which it is said to slide.
-A policy."""
+"""Rate of force between events, over that of a stuck slider, below which a note says that the
+slider slides (a choice)."""
 FAINT = 1e-3
-"""Noise of runs over that of the curve: no two readings are equal, and means do not scatter."""
+"""Noise added to runs, over that of the curve: enough that no two readings are equal, too little to
+change means."""
 NUMBERS = ("mean peak", "mean valley", "recurrence", "spread of peaks", "spread of valleys")
-"""Numbers of a population; forces are over F_N, the recurrence is the mean time between events, s,
-and spreads are standard deviations."""
+"""Statistics of a population. Forces are over F_N. The recurrence is the mean time between events,
+in s. Spreads are standard deviations."""
 
 
 def table_of(measured: Curve | pd.DataFrame) -> pd.DataFrame:
-    """Return a table of events that knows where it ends, and what it resolves.
+    """Return a table of events with the end of the measurement and the normal force in its attrs.
 
     Raises:
-        SceneError: it is none, has fewer than two events, or none has an error.
+        SceneError: it is no table of events, has fewer than two events, or no errors of forces.
     """
     if isinstance(measured, Record):
         allowed = 'pyfric.measured.sampled(record, "0.5 ms", noise=1e-3), a curve as measured'
@@ -90,7 +91,7 @@ def _load(curve: Curve) -> float | None:
 
 
 def moved(table: pd.DataFrame, at: At) -> pd.DataFrame:
-    """Return events of a run with what a curve adds to their forces."""
+    """Return events of a run with the offset and drift of the curve added to their forces."""
     offset, drift = (at.values.get(name, 0.0) for name in OF_THE_CURVE)
     if not (offset or drift):
         return table
@@ -100,7 +101,7 @@ def moved(table: pd.DataFrame, at: At) -> pd.DataFrame:
 
 
 class _OfEvents(Measurement):
-    """What is measured of the events of a loading curve."""
+    """Measurements on the events of a loading curve."""
 
     own: ClassVar[dict[str, str]] = OF_THE_CURVE
     whole: pd.DataFrame
@@ -128,13 +129,14 @@ class Events(_OfEvents):
 
     Args:
         measured: curve, or its table of events (`pyfric.measured.events`).
-        part: "onset": events before the first large one (a fifth of the largest drop) are compared
-            one by one, and large ones by their mean forces; "all": all are compared one by one, for
-            periodic sequences.
+        part: which events are compared one by one. "onset": events before the first large event (a
+            fifth of the largest drop); large events are compared by their mean forces. "all": all
+            events, for periodic sequences.
 
     Attributes:
-        whole: table of all events; one by one: of those that are compared so; later: of those of
-            which means count, None if none.
+        whole: table of all events.
+        one_by_one: table of the events that are compared one by one.
+        later: table of the later events, of which means count; None with part = "all".
 
     Raises:
         SceneError: an argument is refused; the curve has fewer than two events, or no noise.
@@ -159,7 +161,7 @@ class Events(_OfEvents):
 
     @property
     def onset_is_whole(self) -> bool:
-        """Whether there is no first loading, so that large events are compared one by one."""
+        """Whether all events are compared one by one, because the curve has no first loading."""
         return len(self.one_by_one) == len(self.whole)
 
     @property
@@ -181,7 +183,7 @@ class Events(_OfEvents):
         return np.concatenate([number, number, n + np.arange(OTHERS)])
 
     def misfit(self, seen: pd.DataFrame, at: At) -> Misfit:
-        """Return how far the events of a run are, and which belong together."""
+        """Return the misfit of the events of a run, with the matches."""
         model = moved(seen, at)
         return misfit(self.one_by_one, model, tolerance=at.tolerance, later=self.later)
 
@@ -222,16 +224,17 @@ class Events(_OfEvents):
 class Sizes(_OfEvents):
     """Large events of a loading curve as a population: mean forces, recurrence, and spreads.
 
-    For sequences that are not reproducible, so that no event of a model is one that was measured.
-    Standard errors of means hold the scatter from event to event and its correlation along the
-    sequence (Newey and West), those of the run, too. Large events have a fifth of the largest drop.
-    Runs are sampled with the step of the curve, and their events are found as its are. So what an
-    instrument and the swing of the slider make of an event is in both.
+    `Sizes` is for irregular sequences, in which single events of model and measurement do not
+    match. Large events have at least a fifth of the largest drop. Standard errors of the means,
+    measured and of the run, include the scatter from event to event and its correlation along the
+    sequence (Newey and West). Runs are sampled with the step of the curve, and their events are
+    found in the same way. Effects of sampling and of vibrations after events are therefore in both.
 
     Args:
         measured: curve, or its table of events (`pyfric.measured.events`).
-        spreads: whether standard deviations of forces count, too. The parameter "scatter" is the
-            standard deviation of forces from event to event, over F_N, that the model leaves out.
+        spreads: whether standard deviations of forces count, too. The parameter "scatter" is a
+            standard deviation of forces from event to event, over F_N, that is added to the
+            model's.
 
     Attributes:
         whole: table of all events.
@@ -258,14 +261,14 @@ class Sizes(_OfEvents):
 
     @property
     def duration(self) -> float:
-        """Of the measurement, s."""
+        """Longest duration of a run, s: a little more than the measurement."""
         return LONGER * float(self.whole.attrs["t_end"])
 
     def lasts(self, scene: Scene) -> float:
-        """Return the time of a first loading and enough events, s, or that of the measurement.
+        """Return the time of a first loading and enough events, s, at most `duration`.
 
-        A slider that slides between events is not loaded then, so that the driver tells how long
-        loading takes, not the force.
+        Loading times follow from the speed and stiffness of the driver. The measured rate of force
+        is too small if the slider slides between events.
         """
         table, rate = large(self.whole), self._loading(scene)
         if not rate > 0:
@@ -279,7 +282,7 @@ class Sizes(_OfEvents):
         return scene.driver.K * abs(scene.drive(t_end)) / (t_end * scene.F_N)
 
     def doubts(self, scene: Scene) -> tuple[str, ...]:
-        """Say whether the slider slides between events."""
+        """Return a note if the slider slides between events."""
         stuck = self._loading(scene)
         share = float(self.whole["rate"].median()) / stuck if stuck else np.nan
         if not share < SLIDES:
@@ -342,7 +345,7 @@ class Sizes(_OfEvents):
         return (off**2 - np.diag(known[1])) / _of_forces(known[0]) ** 2
 
     def _of_model(self, seen: pd.DataFrame, at: At) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the numbers of a run after its first large event, and their errors."""
+        """Return the statistics of a run from its first large event on, and their errors."""
         model = moved(seen, at)
         first = np.flatnonzero(model["drop"] >= LARGE * model["drop"].max())[0]
         found, of_means, of_spreads = _numbers(model.iloc[first:])
@@ -358,9 +361,9 @@ def large(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _of_forces(numbers: np.ndarray) -> np.ndarray:
-    """Return by how much the three means are off if each force is off by F_N.
+    """Return the errors of the three means for an error F_N of each force.
 
-    The recurrence is the time of loading by the drop, which has the errors of both forces.
+    The recurrence is proportional to the drop, which has the errors of both forces.
     """
     peak, valley, recurrence = numbers[:3]
     return np.array([1.0, 1.0, np.sqrt(2) * recurrence / (peak - valley)])

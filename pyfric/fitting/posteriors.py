@@ -1,7 +1,7 @@
-"""Posterior of a fit: draws of all parameters together, by affine-invariant walkers (emcee).
+"""Posterior of a fit: joint draws of all parameters by affine-invariant walkers (emcee).
 
-The likelihood is exp(-chi^2/2) of the same misfit, and priors are flat within the bounds. Where
-forces of the model jump, draws show it, and a profile is its envelope.
+The likelihood is exp(-chi^2/2), with the misfit of the fit. Priors are flat within the bounds.
+Jumps of the model's forces show in the draws, while a profile shows only their envelope.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from pyfric.fitting.search import derivatives
 from pyfric.values import SceneError, check_whole
 
 WALKERS = 8
-"""Walkers, at least, and at least four for each parameter. A policy."""
+"""Smallest number of walkers, which is also at least four for each parameter (a choice)."""
 BURNT = 4
-"""One in so many draws of each walker, those at the beginning, is left out. A policy."""
+"""The share 1/`BURNT` of the draws of each walker, at their begin, is left out (a choice)."""
 
 
 def posterior(
@@ -31,18 +31,20 @@ def posterior(
 ) -> pd.DataFrame:
     """Draw parameters from their posterior, given the measurements of a fit.
 
-    As in intervals of the fit, forces of the model have the error `found.model_error`. Each draw
-    takes a run: 0.05 s for the quasi-static engine with 29 blocks along the interface.
+    Forces of the model have the error `found.model_error`, as in the intervals of the fit. Each
+    draw takes one run, which needs 0.05 s with the quasi-static engine and 29 blocks along the
+    interface.
 
     Args:
-        found: a fit of this process.
-        draws: number of draws that are kept, at least 100.
-        seed: of the draws.
-        progress: function that is told what is done.
+        found: a fit, as `pyfric.fit` or `Fit.load` returns it.
+        draws: number of draws to keep, at least 100.
+        seed: seed of the draws.
+        progress: function that receives each step as text.
 
     Returns:
-        A data frame with a row for each draw, and columns for each parameter and chi2. Its attrs
-        have the acceptance and independent, the number of draws over their correlation length.
+        A data frame with a row for each draw, a column for each parameter, and the column chi2. Its
+        attrs have "acceptance", the share of accepted steps, and "independent", the number of draws
+        over their correlation length.
 
     Raises:
         SceneError: the extra "posterior" is missing, or an argument is refused.
@@ -70,7 +72,7 @@ def posterior(
 
     jacobian = derivatives(problem, u)[0]
     variances, ways = np.linalg.eigh(jacobian.T @ jacobian)
-    spread = ways / np.sqrt(np.maximum(variances, 12.0))  # 12: flat within the bounds
+    spread = ways / np.sqrt(np.maximum(variances, 12.0))  # 12: 1/variance of a flat prior
     start = np.clip(u + rng.standard_normal((walkers, dim)) @ spread.T, 0, 1)
     sampler = emcee.EnsembleSampler(walkers, dim, log_likelihood)
     sampler.random_state = np.random.RandomState(seed).get_state()

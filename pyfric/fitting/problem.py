@@ -1,4 +1,4 @@
-"""Residuals of parameters: runs of scenes, and how far they are from measurements."""
+"""Residuals as functions of parameters: runs of scenes, compared with measurements."""
 
 from __future__ import annotations
 
@@ -22,20 +22,21 @@ from pyfric.statics import EquilibriumError
 from pyfric.values import SceneError
 
 DOUBTFUL = 0.01
-"""Probability of the residuals below which the model is said not to fit. A policy."""
+"""Probability of the residuals below which the model counts as not fitting (a choice)."""
 FURTHER = (0.5, 1.0, 2.0, 4.0)
-"""Shares of its bounds by which a parameter is moved beyond them, to tell wider ones. A policy."""
+"""Distances beyond its bounds, over their width, at which a parameter is tried to suggest wider
+bounds (a choice)."""
 ONE = "@"
-"""Before the number of the experiment that alone has a parameter: "K@2"."""
+"""Mark before the number of the only experiment with a parameter: "K@2"."""
 
 
 def probability(chi2: float, dof: int) -> float:
-    """Return the probability of a sum of squares at least this large, if the model is right."""
+    """Return the probability of a sum of squares at least this large if the model is right."""
     return float(scipy.stats.chi2.sf(chi2, max(dof, 1)))
 
 
 def wider(low: float, high: float, side: int) -> tuple[float, float]:
-    """Return bounds that are wider by their width on one side; positive ones stay positive."""
+    """Return bounds extended by their width on one side; positive bounds stay positive."""
     width = high - low
     if side > 0:
         return low, high + width
@@ -43,13 +44,13 @@ def wider(low: float, high: float, side: int) -> tuple[float, float]:
 
 
 class Problem:
-    """Residuals of parameters between 0 and 1, for scenes and their measurements.
+    """Residuals of scenes and their measurements, as functions of parameters from 0 to 1.
 
     Args:
-        scenes, data: of each experiment.
+        scenes, data: scene and measurements of each experiment.
         bounds: name -> bounds in SI units; "NAME@2" is a parameter of the second experiment alone.
-        options: of runs.
-        model_error: standard deviation of forces of the model, over F_N.
+        options: options of the runs.
+        model_error: standard deviation of the model's forces, over F_N.
     """
 
     def __init__(
@@ -67,18 +68,18 @@ class Problem:
         self.size = sum(each.size for each in self.parts)
         self.smooth = all(each.smooth for each in self.parts)
         self.known: dict[tuple[Any, ...], list[Any] | None] = {}
-        self.tried: dict[bytes, np.ndarray] = {}  # parameters
+        self.tried: dict[bytes, np.ndarray] = {}  # parameters that were tried
         self.runs = 0
-        self.reason = ""  # why parameters had no run, the last time
+        self.reason = ""  # why parameters could not be run, the last time
 
     @property
     def parts(self) -> Iterator[Measurement]:
-        """Measurements of all experiments, one after the other."""
+        """Measurements of all experiments in order."""
         return (part for together in self.data for part in together)
 
     @property
     def groups(self) -> np.ndarray:
-        """Number of the group of each residual whose errors in a wrong model are one."""
+        """Group number of each residual; in a group, errors of a wrong model are correlated."""
         first, groups = 0, [np.zeros(0, dtype=int)]
         for part in self.parts:
             groups.append(first + part.groups)
@@ -95,7 +96,7 @@ class Problem:
         return True
 
     def of_engine(self, engine: str) -> Problem | None:
-        """Return the same with what runs of another engine have; None if they have nothing."""
+        """Return the problem with the measurements that another engine gives; None without any."""
         data = [
             Together(part for part in each if not part.engines or engine in part.engines)
             for each in self.data
@@ -107,21 +108,21 @@ class Problem:
 
     @staticmethod
     def durations(scenes: Sequence[Scene], data: Sequence[Together]) -> list[float]:
-        """Return the length of the run of each experiment, s; 0 where nothing tells it."""
+        """Return the duration of the run of each experiment, s; 0 where no measurement gives it."""
         pairs = zip(scenes, data, strict=True)
         return [
             max((part.lasts(scene) or 0.0 for part in each), default=0.0) for scene, each in pairs
         ]
 
     def check(self, starts: Sequence[np.ndarray]) -> None:
-        """Refuse what no run can mend.
+        """Refuse a problem that cannot be solved, before any run.
 
         Args:
-            starts: parameters that are not on the bounds, in the middle, or at another round share.
+            starts: parameters to try, away from the bounds and from round fractions of their range.
 
         Raises:
-            SceneError: an engine cannot run the scenes, none of the parameters is a scene, or there
-                are as many parameters as numbers that were measured.
+            SceneError: the engine cannot run the scenes; no start gives a valid scene; or there are
+                as many parameters as measured numbers.
         """
         for scene in self.scenes:
             check_run(scene, Options(fidelity=self.options["fidelity"]))
@@ -141,11 +142,11 @@ class Problem:
         raise SceneError("vary", ", ".join(self.names), "", allowed, f"none does: {reasons[0]}")
 
     def check_matched(self, u: np.ndarray) -> None:
-        """Refuse parameters at which nothing is compared.
+        """Refuse best parameters at which no event matches.
 
         Raises:
-            SceneError: residuals that tell something are no more than parameters, or no event has
-                a partner.
+            SceneError: no event matches, or residuals that depend on parameters are no more than
+                these.
         """
         tables = [(each.one_by_one, seen) for each, seen, _ in self.compared(u, Events)]
         n, missing = sum(len(known) for known, _ in tables), self.counts(u)[0]
@@ -166,7 +167,7 @@ class Problem:
         raise SceneError("vary", ", ".join(self.names), "", allowed, reason)
 
     def _nearer(self, u: np.ndarray) -> str:
-        """Return wider bounds of one parameter that hold a model nearer to what was measured."""
+        """Return wider bounds of one parameter that include a model nearer to the measurement."""
         best, found = float(np.linalg.norm(self.overview(u))), ""
         for name, (low, high) in self.bounds.items():
             for share, side in itertools.product(FURTHER, (-1, 1)):
@@ -184,7 +185,7 @@ class Problem:
         return found
 
     def values(self, u: np.ndarray) -> dict[str, float]:
-        """Return the parameters by name."""
+        """Return the parameters by name, in SI units."""
         return dict(zip(self.names, (self.low + u * (self.high - self.low)).tolist(), strict=True))
 
     def place(self, values: Mapping[str, float]) -> np.ndarray:
@@ -193,7 +194,7 @@ class Problem:
         return np.clip((at - self.low) / (self.high - self.low), 0, 1)
 
     def own(self, values: Mapping[str, float], n: int) -> dict[str, float]:
-        """Return the parameters of one experiment by their names there."""
+        """Return the parameters of one experiment, by their names without its number."""
         found = {}
         for name, value in values.items():
             part, mark, number = name.partition(ONE)
@@ -209,17 +210,17 @@ class Problem:
         return self.scenes[n].replace(**self._changes(values, n))
 
     def _changes(self, values: Mapping[str, float], n: int) -> dict[str, float]:
-        """Return those of the parameters of an experiment that are of its scene."""
+        """Return the parameters of an experiment that belong to its scene."""
         others = {name for part in self.data[n] for name in part.own}
         return {name: value for name, value in values.items() if name not in others}
 
     def at(self, u: np.ndarray, n: int, tolerance: float = 0.0) -> At:
-        """Return the parameters of an experiment, with the error of forces of its model."""
+        """Return the parameters of an experiment, with the error of its model's forces."""
         values = self.values(u)
         return At(values | self.own(values, n), math.hypot(tolerance, self.model_error))
 
     def model(self, u: np.ndarray) -> list[list[Any]] | None:
-        """Return what the model has of each measurement; None where it has no run."""
+        """Return the model's value of each measurement; None if the parameters cannot be run."""
         self.tried.setdefault(u.tobytes(), u.copy())
         values, found = self.values(u), []
         for n in range(len(self.scenes)):
@@ -234,7 +235,7 @@ class Problem:
         return None if any(seen is None for seen in found) else found
 
     def run(self, scene: Scene, n: int) -> list[Any]:
-        """Return what a run as long as the measurements has of each of them."""
+        """Make a run as long as the measurements, and return its value of each."""
         self.runs += 1
         data = self.data[n]
         record = simulate(scene, self.durations([scene], [data])[0], **self.options)
@@ -243,7 +244,7 @@ class Problem:
     def compared(
         self, u: np.ndarray, kind: type[Any] = Measurement, tolerance: float = 0.0
     ) -> Iterator[tuple[Any, Any, At]]:
-        """Yield each measurement of a kind, what the model has of it, and parameters."""
+        """Yield each measurement of a kind, the model's value of it, and the parameters."""
         for n, (together, seen) in enumerate(zip(self.data, self.model(u) or [], strict=False)):
             at = self.at(u, n, tolerance)
             pairs = zip(together, seen, strict=True)
@@ -254,12 +255,12 @@ class Problem:
         return [part.misfit(seen, at) for part, seen, at in self.compared(u, Events)]
 
     def counts(self, u: np.ndarray) -> tuple[int, int]:
-        """Return numbers of measured events that the model has not, and the reverse."""
+        """Return the numbers of measured events missing in the model, and of extra model events."""
         found = self.misfits(u)
         return sum(each.missing for each in found), sum(each.extra for each in found)
 
     def overview(self, u: np.ndarray) -> np.ndarray:
-        """Return the overviews of all measurements."""
+        """Return the rough residuals of all measurements."""
         if self.model(u) is None:
             parts = ((part, n) for n, each in enumerate(self.data) for part in each)
             off = [part.none(self.at(u, n))[: part.of_overview] for part, n in parts]
@@ -279,25 +280,25 @@ class Problem:
         return float(np.sum(self.residuals(u, tolerance) ** 2))
 
     def fits(self, u: np.ndarray, tolerance: float = 0.0) -> bool:
-        """Whether the residuals are those of noise, if all of them count: enough for a search."""
+        """Whether the residuals are as small as noise, counting all of them; used in the search."""
         return probability(self.chi2(u, tolerance), self.size - len(u)) >= DOUBTFUL
 
     def dof(self, u: np.ndarray) -> int:
-        """Return the degrees of freedom: residuals that tell something, less parameters."""
+        """Return the degrees of freedom: residuals that depend on parameters, minus parameters."""
         return sum(part.told(seen, at) for part, seen, at in self.compared(u)) - len(u)
 
     def scatter(self, u: np.ndarray, tolerance: float) -> float:
-        """Return the root of the mean square of forces by which a model is off, over F_N.
+        """Return the RMS deviation of the model's forces, over F_N.
 
-        The variance of the measurement is taken away. Events are matched with a tolerance of
-        forces, so that those that are far off count, too.
+        The variance of the measurement is subtracted. Events are matched with a tolerance of
+        forces, so that events with large deviations count, too.
         """
         found = [part.excess(seen, at) for part, seen, at in self.compared(u, tolerance=tolerance)]
         squares = np.concatenate([np.zeros(0), *found])
         return math.sqrt(max(float(squares.mean()), 0.0)) if squares.size else 0.0
 
     def tables(self, u: np.ndarray, *, one_by_one: bool) -> pd.DataFrame:
-        """Return what was measured beside the model: events one by one, or all else."""
+        """Return measured and model values: of events one by one, or of all other measurements."""
         parts, number = [], 0
         for number, (together, seen) in enumerate(zip(self.data, self.model(u) or [], strict=True)):
             at = self.at(u, number)

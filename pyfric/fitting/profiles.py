@@ -1,11 +1,12 @@
 """Profiles and confidence intervals.
 
-A profile is the least misfit against the value of one parameter, with all others free. An interval
-holds all values whose misfit is above the least one by no more than the quantile of chi^2 with one
-degree of freedom. Forces of the model jump where an event takes another block; their scatter adds
-to the variance, and the quantile grows with it. Jumps cut valleys of the misfit, which then go on
-where derivatives do not lead: the ends of an interval are pushed on by random steps. A parameter
-whose profile stays below the limit up to a bound is not determined there.
+A profile is the least misfit as a function of one parameter, with all others free. A confidence
+interval holds all values whose misfit exceeds the least misfit by at most a limit: the quantile of
+chi^2 with one degree of freedom. The model's forces jump where an event takes another block. The
+scatter of these jumps adds to the variance, and the limit grows with it. Jumps also cut valleys of
+the misfit, which derivatives then cannot follow. Random steps therefore push the ends of an
+interval outward. An interval has no end on a side where the profile stays below the limit up to the
+bound.
 """
 
 from __future__ import annotations
@@ -24,21 +25,21 @@ from pyfric.fitting.search import derivatives, deviation, least_of_others, solve
 
 @dataclass(frozen=True, kw_only=True)
 class Policies:
-    """Choices of profiles: others take more or fewer runs, and move intervals a little.
+    """Settings of profiles. Other values take more or fewer runs, and change intervals a little.
 
     Attributes:
-        points, reach: points of a profile on either side reach to so many standard deviations;
-            those beyond are twice as far apart, and so on.
-        across: parts of the bounds, beyond which no two points are apart.
-        wider: how often a profile is widened until it has an end.
-        beyond: points in a row beyond the limit, where it ends; one may be a jump.
-        rounds: how often profiles begin again from a lower minimum.
-        misses, worth: steps in a row that do not push an end of an interval on by that many
-            standard deviations, after which it stays.
-        grows, shrinks: factors of the length of such a step after one that went on, and after a
-            miss.
-        off: largest error of forces of a wrong model, over F_N, that intervals assume.
-        draws: of measurements of a wrong model, with replacement.
+        points, reach: on either side, the first `points` points of a profile reach to `reach`
+            standard deviations. The next `points` points are twice as far apart, and so on.
+        across: points are at most 1/across of the range between the bounds apart.
+        wider: how often the distance of points doubles before a profile is given up.
+        beyond: number of consecutive points above the limit that end a profile. A single one may be
+            a jump.
+        rounds: largest number of times that profiles begin again from a lower minimum.
+        misses, worth: an end of an interval is final after `misses` consecutive random steps that
+            do not move it by `worth` standard deviations.
+        grows, shrinks: factors of the length of random steps after a success and after a failure.
+        off: largest error of a wrong model's forces, over F_N, that intervals assume.
+        draws: number of draws of the measurements, with replacement, for a wrong model.
     """
 
     points: int = 5
@@ -57,11 +58,11 @@ class Policies:
 
 POLICIES = Policies()
 Points = dict[str, list[tuple[np.ndarray, float]]]
-"""Points (parameters between 0 and 1, chi2) of profiles by the name of the one that is held."""
+"""Points (parameters between 0 and 1, chi2) of profiles by the name of the fixed parameter."""
 
 
 class Profiles(NamedTuple):
-    """Best parameters, profiles and intervals by name, and the error of forces they assume."""
+    """Best parameters, profiles, intervals by name, and the assumed error of the model's forces."""
 
     u: np.ndarray
     profiles: dict[str, pd.DataFrame]
@@ -76,17 +77,17 @@ def known_of(
     say: Callable[[str], None],
     policies: Policies = POLICIES,
 ) -> Profiles:
-    """Return what is known of parameters near the best ones.
+    """Return profiles and intervals of the parameters around the best ones.
 
-    If no parameters fit, forces of the model have the error by which these are off, and intervals
-    hold the best parameters of other draws of what was measured, too.
+    If the model does not fit, its forces are assumed to have the error that they have at the best
+    parameters. Intervals then also hold the best parameters of draws of the measurements.
     """
     given = assumed = problem.model_error
     if not problem.smooth or probability(problem.chi2(u), problem.dof(u)) >= DOUBTFUL:
         u, profiles, intervals = profiled(problem, u, level, say, policies)
     if probability(problem.chi2(u), problem.dof(u)) < DOUBTFUL:
         say("how far the model is off")
-        for _ in range(2):  # then for the parameters that this error leads to
+        for _ in range(2):  # the second time with the new best parameters
             assumed = max(given, min(problem.scatter(u, policies.off), policies.off))
             if assumed == problem.model_error:
                 break
@@ -105,11 +106,11 @@ def _drawn(
     intervals: dict[str, tuple[float, float]],
     policies: Policies,
 ) -> dict[str, tuple[float, float]]:
-    """Return intervals that hold the best parameters of draws of what was measured (bootstrap).
+    """Return intervals extended to the best parameters of draws of the measurements (bootstrap).
 
-    A wrong model may follow a part of the measurements, and which one is chance. Measurements that
-    follow each other are drawn together. The best parameters of a draw are those of all that were
-    tried, and of places from bound to bound.
+    A wrong model may fit only a part of the measurements, and chance decides which part.
+    Consecutive measurements are drawn together. The best parameters of a draw are chosen from all
+    that were tried, and from points along each parameter from bound to bound.
     """
     for k in range(len(u)):
         for place in np.linspace(0, 1, policies.across + 1):
@@ -121,7 +122,7 @@ def _drawn(
     weights = rng.multinomial(n, np.full(n, 1 / n), size=policies.draws)
     best = tried[np.argmin(weights @ of_groups, axis=1)]
     ends = np.quantile(best, (0.5 - 0.5 * level, 0.5 + 0.5 * level), axis=0)
-    ends = np.where((ends > 0) & (ends < 1), ends, np.nan)  # open at a bound
+    ends = np.where((ends > 0) & (ends < 1), ends, np.nan)  # no end at a bound
     lows, highs = problem.low + ends * (problem.high - problem.low)
     found = {}
     for k, (name, (low, high)) in enumerate(intervals.items()):
@@ -153,11 +154,11 @@ def profiled(
 def _made(
     problem: Problem, u: np.ndarray, quantile: float, say: Callable[[str], None], policies: Policies
 ) -> tuple[np.ndarray, Points, float]:
-    """Return the best parameters, profiles as far as the limit, and the limit above the least.
+    """Return the best parameters, profiles up to the limit, and the limit above the least misfit.
 
-    Where a profile finds a misfit that is lower by more than the interval allows, profiles begin
-    again from there. Others reach beyond the limit of a slightly lower one as they are. Where the
-    least misfit is more than that of noise, the limit grows with it (Birge).
+    If a profile finds a misfit that is lower by more than the limit, profiles begin again from
+    there. After a smaller gain they need not, because they still reach above the new limit. If the
+    least misfit exceeds that of noise, the limit grows in proportion (Birge ratio).
     """
     made: Points = {}
     for _ in range(policies.rounds):
@@ -177,13 +178,13 @@ def _made(
             u = polished if problem.chi2(polished) < best[1] else best[0]
         if least - problem.chi2(u) <= quantile:
             break
-    if len(u) > 1 and not problem.smooth:  # a profile of one alone is exact
+    if len(u) > 1 and not problem.smooth:  # the profile of a single parameter is exact
         _push(problem, u, jacobian, limit, made, say, policies)
     return u, made, limit
 
 
 def _birge(problem: Problem, u: np.ndarray) -> float:
-    """Return chi^2 over its degrees of freedom where it is not that of noise; else 1."""
+    """Return chi^2 over its degrees of freedom if it exceeds that of noise, else 1."""
     chi2, dof = problem.chi2(u), max(problem.dof(u), 1)
     return max(chi2 / dof, 1.0) if probability(chi2, dof) < DOUBTFUL else 1.0
 
@@ -197,9 +198,10 @@ def _outwards(
     highest: float,
     policies: Policies,
 ) -> list[tuple[np.ndarray, float]]:
-    """Return points (parameters, chi2) of one side of a profile, as far as it is within a limit.
+    """Return points (parameters, chi2) of one side of a profile, up to a limit.
 
-    Each point begins from its neighbour. The last one is at the bound where the profile goes on.
+    The search for each point begins at its neighbour. The last point is beyond the limit or at the
+    bound.
     """
     points: list[tuple[np.ndarray, float]] = []
     end, widest = float(side > 0), 1 / policies.across
@@ -226,12 +228,12 @@ def _push(
     say: Callable[[str], None],
     policies: Policies,
 ) -> None:
-    """Add to profiles the points at which intervals end, where random steps push these on."""
+    """Push the ends of intervals outward by random steps, and add them to the profiles."""
     pool = [(u, problem.chi2(u)), *(point for points in made.values() for point in points)]
     highest = min(chi2 for _, chi2 in pool) + limit
     inside = [point for point in pool if point[1] <= highest]
     values, vectors = np.linalg.eigh(np.linalg.pinv(jacobian.T @ jacobian))
-    spread = (vectors * np.sqrt(np.maximum(values, 0))) @ vectors.T  # no sign of vectors counts
+    spread = (vectors * np.sqrt(np.maximum(values, 0))) @ vectors.T  # signs of vectors cancel
     for k, name in enumerate(problem.names):
         say(f"ends of the interval of {name}")
         for side in (-1, 1):
@@ -256,7 +258,7 @@ def _pushed(
     highest: float,
     policies: Policies,
 ) -> list[tuple[np.ndarray, float]]:
-    """Return points (parameters, chi2) within a limit, each further out than the one before.
+    """Return points (parameters, chi2) within a limit, each further out than the last.
 
     Steps are random and lead outwards. `spread` is the root of the covariance of the parameters.
     """
@@ -283,7 +285,7 @@ def _along(points: list[tuple[np.ndarray, float]], k: int) -> tuple[np.ndarray, 
 
 
 def _interval(at: np.ndarray, chi2: np.ndarray, limit: float) -> tuple[float, float]:
-    """Return the outermost places where a profile passes a limit; NaN where it does not."""
+    """Return the outermost values where a profile passes a limit; NaN on a side without any."""
     inside = np.flatnonzero(chi2 <= limit)
     ends = []
     for edge, out in ((inside[0], -1), (inside[-1], 1)):

@@ -1,4 +1,4 @@
-"""What a fit has found: parameters, intervals, profiles, residuals, and whether the model fits."""
+"""The result of a fit: parameters, intervals, profiles, residuals, and whether the model fits."""
 
 from __future__ import annotations
 
@@ -23,36 +23,37 @@ from pyfric.values import SceneError, check_number, read_at_most, write
 OF_FRONTS = ("lengths", "arrivals")
 """Kinds of measurements of fronts."""
 FORMAT = "pyfric fit 1"
-"""First entry of a file of a fit."""
+"""First entry of the file of a fit."""
 AT_BOUND = 0.01
-"""Share of the bounds within which a parameter sits at one. A policy."""
+"""Distance from a bound, over the width of the bounds, within which a parameter is at this bound (a
+choice)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fit(Shown):
-    """Parameters that fit measured events, and what is known of them.
+    """Parameters that fit measurements, with intervals and residuals.
 
     Attributes:
         scenes: the scenes with the best parameters, one for each curve.
         values: best parameters by name.
-        intervals: name -> ends of the confidence interval; an end is NaN where the bound is reached
-            before the misfit tells.
+        intervals: name -> ends of the confidence interval. An end is NaN if the bound comes before
+            the limit of the misfit.
         profiles: name -> data frame with columns value and chi2, which assume `model_error`.
         level: confidence of the intervals.
-        chi2, dof: sum of squares with the errors that were given, and degrees of freedom.
+        chi2, dof: sum of squared residuals with the given errors, and degrees of freedom.
         table: measured events with columns curve, event, peak, valley, model_peak, model_valley
             (over F_N), off_peak, off_valley (standard deviations).
-        missing, extra: events of the measurement that the model has not, and the reverse.
-        others: numbers that were measured beside events, and those of the model: columns curve,
-            kind (of measurement), at (place in it), measured, error, model, off (standard
-            deviations).
+        missing, extra: number of measured events missing in the model, and of extra model events.
+        others: measured numbers other than events, and those of the model: columns curve, kind (of
+            measurement), at (place in it), measured, error, model, off (standard deviations).
         engine: the engine of its runs.
-        runs: number of runs that were made, also those of the search.
-        bounds: name -> bounds that were searched.
-        model_error: standard deviation of forces of the model, over F_N, that intervals assume: the
-            one that was given, or by how much a model that does not fit is off, if that is more.
-        notes: what was left out of the curves, and what their events may miss.
-        problem: what makes its runs, for profiles and `pyfric.fitting.posterior`.
+        runs: number of runs, with those of the search.
+        bounds: name -> bounds of the search.
+        model_error: standard deviation of the model's forces, over F_N, that intervals assume. If
+            the model does not fit, the error is the larger of the given error and the deviation of
+            the model.
+        notes: what was left out of the curves, and which events may be missing.
+        problem: the scenes, measurements and runs, for profiles and `pyfric.fitting.posterior`.
     """
 
     scenes: tuple[Any, ...]
@@ -108,7 +109,7 @@ class Fit(Shown):
     def profiled(
         self, level: float = 0.9, *, progress: Callable[[str], None] | None = None
     ) -> Self:
-        """Return the fit with profiles and intervals, of another level, or of a fit without.
+        """Return the fit with profiles and intervals, at the confidence `level`.
 
         Raises:
             SceneError: level is refused.
@@ -124,7 +125,7 @@ class Fit(Shown):
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the fit and its measurements as JSON, and return the path.
 
-        `load` gives the same fit, from which profiles, posterior and page can be made.
+        `load` returns the same fit, which can give profiles, posterior and page.
 
         Raises:
             OSError: the file cannot be written; an existing file is then unchanged.
@@ -176,14 +177,14 @@ class Fit(Shown):
 
     @property
     def fronts(self) -> pd.DataFrame:
-        """Of `others`, lengths of precursors and arrivals of fronts."""
+        """The rows of `others` on lengths of precursors and arrivals of fronts."""
         return self.others[self.others["kind"].isin(OF_FRONTS)] if len(self.others) else self.others
 
     @property
     def at_bounds(self) -> dict[str, tuple[float, float]]:
-        """Name -> wider bounds, of each parameter that sits at one of its bounds.
+        """Name -> wider bounds, for each parameter at one of its bounds.
 
-        A parameter of a model that does not fit does so, too, if its interval has one end.
+        If the model does not fit, parameters whose interval has only one end are included.
         """
         found = {}
         for name, value in self.values.items():
@@ -199,12 +200,12 @@ class Fit(Shown):
 
     @property
     def probability(self) -> float:
-        """Of a sum of squares at least this large, if the model is right."""
+        """Probability of a sum of squares at least this large if the model is right."""
         return probability(self.chi2, self.dof)
 
     @property
     def fits(self) -> bool:
-        """Whether the residuals are those of noise: `probability` at least 0.01."""
+        """Whether the residuals are as small as noise: `probability` at least 0.01."""
         return self.probability >= DOUBTFUL
 
     def __str__(self) -> str:
@@ -255,7 +256,7 @@ WORDS = {
     "curve": "points of curves",
     "sizes": "numbers of populations",
 }
-"""How kinds are counted in words."""
+"""Words for counted kinds."""
 
 
 def _said(bounds: tuple[float, float]) -> str:

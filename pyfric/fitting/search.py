@@ -1,4 +1,4 @@
-"""The least misfit: least squares from several starts, and steps of Gauss and Newton."""
+"""The search for the least misfit: least squares from several starts, and Gauss-Newton steps."""
 
 from __future__ import annotations
 
@@ -13,20 +13,21 @@ from numpy.linalg import norm
 from pyfric.fitting.problem import Problem
 
 FOLLOWED = 3
-"""How many minima of a rough search are followed. A policy."""
+"""How many minima of a rough search are followed (a choice)."""
 ALIKE = 0.01
-"""Distance over the bounds within which minima of a smooth misfit are one. A policy."""
+"""Distance, over the bounds, within which two minima of a smooth misfit count as one (a choice)."""
 TOLD = 5e-3
-"""Change of a smooth chi^2 that tells nothing, where it is that of noise. A policy."""
+"""Negligible change of a smooth chi^2, if residuals are as small as noise (a choice)."""
 COARSE = 1e-2
-"""Step of differences of the overview, over the bounds: a policy."""
+"""Step of differences of the overview, over the bounds (a choice)."""
 STEP = 1e-3
-"""Step of differences over the bounds: a policy."""
+"""Step of differences of the misfit, over the bounds (a choice)."""
 NOTICED, WIDEST = 2.0, 0.05
-"""Change of the residuals, standard deviations, at which a step is wide enough for a derivative,
-and the step, over the bounds, beyond which none is tried. Policies."""
+"""Change of the residuals, in standard deviations, that a step of a derivative must cause, and its
+largest length, over the bounds (choices)."""
 WALK, FAR, WALKS = 2e-3, 8, 3
-"""Step of the search for minima nearby, over the bounds; steps either way; how often. Policies."""
+"""Search for minima nearby: its step over the bounds, steps to either side, largest number of
+rounds (choices)."""
 
 
 def minima(
@@ -35,13 +36,13 @@ def minima(
     tolerances: Sequence[float],
     say: Callable[[str], None],
 ) -> list[np.ndarray]:
-    """Return minima of the misfit with the last of some tolerances, the least one first.
+    """Return minima of the misfit at the last of some tolerances, the lowest first.
 
-    Starts are taken in the order of their overviews. One is followed to the last tolerance if it
-    fits within the first one. Where residuals are those of noise, no further start is taken. If
-    none fits, all are taken again without the overview. If none can be followed, the best
-    `FOLLOWED` are. A smooth misfit needs no tolerance, and no further start where two lead to one
-    minimum.
+    Starts are taken in the order of their overviews. A start that fits within the first tolerance
+    is followed to the last tolerance. The search ends when residuals are as small as noise. If no
+    start fits, all are taken again without the overview. If no start fits within the first
+    tolerance, the best `FOLLOWED` are followed. A smooth misfit needs only the last tolerance, and
+    its search ends when two starts lead to one minimum.
     """
     if problem.smooth:
         tolerances = tolerances[-1:]
@@ -76,16 +77,16 @@ def minima(
                 break
             if again:
                 break
-    if not found:  # the best of those that are far off
+    if not found:  # the best of the poor fits
         for _, u in sorted(rough, key=lambda pair: pair[0])[:FOLLOWED]:
             follow(u)
     return [u for _, u in sorted(found, key=lambda pair: pair[0])]
 
 
 def walked(problem: Problem, u: np.ndarray, say: Callable[[str], None]) -> np.ndarray:
-    """Return the parameters of a lower minimum nearby, if residuals are not those of noise.
+    """Return the parameters of a lower minimum nearby, if residuals exceed noise.
 
-    Each parameter is moved either way, and the others follow.
+    Each parameter is moved in steps to either side, and the others are fitted again.
     """
     for _ in range(WALKS):
         if problem.smooth or problem.fits(u):
@@ -105,7 +106,7 @@ def walked(problem: Problem, u: np.ndarray, say: Callable[[str], None]) -> np.nd
 
 
 def deviation(jacobian: np.ndarray, k: int) -> float:
-    """Return the standard deviation of a parameter, with the others free; 1 if it has no effect."""
+    """Return the standard deviation of a parameter with the others free; 1 if it has no effect."""
     variance = np.linalg.pinv(jacobian.T @ jacobian)[k, k]
     return math.sqrt(variance) if variance > 0 else 1.0
 
@@ -119,7 +120,7 @@ def solved(problem: Problem, u: np.ndarray, tolerance: float = 0.0) -> np.ndarra
 def least(
     residuals: Callable[[np.ndarray], np.ndarray], u: np.ndarray, step: float, smooth: bool
 ) -> np.ndarray:
-    """Return the parameters of a local minimum; a smooth one is told more closely."""
+    """Return the parameters of a local minimum, with a finer tolerance if the misfit is smooth."""
     u = np.clip(u, 2 * step, 1 - 2 * step)
     how = {"bounds": (0.0, 1.0), "diff_step": step, "xtol": 1e-4, "max_nfev": 12}
     how["ftol"] = min(TOLD / len(residuals(u)), 1e-2) if smooth else 1e-2
@@ -134,8 +135,8 @@ def jacobian_of(problem: Problem, u: np.ndarray) -> np.ndarray:
 def derivatives(problem: Problem, u: np.ndarray) -> tuple[np.ndarray, float]:
     """Return derivatives of the residuals, and the mean variance of their jumps, per residual.
 
-    Differences are central, over a step that the measurement notices: in a shorter one, a jump of
-    the model may be all that changes.
+    Differences are central. Steps are so long that residuals change clearly; over a shorter step a
+    jump of the model could be the whole change.
     """
     columns, jumps, centre = [], [], problem.residuals(u)
     for k in range(len(u)):
@@ -155,10 +156,10 @@ def derivatives(problem: Problem, u: np.ndarray) -> tuple[np.ndarray, float]:
 def least_of_others(
     problem: Problem, near: np.ndarray, jacobian: np.ndarray, k: int, value: float
 ) -> tuple[np.ndarray, float]:
-    """Return the parameters of least misfit with one of them held.
+    """Return the parameters of least misfit with one of them fixed.
 
-    The others begin where they are `near`, and where derivatives move them with the one that is
-    held: where the model jumps, either may miss the valley of the misfit.
+    The search begins twice: with the other parameters of `near`, and with these moved along the
+    derivatives. If the model jumps, either start may miss the valley of the misfit.
     """
     others, alone = np.arange(len(near)) != k, near.copy()
     alone[k] = np.clip(value, 0, 1)
@@ -174,7 +175,7 @@ def least_of_others(
 def _descended(
     problem: Problem, u: np.ndarray, jacobian: np.ndarray, free: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Return parameters after at most two steps of Gauss and Newton, and their chi^2."""
+    """Return the parameters after at most two Gauss-Newton steps, and their chi^2."""
     residuals = problem.residuals(u)
     for _ in range(2):
         tried = u.copy()
@@ -187,5 +188,5 @@ def _descended(
 
 
 def _newton(jacobian: np.ndarray, residuals: np.ndarray) -> np.ndarray:
-    """Return the change of parameters that takes residuals away, if they are linear."""
+    """Return the change of parameters that minimises linear residuals."""
     return np.linalg.lstsq(jacobian, -residuals, rcond=None)[0]

@@ -1,13 +1,13 @@
-"""How much what is measured of a scene changes with each parameter.
+"""How much measured quantities of a scene change with each parameter.
 
-Each parameter is changed either way by what a measurement would not notice. Counts jump; forces and
-lengths jump with them, so that a change is a difference and no derivative.
+Each parameter is increased and decreased by its uncertainty in a good experiment. The number of
+events jumps, and forces and lengths jump with it. Changes are therefore differences of runs.
 
-A parameter that is free alone takes all that is measured for itself. With others free, they may
-make up for its change: what is left then tells it. J holds the changes of quantities, over their
-errors, with parameters, by half the difference of both ends. With independent errors the standard
-error of parameter j is 1/|J_j| alone, and the root of the j-th diagonal entry of the inverse of J'J
-with the others free.
+J is the matrix of changes of quantities, over their errors, with parameters, from half the
+difference of both ends. With independent errors, the standard error of parameter j is 1/|J_j| if
+all others are known. With the others free, the standard error is the root of the j-th diagonal
+entry of the inverse of J'J. The error is larger then, because changes of other parameters can
+compensate its change.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from pyfric.scene import Number, Scene, SceneLike, as_scene, full_name, scene_fi
 from pyfric.values import SceneError, check_number, usage
 
 STEPS = {"mu_s": 0.01, "mu_k": 0.01, "F_N": "1 %", "V": "1 %", "K": "5 %", "k": "5 %"}
-"""Default steps: what is known of parameters in a good experiment. A policy."""
+"""Default steps: uncertainties of parameters in a good experiment (a choice)."""
 QUANTITIES = {
     "first_force": ("1", "F_T/F_N at the start of the first main event"),
     "largest_force": ("1", "largest F_T/F_N at the start of a main event"),
@@ -39,12 +39,12 @@ QUANTITIES = {
     "recurrence": ("s", "mean time between system-size events"),
     "front_speed": ("m/s", "median speed of fronts; not without dynamics"),
 }
-"""Quantities: unit and meaning. NaN where a run has none."""
+"""Quantities: unit and meaning. A quantity that a run lacks is NaN."""
 COUNTS = ("precursors", "system_size")
 NOISE = 1e-3
-"""Error of measured forces over F_N, and of a recurrence over itself, unless given: a policy."""
+"""Default relative error of measured forces, over F_N, and of the recurrence (a choice)."""
 ROUNDED = 1e-9
-"""Singular values over the largest, and shares of parameters in directions, that are rounding."""
+"""Singular values over the largest, and components of singular vectors, that count as rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,8 +53,8 @@ class Sensitivity(Shown):
 
     Attributes:
         table: a row for each parameter and quantity, with columns parameter, value and step (SI
-            units), quantity, and low, base, high: at the value less the step, as it is, and with
-            the step.
+            units), quantity, and low, base, high: the quantity at the value minus the step, at the
+            value, and at the value plus the step.
         scene: the scene.
     """
 
@@ -85,17 +85,17 @@ class Sensitivity(Shown):
     __repr__ = __str__
 
     def known(self, noise: float = NOISE) -> pd.DataFrame:
-        """Return how well the quantities tell each parameter.
+        """Return the standard error of each parameter that the quantities allow.
 
-        Counts and front speeds are left out. Lengths are known to a block.
+        Counts and front speeds are left out. The error of lengths is one block.
 
         Args:
-            noise: standard error of forces over F_N, and of the recurrence over itself.
+            noise: standard error of forces over F_N, and relative standard error of the recurrence.
 
         Returns:
-            A row for each parameter, with columns parameter, alone, others_free: its standard error
-            over its value if it is the only unknown, and if the others of the table are unknown,
-            too. inf: the quantities do not tell it.
+            A row for each parameter. Columns: parameter; alone, its relative standard error if it
+            is the only unknown; others_free, its relative standard error if all others are unknown,
+            too; inf if the quantities do not determine it.
 
         Raises:
             SceneError: noise is refused.
@@ -132,11 +132,10 @@ def sensitivity(
     Args:
         scene: a scene, the name of a preset, or the path of a scene file.
         t_end: end of each run, s.
-        steps: name of a parameter -> its change either way, in SI units, as text such as "10 N", or
-            a share such as "5 %".
-            None: mu_s and mu_k by 0.01, F_N and V by 1 %, K and k by 5 %, as far as the scene has
-            them.
-        options: of the runs, as of `pyfric.simulate`; fidelity = "quasistatic" by default.
+        steps: name of a parameter -> its step up and down, in SI units, as text such as "10 N", or
+            relative, such as "5 %". None: mu_s and mu_k by 0.01, F_N and V by 1 %, K and k by 5 %,
+            as far as the scene has them.
+        options: options of the runs, as in `pyfric.simulate`; fidelity = "quasistatic" by default.
 
     Raises:
         SceneError: an argument is refused.
@@ -180,9 +179,9 @@ def _steps(scene: Scene, steps: Mapping[str, float | str] | None) -> dict[str, t
 
 
 def _value(scene: Scene, name: str) -> Any:
-    """Return the value of a field by its name, None if no part, or several, have it.
+    """Return the value of a field by its name; None if no part has it, or several do.
 
-    A field that was not given, such as k_f, has the value that the scene derives.
+    A field left at None, such as k_f, has the value that the scene derives.
     """
     part, _, end = name.rpartition(".")
     parts = {"slider": scene.slider, "top": scene.top, "driver": scene.driver}
@@ -214,7 +213,7 @@ def _all_quantities(
 
 
 def quantities(record: Record) -> dict[str, float]:
-    """Return the quantities of `QUANTITIES` of a run."""
+    """Return the `QUANTITIES` of a run."""
     found = _quantities(Outline.of_record(record))
     if record.method.engine != "quasistatic":
         main, scene = record.columns("events")["is_main"], record.scene
@@ -225,7 +224,7 @@ def quantities(record: Record) -> dict[str, float]:
 
 
 def _quantities(run: Outline) -> dict[str, float]:
-    """Return the quantities of a run, but for speeds of fronts."""
+    """Return the quantities of a run, without speeds of fronts."""
     main, events, F_N = run.events["is_main"], run.events, run.scene.F_N
     start, arrest = events["F_T_start"][main] / F_N, events["F_T_arrest"][main] / F_N
     drops = (start - arrest)[np.isfinite(arrest)]

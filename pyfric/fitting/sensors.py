@@ -1,9 +1,9 @@
-"""Lengths of precursors and arrivals of fronts: measured, of a model, and how far they are apart.
+"""Lengths of precursors and arrivals of fronts: measured, in a model, and their differences.
 
-Lengths are compared as a curve L_p/L against F_T/F_N, so that no precursor needs a partner: that of
-the model is straight between its precursors, from no length without load to the whole interface at
-the force at which it first slips. Arrivals are compared in events that have a partner. When an
-event begins is no property of the model, so that the mean difference of an event is taken away.
+Lengths are compared as a curve of L_p/L against F_T/F_N, so that precursors need no matching. The
+model's curve is linear between its precursors. The curve begins at L_p = 0 without load, and ends
+at the force at which the whole interface first slips. Arrivals are compared in matched events. The
+mean difference in an event is subtracted, because the absolute time of an event is arbitrary.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ARRIVALS = {
     "t": "arrival there, s; only differences within an event count",
     "error": "its standard error, s",
 }
-"""Columns of both tables, and what they hold."""
+"""Columns of both tables, and their meanings."""
 
 
 def lengths_of(record: Record) -> pd.DataFrame:
@@ -50,9 +50,10 @@ def lengths_off(
 
     Args:
         measured: lengths with columns as in `LENGTHS`.
-        model: as of `lengths_of`.
-        spacing: of blocks over L: an error of the model, as an arrest may move by a block.
-        tolerance: standard deviation of forces of the model, over F_N.
+        model: the curve from `lengths_of`.
+        spacing: distance of blocks over L. The spacing is an error of the model, because an arrest
+            may move by a block.
+        tolerance: standard deviation of the model's forces, over F_N.
     """
     force, length = (measured[name].to_numpy() for name in ("force", "L_p_over_L"))
     found = np.interp(force, model["force"], model["L_p_over_L"])
@@ -77,13 +78,13 @@ def arrivals_off(
 
     Args:
         measured: arrivals with columns as in `ARRIVALS`.
-        partner: number of a measured event -> start of its partner in the model, s.
-        fronts: as of `fronts_of`.
+        partner: number of a measured event -> start of the matching event of the model, s.
+        fronts: rupture times from `fronts_of`.
         l: distance of blocks, m.
 
     Returns:
-        A sensor that no front of the model reaches counts as `CAP`, as do all sensors of an event
-        without a partner.
+        The differences. A sensor that no front of the model reaches counts as `CAP`. So do all
+        sensors of an unmatched event.
     """
     off = np.full(len(measured), CAP)
     for event, rows in measured.groupby("event").indices.items():
@@ -131,8 +132,9 @@ class Lengths(Measurement):
     """Lengths of precursors in the first loading.
 
     Args:
-        lengths: a table with columns force, which is F_T/F_N after arrest, L_p_over_L and error.
-        t_end: end of the loading, s; None: another measurement of the experiment tells it.
+        lengths: a table with columns force (F_T/F_N after arrest), L_p_over_L and error.
+        t_end: end of the loading, s; None means that another measurement of the experiment gives
+            it.
 
     Raises:
         SceneError: an argument is refused.
@@ -181,14 +183,14 @@ class _Fronts(NamedTuple):
 @measurement
 @dataclass(frozen=True, repr=False, init=False)
 class Arrivals(Measurement):
-    """Arrivals of fronts at sensors. Only differences of times within an event count.
+    """Arrivals of fronts at sensors. Only time differences within an event count.
 
-    The engine has to have fronts: "hybrid" or "dynamic".
+    The engine must resolve fronts: "hybrid" or "dynamic".
 
     Args:
         arrivals: a table with columns event (number in the table of events), x (m, from the
             trailing edge), t and error (s).
-        events: those of the same experiment.
+        events: the `Events` of the same experiment.
 
     Raises:
         SceneError: an argument is refused, or an event is not compared one by one.

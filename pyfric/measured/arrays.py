@@ -1,7 +1,7 @@
 """Arrays in files of programs: MATLAB, HDF5 and netCDF, NumPy.
 
-Arrays of netCDF may be packed, with values that stand for gaps; what their attributes say of this
-(CF conventions, section 8.1) is applied, and said.
+netCDF arrays may be packed, with values that stand for gaps. Packed arrays are unpacked by their
+attributes (CF conventions, section 8.1), and a note says so.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ FILLS = {
     **{"i2": -(2**15) + 1, "u2": 2**16 - 1, "i4": -(2**31) + 1, "u4": 2**32 - 1},
     **{"i8": -(2**63) + 2, "u8": 2**64 - 2, "f4": 9.969209968386869e36, "f8": 9.969209968386869e36},
 }
-"""What netCDF writes where nothing was written, by type."""
+"""Default fill values of netCDF, by type."""
 
 
 def matlab(path: Any, asked: Asked) -> Found:
     """Return the arrays of a MATLAB file up to version 7.2.
 
     Raises:
-        SceneError: it cannot be read.
+        SceneError: the file cannot be read.
     """
     from scipy.io import loadmat  # slow to import
 
@@ -42,7 +42,7 @@ def matlab(path: Any, asked: Asked) -> Found:
 
     try:
         content = loadmat(path)
-    except Exception as error:  # of many kinds
+    except Exception as error:  # libraries raise many kinds
         raise refused(path, "a MATLAB file that can be read", type(error).__name__) from None
     for name, value in content.items():
         if not name.startswith("__"):
@@ -54,13 +54,13 @@ def numpy(path: Any, asked: Asked) -> Found:
     """Return the arrays of a file of NumPy, .npy or .npz.
 
     Raises:
-        SceneError: it cannot be read; Python objects are not.
+        SceneError: the file cannot be read, or holds Python objects.
     """
     found = Found("NumPy")
     try:
         content = np.load(path, allow_pickle=False)
         arrays = {"array": content} if isinstance(content, np.ndarray) else dict(content)
-    except Exception as error:  # of many kinds
+    except Exception as error:  # libraries raise many kinds
         raise refused(path, "arrays of numbers", str(error)[:80]) from None
     for name, value in arrays.items():
         for key in value.dtype.names or ():
@@ -70,10 +70,10 @@ def numpy(path: Any, asked: Asked) -> Found:
 
 
 def hdf5(path: Any, asked: Asked) -> Found:
-    """Return the arrays of an HDF5 file: netCDF 4, MATLAB 7.3, and others.
+    """Return the arrays of an HDF5 file, such as netCDF 4 or MATLAB 7.3.
 
     Raises:
-        SceneError: it cannot be read.
+        SceneError: the file cannot be read.
     """
     import h5py  # slow to import
 
@@ -110,7 +110,7 @@ def hdf5(path: Any, asked: Asked) -> Found:
 
 
 def _scale(item: Any, h5py: Any) -> str | None:
-    """Return the name of the dimension along which an array of samples is, None if it has none."""
+    """Return the name of the dimension of a one-dimensional array, None if it has none."""
     if h5py.h5ds.is_scale(item.id):
         return item.name
     return item.dims[0][0].name if len(item.dims) == 1 and len(item.dims[0]) else None
@@ -120,7 +120,7 @@ def netcdf(path: Any, asked: Asked) -> Found:
     """Return the arrays of a classic netCDF file.
 
     Raises:
-        SceneError: it cannot be read.
+        SceneError: the file cannot be read.
     """
     from scipy.io import netcdf_file  # slow to import
 
@@ -134,7 +134,7 @@ def netcdf(path: Any, asked: Asked) -> Found:
                     values = _unpacked(found, name, values, item._attributes, True)
                     clock = item.dimensions[0] if len(item.dimensions) == 1 else None
                     found.add_array(name, name, values, _unit(item._attributes), clock=clock)
-    except Exception as error:  # of many kinds
+    except Exception as error:  # libraries raise many kinds
         raise refused(path, "a netCDF file that can be read", type(error).__name__) from None
     return found
 
@@ -151,10 +151,10 @@ def _unit(attrs: Mapping[str, Any]) -> str:
 def _unpacked(
     found: Found, name: str, values: np.ndarray, attrs: Mapping[str, Any], default: bool
 ) -> np.ndarray:
-    """Return values as their attributes say; a note tells what was done.
+    """Return values unpacked by their attributes, with a note.
 
     Args:
-        default: whether what netCDF writes by default where there is nothing is a gap.
+        default: whether default fill values of netCDF are gaps.
     """
 
     def of(key: str) -> list[float]:

@@ -1,9 +1,9 @@
 """Arrivals of fronts at slip sensors, in the form that `pyfric.fit` takes.
 
-A front arrives where slip begins. This is the corner of a broken line, at rest and then at a
-constant speed, through the samples before a step and in the first part of its rise, by least
-squares. Slip that begins smoothly moves the corner by about the same time at all sensors; only
-differences of arrivals count in a fit.
+A front arrives at a sensor when slip begins there. Slip is fitted, by least squares, by a line that
+is level before this time and has a constant slope after it. The fit uses the samples before a step
+and the first part of its rise. If slip begins smoothly, the time of the corner is late by about the
+same amount at all sensors. Only differences of arrivals count in a fit.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ from pyfric.measured.picking import NEAR, events
 from pyfric.values import SceneError, check_number
 
 PART = 0.25
-"""Part of the slip of an event up to which a rise is straight. A policy."""
+"""Part of the slip of an event up to which the rise is fitted by a line (a choice)."""
 FEWEST = 3
-"""Samples of a rise that tell its speed; with fewer, slip begins within a step. A policy."""
+"""Fewest samples of a rise from which its speed is fitted (a choice). With fewer samples, slip is
+taken to begin between two samples."""
 
 
 def arrivals(
@@ -29,17 +30,17 @@ def arrivals(
     *,
     within: float | str | None = None,
 ) -> pd.DataFrame:
-    """Return when fronts arrived at slip sensors.
+    """Return the times at which fronts arrived at slip sensors.
 
     Args:
         table: events of the loading curve (`pyfric.measured.events`).
         sensors: place from the trailing edge, m -> curve with slip, with the same zero of time.
-        within: time from an event up to which slip belongs to it, s; None: the sum of what both
-            curves resolve.
+        within: longest time between an event and its slip, s; None means the sum of the resolutions
+            of both curves.
 
     Returns:
-        A data frame with columns event (number in the table), x (m), t and error (s), a row for
-        each event and sensor that slipped. Where a sensor slips twice, the first counts.
+        A data frame with a row for each event and each sensor that slipped. Columns: event (number
+        in the table), x (m), t and error (s). If a sensor slips twice, the first time counts.
 
     Raises:
         SceneError: an argument is refused, or no sensor slips in an event.
@@ -72,7 +73,7 @@ def arrivals(
 
 
 def _corner(curve: Curve, step: pd.Series, attrs: Mapping[str, float]) -> tuple[float, float]:
-    """Return time and standard error (s) of the begin of a step of slip."""
+    """Return the start of a step of slip and its standard error, in s."""
     kept = np.isfinite(curve.table["slip"])
     t, slip = curve.t[kept], curve.table["slip"].to_numpy()[kept]
     apart = NEAR * int(attrs["smooth"])
@@ -96,7 +97,7 @@ def _corner(curve: Curve, step: pd.Series, attrs: Mapping[str, float]) -> tuple[
 
 
 def _broken(t: np.ndarray, slip: np.ndarray, at: float) -> tuple[float, float]:
-    """Return the sum of squares, and the speed, of the line that is broken at a time."""
+    """Return the sum of squares and the speed of the line with its corner at a time."""
     shape = np.stack([np.ones(len(t)), np.maximum(t - at, 0.0)], axis=1)
     scale = shape.max(axis=0)
     found = np.linalg.lstsq(shape / scale, slip, rcond=None)[0] / scale

@@ -1,7 +1,8 @@
-"""Numbers of a table in text: by pandas where all cells are plain, else line by line.
+"""Numbers of a table in text, read by pandas if all cells are plain, else line by line.
 
-Both ways give the same numbers: a part of the text in which pandas finds anything but plain numbers
-and gaps is read again line by line, where each row fits the layout or is told to the caller.
+Both ways give the same numbers. If pandas finds anything but plain numbers and gaps in a part of
+the text, this part is read again line by line. Rows that do not fit the layout are passed to the
+caller.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from pyfric.measured.found import refused
 from pyfric.values import COMMA, POINT, cells_of, is_number
 
 PART = 1 << 22
-"""Bytes that are parsed at once."""
+"""Number of bytes that are parsed at once."""
 BLANK = " "
 """Separator that stands for several blanks."""
 GAPS = frozenset(
     {"", "-", "--", "NA", "N/A", "#N/A", "na", "n/a", "null"}
     | {"1.#QNAN", "-1.#IND", "1.#INF", "-1.#INF"}
 )
-"""Cells without a number, beside NaN. An instrument beyond its range writes the last two."""
+"""Words for a missing number, besides NaN. An instrument beyond its range writes the last two."""
 NOT_FINITE = frozenset(
     sign + word
     for sign in ("", "+", "-")
@@ -40,12 +41,13 @@ _FORTRAN = re.compile(r"(?<![\w.])([+-]?(?:\d+\.\d*|\.\d+))[dD](?=[+-]?\d{1,3}(?
 _FORTRAN_BYTES = re.compile(_FORTRAN.pattern.encode())
 """A number whose exponent has the sign D, as Fortran writes it."""
 _TRUTHS = (b"r", b"R", b"l", b"L")
-"""Letters of true and false, which are numbers to pandas; numbers have none of them."""
+"""Letters of the words true and false, which pandas reads as numbers. Numbers have none of these
+letters."""
 _OLD = tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1)
 _EXACT: Any = {"float_precision": "round_trip"} if _OLD else {}
-"""With which pandas rounds as Python does; from 3.1 on it always does."""
+"""Option with which pandas rounds as Python does; pandas from 3.1 on needs no option."""
 _SIGNS = ("#", "%", "!", "//")
-"""Begin of a comment."""
+"""Beginnings of comments."""
 
 
 class Row(NamedTuple):
@@ -61,12 +63,12 @@ class Layout(NamedTuple):
     """How rows of numbers are written.
 
     Attributes:
-        apart: what separates columns; a blank stands for several.
+        apart: separator of columns; a blank stands for one or more blanks.
         commas: whether numbers have decimal commas.
-        width: number of cells in a row as written; those behind `kept` are empty.
-        numbers: for each column that is kept, whether it has numbers.
-        words: cells that are gaps.
-        plain: whether they have no unit behind them.
+        width: number of cells in a row as written; cells after the first `kept` ones are empty.
+        numbers: whether each of the kept columns has numbers.
+        words: words that stand for gaps.
+        plain: whether the numbers of each column have no unit.
     """
 
     apart: str
@@ -78,7 +80,7 @@ class Layout(NamedTuple):
 
     @property
     def kept(self) -> int:
-        """Number of columns."""
+        """Number of kept columns."""
         return len(self.numbers)
 
     def holds(self, cell: str) -> bool:
@@ -88,7 +90,7 @@ class Layout(NamedTuple):
         return cell in self.words or numeric(cell) or (self.commas and bool(COMMA.fullmatch(cell)))
 
     def fit(self, cells: list[str], *, numbered: bool = False) -> bool:
-        """Whether cells are a row of the table, with some number in it if that is wanted."""
+        """Whether cells are a row of the table; if `numbered`, at least one must be a number."""
         if len(cells) < self.kept or any(cells[self.kept :]):
             return False
         wanted = [cell for cell, number in zip(cells, self.numbers, strict=False) if number]
@@ -107,7 +109,7 @@ class Table:
     Attributes:
         parsed: a row for each plain column of numbers, shape (columns, rows).
         filled: number of rows.
-        gaps: whether there were any yet.
+        gaps: whether a gap has been found yet.
     """
 
     def __init__(self, path: Any, layout: Layout, rows: int) -> None:
@@ -156,10 +158,10 @@ class Table:
         return re.sub(r"(?<=[A-Za-zµ])\d+$", "", next(iter(behind))) if len(behind) == 1 else ""
 
     def numbers(self, c: int) -> np.ndarray:
-        """Return the numbers of a column; what is not finite is a gap.
+        """Return the numbers of a column; values that are not finite are gaps.
 
         Raises:
-            SceneError: a cell is no number, or units behind numbers differ.
+            SceneError: a cell is no number, or numbers have different units.
         """
         k = self._of.get(c)
         values = self._of_texts(c) if k is None else self.parsed[k, : self.filled]
@@ -201,7 +203,7 @@ def is_comment(text: str) -> bool:
 
 
 def plain(text: str) -> str:
-    """Return a line with exponents as all write them."""
+    """Return a line with Fortran exponents replaced by common ones."""
     return _FORTRAN.sub(r"\1e", text) if "D" in text or "d" in text else text
 
 
@@ -212,7 +214,7 @@ def split(text: str, apart: str) -> list[str]:
 
 
 def rows_of(content: bytes, encoding: str, first: int, start: int = 0) -> Iterator[Row]:
-    """Return the lines from an offset on that are not empty, without cells.
+    """Return the lines from an offset on that are not empty, not yet split into cells.
 
     The line at the offset has the number `first`.
     """
@@ -238,14 +240,15 @@ def body(
     """Return the numbers of a table.
 
     Args:
-        path: of the text.
-        content, encoding: the text.
-        begin, end: offsets of the first row, and behind the last one.
-        layout: of rows.
-        between: is told consecutive rows that do not fit, and raises if they may not be there.
+        path: path of the text.
+        content, encoding: bytes of the text, and their encoding.
+        begin, end: offset of the first row, and offset after the last row.
+        layout: layout of the rows.
+        between: function that receives consecutive rows that do not fit, and raises if they are not
+            allowed.
 
     Raises:
-        SceneError: units behind numbers differ.
+        SceneError: numbers of a column have different units.
     """
     lines = content.count(b"\n", begin, end) + 1
     table = Table(path, layout, lines)
@@ -276,7 +279,7 @@ def _one_by_one(
     table: Table,
     odd: list[Row],
 ) -> list[Row]:
-    """Add the rows of a part; return those at its end that do not fit."""
+    """Add the rows of a part; return the rows at its end that do not fit."""
     fit: list[Row] = []
     for row in rows_of(part, encoding, n):
         row = row._replace(cells=split(row.text, layout.apart))
@@ -292,9 +295,9 @@ def _one_by_one(
 
 
 def _parsed(part: bytes, encoding: str, layout: Layout, table: Table) -> pd.DataFrame | None:
-    """Return the columns of a part, None if not all of its cells are plain.
+    """Return the columns of a part, or None if any of its cells is not plain.
 
-    Gaps are looked for from the first part on that has some: that takes half of the time.
+    The search for gaps doubles the time, and begins only at the first part that has some.
     """
     if any(word in part for word in _TRUTHS):
         return None
@@ -318,7 +321,7 @@ def _parsed(part: bytes, encoding: str, layout: Layout, table: Table) -> pd.Data
                 engine="c",
                 **_EXACT,
             )
-        except (ValueError, OverflowError):  # what is raised differs
+        except (ValueError, OverflowError):  # pandas versions raise different errors
             continue
         table.gaps = gaps
         return columns if _whole(columns, text, layout) else None
@@ -326,7 +329,7 @@ def _parsed(part: bytes, encoding: str, layout: Layout, table: Table) -> pd.Data
 
 
 def _whole(columns: pd.DataFrame, text: bytes, layout: Layout) -> bool:
-    """Whether no row had too few cells, which are gaps to pandas, or too many, an index."""
+    """Whether each row had as many cells as columns; pandas hides missing and extra cells."""
     if not isinstance(columns.index, pd.RangeIndex):
         return False
     if any(columns[c].notna().any() for c in range(layout.kept, layout.width)):

@@ -18,30 +18,32 @@ from pyfric.values import SceneError, check_number, check_whole, usage
 
 FORCES = frozenset({"F_T", "tau", "mu"})
 SIGNALS = FORCES | {"slip"}
-"""Columns of which a curve has one or more: what events are found in."""
+"""Columns in which events are found; a curve has at least one of them."""
 KNOWN = tuple(name for name, meaning in MEANINGS.items() if not meaning.sums)
 """Columns that a curve may have."""
 STILL = 0.5
-"""Share of samples at the time of the one before beyond which times stand still."""
+"""Largest share of samples with the same time as the previous sample; beyond it, times are
+refused."""
 OTHER_SIGN = 0.1
-"""Largest force over the size of the smallest one, up to which forces have the other sign."""
+"""Ratio of the largest force to the magnitude of the most negative force, below which forces have
+the opposite sign."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Curve(Shown):
-    """A curve as measured. `read` makes one from a file, `Curve.of` one from arrays.
+    """A curve as measured. `read` makes a curve from a file, `Curve.of` from arrays.
 
     Attributes:
         table: a row for each sample, with columns t (s) and some of F_T, F_N (N), tau, sigma_n
             (Pa), mu (1), load_point, slip and normal_displacement (m). NaN is a gap. Times do not
             decrease.
-        F_N: normal force, N, where the table has none; None: not known.
-        area: of the interface, m^2; None: not known.
+        F_N: normal force, N, if the table has none; None means unknown.
+        area: area of the interface, m^2; None means unknown.
         noise: standard deviation of the noise of F_T/F_N, or of slip (m) in a curve without forces;
-            None: not known.
-        t_gap: without noise, falls within this pause are one event, s.
-        source: where it is from.
-        notes: what was understood, in words.
+            None means unknown.
+        t_gap: longest pause between falls of one event in a curve without noise, s.
+        source: file or origin of the curve.
+        notes: how the file was understood, in words.
     """
 
     table: pd.DataFrame
@@ -63,19 +65,19 @@ class Curve(Shown):
         copy: bool = True,
         **columns: ArrayLike,
     ) -> Curve:
-        """Return the curve of arrays in SI units, by the names of its columns.
+        """Return the curve given by arrays in SI units, under the names of its columns.
 
         Args:
             F_N: normal force, N, > 0; a number, a quantity such as "400 N", or one for each sample.
-            area: of the interface, m^2, > 0, or a quantity.
+            area: area of the interface, m^2, > 0, or a quantity.
             source, notes: see `Curve`.
             copy: whether to copy the arrays, so that later changes of them do not change the curve.
             columns: t and others, equal lengths, at least 3 samples.
 
         Raises:
-            SceneError: a name is not known, lengths differ, times decrease, stand still or are not
-                finite, neither a force nor slip is among them, normal forces or stresses are not
-                above 0 in their median, forces are negative throughout, or F_N or area is refused.
+            SceneError: a name is unknown; lengths differ; times decrease, stand still or are not
+                finite; there is neither force nor slip; the median normal force or stress is not
+                above 0; forces are negative throughout; or F_N or area is refused.
         """
         if np.ndim(F_N) > 0:
             columns, F_N = columns | {"F_N": F_N}, None
@@ -141,8 +143,7 @@ class Curve(Shown):
         It is NaN, a gap, where F_N or sigma_n is not above 0.
 
         Raises:
-            SceneError: F_N is not known, nor sigma_n, so that a force says nothing; or the curve
-                has no forces.
+            SceneError: both F_N and sigma_n are unknown, or the curve has no forces.
         """
         if not self.has_forces:
             raise SceneError("F_T", None, "N", "a curve with F_T, tau or mu", "no force")
@@ -161,10 +162,10 @@ class Curve(Shown):
         """Return F_T, N, shape (n,).
 
         Args:
-            F_N: normal force, N; None: that of the curve.
+            F_N: normal force, N; None means that of the curve.
 
         Raises:
-            SceneError: the curve has no forces in N, and the normal force is not known.
+            SceneError: the curve has no forces in N, and the normal force is unknown.
         """
         if "F_T" in self.table:
             return self.table["F_T"].to_numpy()
@@ -198,7 +199,7 @@ class Curve(Shown):
 
 
 def _refuse_sign(name: str, value: float, wanted: str, reason: str) -> None:
-    """Refuse values of the other sign.
+    """Refuse forces or normal forces of the wrong sign.
 
     Raises:
         SceneError: always.
@@ -227,11 +228,12 @@ def sampled(
 
     Args:
         record: a run.
-        step: time between samples, s, > 0, or a quantity such as "0.5 ms"; None: the samples of the
-            record.
-        noise: standard deviation of the noise of the force, over F_N, >= 0; with x that of slip, m.
-        seed: of the noise.
-        x: place of a slip sensor from the trailing edge, m; None: the force.
+        step: time between samples, s, > 0, or a quantity such as "0.5 ms"; None means the samples
+            of the record.
+        noise: standard deviation of the noise of the force, over F_N, >= 0; with x, noise of slip,
+            m.
+        seed: seed of the noise.
+        x: distance of a slip sensor from the trailing edge, m; None means the force.
 
     Returns:
         A curve with t, F_T, F_N and load_point, the displacement of the driver; with x a curve with
@@ -265,7 +267,7 @@ def sampled(
 
 
 def _at_steps(t: np.ndarray, F_T: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return times at equal steps (s) and forces there; a drop at a sample is behind it."""
+    """Return times at equal steps (s), and forces; at a drop, the force after it."""
     times = t[0] + step * np.arange(int((t[-1] - t[0]) / step) + 1)
     at = np.searchsorted(t, times, side="right") - 1
     ahead = np.minimum(at + 1, len(t) - 1)

@@ -1,4 +1,4 @@
-"""Kinds of files that can be read: one list, from which reading, texts and refusals follow."""
+"""The list of kinds of files: readers, their libraries, and advice for kinds without a reader."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from pyfric.measured.text import text
 from pyfric.values import read_at_most
 
 START = 4096
-"""Bytes from which a kind is told."""
+"""Number of first bytes from which the kind is found."""
 
 
 class Format(NamedTuple):
     """A kind of file.
 
     Attributes:
-        name: of the kind.
+        name: name of the kind.
         begins: whether a file is of this kind, by its first bytes and its size.
-        read: its reader; None: it cannot be read.
-        extra: what has the library for it, as in pip install pyfric[extra].
-        instead: what to do where it cannot be read.
+        read: its reader; None if it cannot be read.
+        extra: the extra with its library, as in pip install pyfric[extra].
+        instead: what to do if it cannot be read.
     """
 
     name: str
@@ -80,16 +80,16 @@ FORMATS = (
     ),
     Format("text", _is_text, text),
 )
-"""All kinds, the first that fits is taken."""
+"""All kinds. The first kind that fits is taken."""
 KINDS = ", ".join(dict.fromkeys(each.name for each in FORMATS if each.read))
 """Names of the kinds that can be read."""
 
 
 def contents(path: str | os.PathLike[str], asked: Asked) -> Found:
-    """Return the columns of a file, whose beginning says of which kind it is.
+    """Return the columns of a file; its first bytes decide its kind.
 
     Raises:
-        SceneError: the file cannot be read, or is of no kind that is known.
+        SceneError: the file cannot be read, or its kind is unknown.
     """
     try:
         start = read_at_most(path, START)

@@ -1,7 +1,7 @@
 """What a file of measurements holds: columns with names, numbers, units and clocks.
 
-Nothing is understood here: a column has a name, numbers, the unit that the file states, and the
-clock by which it was sampled, if the file tells.
+A column has a name, numbers, the unit that the file states, and the clock by which it was sampled,
+if the file gives one. `reading` finds the meanings of columns.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ import numpy as np
 from pyfric.values import SceneError
 
 MAX_COLUMNS = 64
-"""Most columns of an array that is a table, not a picture."""
+"""Largest number of columns of an array that counts as a table; a larger one may be an image."""
 
 
 @dataclass(frozen=True)
 class Asked:
-    """What the caller says of a file: lines at the top to leave out, decimal mark, gap words."""
+    """How the caller wants a file read: lines to skip at the top, decimal mark, words for gaps."""
 
     head: int = 0
     decimal: str | None = None
@@ -34,11 +34,11 @@ class Column:
     """A column of a file.
 
     Attributes:
-        numbers: what to call for its numbers, in an array of its own.
+        numbers: function that returns its numbers in a new array.
         head: its name in the file.
-        unit: as stated; "" where it is not.
-        clock: what its samples were taken by; those of different clocks are not of one time. None:
-            the file does not tell.
+        unit: its unit as stated in the file, or "".
+        clock: clock of its samples. Samples of different clocks may have different times. None
+            means unknown.
     """
 
     numbers: Callable[[], np.ndarray]
@@ -49,14 +49,14 @@ class Column:
 
 @dataclass
 class Found:
-    """What a file holds: its kind, columns by name, in order, and notes."""
+    """Content of a file: its kind, columns by name, in order, and notes."""
 
     kind: str
     columns: dict[str, Column] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
     def add(self, name: str, column: Column) -> None:
-        """Add a column; later ones of the same name get a number."""
+        """Add a column; later columns of the same name get a number."""
         n, plain = 1, name
         while name in self.columns:
             n, name = n + 1, f"{plain}:{n + 1}"
@@ -71,10 +71,10 @@ class Found:
         *,
         clock: Hashable = None,
     ) -> None:
-        """Add an array: a column, or a table with a sample in each row; a name has the group.
+        """Add an array: a column, or a table with a sample in each row. `name` includes the group.
 
-        A table with more columns than rows has a channel in each row, which is said; so is a table
-        that is left out, because it has too many columns.
+        A table with more columns than rows has a channel in each row. A table with too many columns
+        is left out. Notes report both.
         """
         if values.dtype.kind not in "iufb" or values.size < 2:
             return
@@ -96,5 +96,5 @@ class Found:
 
 
 def refused(path: Any, allowed: str, reason: str) -> SceneError:
-    """Return the error for a file that is not understood."""
+    """Return the error for a file that cannot be understood."""
     return SceneError("path", os.fspath(path), "", allowed, reason)

@@ -11,17 +11,17 @@ NORMAL = 1.4826
 TUKEY = 6.0
 """Standard deviations beyond which a sample has no weight: efficiency 98 % in normal noise."""
 PASSES = 5
-"""Iterations of weights."""
+"""Number of iterations of weights."""
 AT_ONCE = 1 << 20
-"""Samples of lines that are worked out together."""
+"""Largest number of samples in lines that are fitted together."""
 FEWEST = 5
-"""Samples of a line with weights."""
+"""Fewest samples of a line for which weights are used."""
 ROUNDED = 1e-9
-"""What is below this share of the largest number is rounding."""
+"""Rounding error, over the largest number."""
 
 
 def robust_line(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Return value at the mean of x, and slope, of a straight line: Tukey's biweights."""
+    """Fit a line with Tukey's biweights; return its value at the mean of x, and its slope."""
     lines = robust_lines(x, y, np.array([0]), np.array([len(x)]))
     return float(lines.value[0]), float(lines.slope[0])
 
@@ -30,10 +30,10 @@ class Lines(NamedTuple):
     """Lines through m parts of samples.
 
     Attributes:
-        value: at the mean of x, shape (m,); NaN where there is no sample.
-        slope: 0 where x does not vary.
+        value: value at the mean of x, shape (m,); NaN without samples.
+        slope: slope; 0 if x does not vary.
         centre: the mean of x.
-        spread: sum of squares of x about it.
+        spread: sum of squares of x about the centre.
         count: number of samples.
     """
 
@@ -48,14 +48,14 @@ def robust_lines(x: np.ndarray, y: np.ndarray, starts: np.ndarray, stops: np.nda
     """Return lines through parts of samples: Tukey's biweights.
 
     Args:
-        x, y: samples, shape (n,); those without x do not count.
-        starts, stops: first index of each part, and behind its last, shape (m,).
+        x, y: samples, shape (n,); samples with NaN in x do not count.
+        starts, stops: first index of each part, and index after its last one, shape (m,).
 
     """
     found = np.full((5, len(starts)), np.nan)
     sizes = stops - starts
     classes = np.ceil(np.log2(np.maximum(sizes, 1))).astype(int)
-    for size in np.unique(classes):  # of at most twice the length
+    for size in np.unique(classes):  # lengths within a factor of two
         alike = np.flatnonzero(classes == size)
         count = min((len(alike) << int(size)) // AT_ONCE + 1, len(alike))
         for rows in np.array_split(alike, count):

@@ -29,14 +29,14 @@ _CHANNEL = np.dtype(
 HEAD = 36
 CHANNELS = (16, 32)
 VALUES = (4, 8)
-"""Of Look files: bytes of the head, possible numbers of channels, and of bytes of a value."""
+"""Look files: number of bytes of the head, possible numbers of channels and of bytes of a value."""
 
 
 def tdms(path: Any, asked: Asked) -> Found:
-    """Return the channels of a TDMS file, and their times, from the first of their group on.
+    """Return the channels of a TDMS file, and their times since the first sample of their group.
 
     Raises:
-        SceneError: it cannot be read, or a channel has a scale that npTDMS does not apply.
+        SceneError: the file cannot be read, or a channel has a scale that npTDMS does not apply.
     """
     from nptdms import TdmsFile
 
@@ -44,7 +44,7 @@ def tdms(path: Any, asked: Asked) -> Found:
     try:
         file = TdmsFile.read(path)
         spans = _spans(path)
-    except Exception as error:  # of many kinds
+    except Exception as error:  # libraries raise many kinds
         raise refused(path, "a TDMS file that can be read", type(error).__name__) from None
     for group in file.groups():
         waves: dict[Any, str] = {}
@@ -75,7 +75,7 @@ def tdms(path: Any, asked: Asked) -> Found:
 
 
 def _together(clock: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
-    """Whether two channels were sampled together: their parts began within half a step."""
+    """Whether two channels were sampled together: their parts begin within half a step."""
     half = np.timedelta64(round(0.5e9 * clock[2]), "ns")
     pairs = list(zip(clock[3], other[3], strict=False))
     known = [(a, b) for (a, _), (b, _) in pairs if a is not None and b is not None]
@@ -88,7 +88,7 @@ def _together(clock: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
 
 
 def _times(clock: tuple[Any, ...], first: Any) -> np.ndarray:
-    """Return the times of samples, s, since the first start of a group."""
+    """Return the times of samples since the first start in a group, s."""
     _, offset, step, spans = clock
     parts = []
     for start, count in spans:
@@ -98,14 +98,14 @@ def _times(clock: tuple[Any, ...], first: Any) -> np.ndarray:
 
 
 def _spans(path: Any) -> dict[str, tuple[tuple[Any, int], ...]]:
-    """Return for each channel of a TDMS file when its parts began, and their numbers of samples.
+    """Return the start and the number of samples of each part, by channel of a TDMS file.
 
-    A waveform that is recorded anew writes another start; npTDMS keeps the last one.
+    A repeated recording of a waveform writes a new start. npTDMS keeps only the last start.
     """
     from nptdms.reader import TdmsReader
 
     class Reader(TdmsReader):
-        """Reads what segments say of channels, in their order."""
+        """Reads the properties of channels in each segment, in order."""
 
         def _update_object_properties(self, said: Any) -> None:
             super()._update_object_properties(said)
@@ -136,7 +136,7 @@ def _check_scales(path: Any, channel: str, told: Mapping[str, Any]) -> None:
     """Check that npTDMS applies the scales of a channel, its group or the file.
 
     Raises:
-        SceneError: it leaves raw counts.
+        SceneError: npTDMS would return raw counts.
     """
     if told.get("NI_Scaling_Status") == "scaled":
         return
@@ -151,7 +151,7 @@ def mdf(path: Any, asked: Asked) -> Found:
     """Return the channels of an MDF file, 3 or 4, and the times of each of its groups.
 
     Raises:
-        SceneError: it cannot be read.
+        SceneError: the file cannot be read.
     """
     from asammdf import MDF
 
@@ -182,7 +182,7 @@ def mdf(path: Any, asked: Asked) -> Found:
                     clocks[clock] = "time" if len(file.groups) == 1 else f"time of group {g + 1}"
                     numbers = functools.partial(np.copy, times)
                     found.add(clocks[clock], Column(numbers, "time", "s", clock))
-    except Exception as error:  # of many kinds
+    except Exception as error:  # libraries raise many kinds
         raise refused(path, "an MDF file that can be read", type(error).__name__) from None
     return found
 
@@ -191,7 +191,7 @@ def universal(path: Any, asked: Asked) -> Found:
     """Return the functions of time in a universal file (datasets 58).
 
     Raises:
-        SceneError: it cannot be read.
+        SceneError: the file cannot be read.
     """
     from pyuff import UFF
 
@@ -200,7 +200,7 @@ def universal(path: Any, asked: Asked) -> Found:
         file = UFF(path)
         kinds = file.get_set_types()
         sets = [file.read_sets(n) for n, kind in enumerate(kinds) if int(kind) == 58]
-    except Exception as error:  # of many kinds
+    except Exception as error:  # libraries raise many kinds
         raise refused(path, "a universal file that can be read", type(error).__name__) from None
     clocks: dict[Any, tuple[str, str, np.ndarray]] = {}
     for n, each in enumerate(sets, 1):
@@ -223,13 +223,13 @@ def universal(path: Any, asked: Asked) -> Found:
 
 
 def _said(dataset: Mapping[str, Any], key: str) -> str:
-    """Return a text of a universal file, "" where it says that there is none."""
+    """Return a text of a universal file, "" if it is "NONE"."""
     text = str(dataset.get(key, "")).strip()
     return "" if text == "NONE" else text
 
 
 def _digits(name: str, step: float, size: int) -> list[str]:
-    """Return what to say of an interval (s) of which a file keeps six digits."""
+    """Return a note on an interval (s) that a file stores with six digits."""
     if not step or float(f"{step:.4g}") == step:  # a round number
         return []
     late = 0.5 * 10 ** (np.floor(np.log10(step)) - 5) * size
@@ -238,12 +238,12 @@ def _digits(name: str, step: float, size: int) -> list[str]:
 
 
 def is_look(start: bytes, size: int) -> bool:
-    """Whether a file that begins like this is a Look file."""
+    """Whether a file with these first bytes is a Look file."""
     return _sizes(start, size) is not None
 
 
 def _sizes(content: bytes, size: int) -> tuple[int, int] | None:
-    """Return the number of channels and of bytes of a value, None if it is no Look file."""
+    """Return the number of channels and of bytes of a value; None if this is no Look file."""
     for count, each in ((count, each) for count in CHANNELS for each in VALUES):
         begin = HEAD + count * _CHANNEL.itemsize
         if len(content) < begin:
@@ -259,11 +259,11 @@ def look(path: Any, asked: Asked) -> Found:
     """Return the channels of a Look file.
 
     Raises:
-        SceneError: the order of its bytes is not clear.
+        SceneError: the order of bytes in the file is not clear.
     """
     content = read_at_most(path)
     sizes = _sizes(content, len(content))
-    assert sizes is not None  # its signature
+    assert sizes is not None  # `is_look` was true
     count, size = sizes
     found, at = Found("Look"), HEAD + count * _CHANNEL.itemsize
     order = _order(path, content[at:], size)
@@ -276,13 +276,13 @@ def look(path: Any, asked: Asked) -> Found:
 
 
 def _written(text: bytes) -> str:
-    """Return a text of a Look file, which ends at its first zero; "" for a channel without use."""
+    """Return a text of a Look file, up to its first zero byte; "" for an unused channel."""
     text = text.split(b"\0")[0].decode("latin-1").strip()
     return "" if text.startswith("no_val") else text
 
 
 def _order(path: Any, content: bytes, size: int) -> str:
-    """Return the order of bytes, ">" or "<": in the wrong one, numbers are beyond all bounds."""
+    """Return the byte order, ">" or "<". In the wrong one, numbers are impossibly large."""
 
     def usual(order: str) -> bool:
         values = np.abs(np.frombuffer(content, f"{order}f{size}").astype(float))

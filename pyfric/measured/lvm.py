@@ -1,8 +1,8 @@
-"""What LabVIEW writes above a table in text (.lvm): sections, units and clocks of channels.
+"""Heads of LabVIEW text files (.lvm): sections, units and clocks of channels.
 
-Each section has lines of its own above its heads, which end in a mark: number of channels, and for
-each of them date and time of the first sample, X0 and Delta_X, unit. There may be no column of
-times, one, or one for each channel.
+Each section begins with lines that end in a mark. These lines give the number of channels and, for
+each channel, date and time of the first sample, X0, Delta_X and unit. The names of columns follow.
+A section may have no column of times, a single one, or one for each channel.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ _CHANNELS = re.compile(rb"(?m)^Channels\b")
 X = "X_Value"
 """Head of a column of times."""
 _CLOCK = ("Date", "Time", "X0", "Delta_X")
-"""What tells when a channel was sampled."""
+"""Entries that define the clock of a channel."""
 Told = Mapping[str, list[str]]
-"""Values of what is above a section, by name: one for each channel."""
+"""Entries above a section: name -> a value for each channel."""
 
 
 def sections(content: bytes) -> tuple[list[Told], bytes]:
-    """Return what stands above each section, and the text with these lines empty."""
+    """Return the entries above each section, and the text with these lines empty."""
     told: list[Told] = []
     at = last = 0
     kept = []
@@ -61,7 +61,7 @@ def decimal(told: list[Told]) -> str | None:
 
 
 def described(columns: list[Column], told: list[Told]) -> list[tuple[str, Column]]:
-    """Return the columns of a text by name; of one of LabVIEW with units, clocks and times."""
+    """Return the columns of a text by name; a LabVIEW text also gives units, clocks and times."""
     if not told:
         return [(column.head, column) for column in columns]
     above = told[1] if len(told) > 1 else told[0]
@@ -93,9 +93,9 @@ def described(columns: list[Column], told: list[Told]) -> list[tuple[str, Column
 def _clock(
     values: Mapping[str, str], times: Column | None, clocks: list[tuple[Any, ...]]
 ) -> tuple[Any, ...]:
-    """Return the clock of a channel: start, date, X0, step, times; add it to those known.
+    """Return the clock of a channel: start, date, X0, step, times; add it to the known clocks.
 
-    Channels that began within half a step of each other have the same.
+    Channels that began within half a step of each other have the same clock.
     """
     date, begin, late, step = (values.get(name, "") for name in _CLOCK)
     written = b"" if times is None else times.numbers().tobytes()
@@ -117,7 +117,7 @@ def _number(text: str) -> float | None:
 
 
 def _seconds(text: str) -> float:
-    """Return the seconds of a time such as 12:01:02.5, NaN for others."""
+    """Return the seconds of a time such as 12:01:02.5, NaN for any other text."""
     parts = [_number(part) for part in text.split(":")]
     if len(parts) != 3 or None in parts:
         return np.nan

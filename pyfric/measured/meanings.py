@@ -1,4 +1,4 @@
-"""What columns of a measurement mean: names that laboratories use, and units."""
+"""Meanings of measured columns: names that laboratories use, and units."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from pyfric.values import SceneError, fits, parse_quantity, unit_in
 
 
 class Meaning(NamedTuple):
-    """SI unit of a column, its meaning, and names for it, in small letters and digits.
+    """A meaning of columns: SI unit, text, and names for it, in lower case letters and digits.
 
-    The sum over samples of a column with `sums` is a column of this meaning.
+    With `sums`, the sum over samples of such a column is a column of the meaning `sums`.
     """
 
     unit: str
@@ -64,30 +64,30 @@ MEANINGS = {
         "m", "displacement normal to the interface", "hdcdt hordcdt normaldisplacement dilation"
     ),
 }
-"""What a column may be. The vertical DCDT of a biaxial apparatus follows the load point, the
-horizontal one the thickness of the layer."""
+"""Possible meanings. In a biaxial apparatus the vertical DCDT measures the load point, and the
+horizontal DCDT the thickness of the layer."""
 AMBIGUOUS = {
     **dict.fromkeys(("force", "load", "loadcell", "f"), "F_T or F_N"),
     **dict.fromkeys(("stress", "sigma"), "tau or sigma_n"),
     **dict.fromkeys(("displacement", "disp", "position", "x", "d"), "load_point or slip"),
 }
-"""Names that may be either."""
+"""Names with two possible meanings."""
 SPELLED = {
     **{"mpa": "MPa", "kpa": "kPa", "gpa": "GPa", "kn": "kN", "n": "N", "pa": "Pa"},
     **{"microns": "um", "mic": "um", "mics": "um", "sec": "s", "secs": "s", "seconds": "s"},
     **{"mm.": "mm", "s.": "s", "msec": "ms", "newtons": "N"},
 }
-"""Spellings of units that laboratories use; none of them is another unit of the same dimension."""
+"""Spellings of units in laboratories. No spelling is also another unit of the same dimension."""
 SYMBOLS = frozenset(re.sub("[^a-z]", "", name.lower()) for name in MEANINGS)
-"""Names whose ends are no unit, such as F_N and sigma_n."""
+"""Names, such as F_N and sigma_n, whose last letter is no unit."""
 GREEK = {"µ": "mu", "μ": "mu", "σ": "sigma", "τ": "tau", "δ": "delta"}
 _SINCE = re.compile(r"\s+since\s.*$")
-"""The zero of times of netCDF, which is left open."""
+"""Reference time in netCDF units of time, which is ignored."""
 _BRACKET = re.compile(r"\s*[(\[<{](?P<unit>[^()\[\]<>{}]*)[)\]>}]\s*$")
 
 
 def bare(name: str) -> str:
-    """Return the name of a column without its unit, in small letters and digits."""
+    """Return the name of a column without its unit, in lower case letters and digits."""
     name = _BRACKET.sub("", name)
     if _word(name) in SYMBOLS:  # the N of F_N is no unit
         return _word(name)
@@ -108,16 +108,16 @@ def _is_unit(text: str) -> bool:
 
 
 def meaning_of(name: str) -> str:
-    """Return the meaning of a column by its name, "" if it is not known."""
+    """Return the meaning of a column by its name, "" if it is unknown."""
     word = bare(name)
     return next((key for key, meaning in MEANINGS.items() if word in meaning.names), "")
 
 
 def factor(field: str, unit: str, si: str) -> tuple[float, str]:
-    """Return SI units in one unit, and the unit as it was read.
+    """Return the factor from a unit to SI, and the unit as it was understood.
 
     Raises:
-        SceneError: no factor is known.
+        SceneError: the unit is unknown.
     """
     unit = _SINCE.sub("", unit.strip())
     if unit in ("", "-", "1", ".") and not si:
@@ -126,7 +126,7 @@ def factor(field: str, unit: str, si: str) -> tuple[float, str]:
         if fits(unit, si):
             return 0.01, unit
         raise SceneError(field, unit, "", "a ratio of forces, in % or without a unit", "a unit")
-    if unit == "mPa":  # no laboratory means millipascal
+    if unit == "mPa":  # most probably MPa
         raise SceneError(field, unit, si, "MPa or Pa", "millipascal, or a spelling of MPa")
     if not fits(unit, si):
         unit = SPELLED.get(unit.lower(), unit)
@@ -143,7 +143,7 @@ def unit_of_name(name: str, si: str) -> str:
     """Return the unit in the name of a column, "" if there is none.
 
     Raises:
-        ValueError: it is not understood.
+        ValueError: the unit is unknown.
     """
     if stated := unit_stated(name):
         return stated

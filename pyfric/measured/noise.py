@@ -1,8 +1,8 @@
-"""What samples are worth: their noise, readings that stand alone, and ends of a sensor.
+"""Quality of samples: their noise, isolated readings, and clipping by a sensor.
 
-These are policies for what loggers write: a single reading may be a fault of the line; a sensor
-beyond its range repeats its largest reading; a curve of another code, or through points, has no
-noise. Each is said, or refused, before events are looked for.
+Loggers have typical faults. An isolated reading may be a transmission error. A sensor beyond its
+range repeats its largest reading. A curve from another code, or drawn through points, has no noise.
+Each of these gives a note or an error before the search for events.
 """
 
 from __future__ import annotations
@@ -15,23 +15,25 @@ from pyfric.values import SceneError
 EQUAL = 0.01
 """Spread of time steps, over their median, up to which samples are equally spaced."""
 WHITE, SMOOTH_LINE = 1.3, 3.5
-"""Noise from every second sample over that from all: 1 if it is white, 4 on a smooth line."""
+"""Limits of the ratio of noise from every second sample to noise from all. The ratio is 1 for white
+noise and 4 on a smooth line."""
 FAR = 4.0
-"""Second differences count as so many times their median at most, as events have larger ones."""
+"""Limit of second differences, over their median. Events have larger second differences."""
 ALONE, LONGEST, AROUND = 10.0, 3, 17
-"""Readings stand alone if they are at most so many in a row, and away from those on either side by
-so many times the noise and the median step of so many samples around them."""
+"""Readings are isolated if at most `LONGEST` of them are consecutive, and they differ from the
+samples on either side by `ALONE` times the noise and the median step of the `AROUND` samples around
+them."""
 FEW = 0.05
-"""Largest share of readings that stand alone; more are the signal."""
+"""Largest share of isolated readings; a larger share is part of the signal."""
 RARE = 1e-6
-"""Probability of a run of equal readings at an end that is no accident."""
+"""Probability below which a run of equal readings at the end of the range is no accident."""
 OFTEN, FINE = 5, 0.02
-"""Readings at an end that are no accident, where less than this share of readings equal the one
-before."""
+"""Number of equal readings at the end of the range that is no accident, if less than the share
+`FINE` of readings equal the previous reading."""
 
 
 def estimated(t: np.ndarray, f: np.ndarray) -> tuple[float, str]:
-    """Return the standard deviation of white noise of samples, and what to say of it.
+    """Return the standard deviation of white noise of samples, and a note on it.
 
     Raises:
         SceneError: samples are not equally spaced, or digits are coarser than the noise.
@@ -62,13 +64,13 @@ def estimated(t: np.ndarray, f: np.ndarray) -> tuple[float, str]:
 
 
 def _off(f: np.ndarray, apart: int) -> np.ndarray:
-    """Return how far second differences of samples apart are from their median."""
+    """Return the deviations of second differences, over `apart` samples, from their median."""
     second = f[2 * apart :] - 2 * f[apart:-apart] + f[: -2 * apart]
     return np.abs(second - np.median(second)) if len(second) else np.zeros(1)
 
 
 def outliers(f: np.ndarray, noise: float, smooth: int) -> np.ndarray:
-    """Return which samples stand alone, shape (n,): no force goes there and comes back at once."""
+    """Return which samples are isolated, shape (n,): a force cannot jump and come back at once."""
     from scipy.ndimage import median_filter  # slow to import
 
     found = np.zeros(len(f), dtype=bool)
@@ -92,10 +94,10 @@ def outliers(f: np.ndarray, noise: float, smooth: int) -> np.ndarray:
 
 
 def check_ends(f: np.ndarray, name: str) -> None:
-    """Check that a sensor was not clipped: that its largest and smallest readings do not repeat.
+    """Check that a sensor was not clipped: its largest and smallest readings do not repeat.
 
     Raises:
-        SceneError: they do, more often than noise and digits let them.
+        SceneError: they repeat more often than noise and digits explain.
     """
     equal = np.diff(f) == 0
     for end, word in ((f.max(), "largest"), (f.min(), "smallest")):
@@ -116,6 +118,6 @@ def check_ends(f: np.ndarray, name: str) -> None:
 
 
 def _longest(at: np.ndarray) -> int:
-    """Return the length of the longest run of what is true."""
+    """Return the length of the longest run of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], at.astype(int), [0]])))
     return int((edges[1::2] - edges[::2]).max(initial=0))

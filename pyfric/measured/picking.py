@@ -1,20 +1,24 @@
 """Events of a loading curve, or of slip at a sensor: one table for measurements and for runs.
 
 An event is a fall of F_T/F_N. In noise, falls are found with the difference D of the means of
-``smooth`` samples after and before each sample, less what loading adds, which has the standard
-deviation noise sqrt(2/smooth). A fall counts where D is below `CLEAR` of these: with 8 samples,
-2.5 times the noise, so that a fall of 5 times the noise is lost once in three million. Means are
-over the time of ``smooth`` usual steps; where samples are further apart, they have fewer, at least
-one, and D a larger deviation. Within such a time of an end of the curve nothing is found. Forces at
-both ends of a fall come from robust straight lines through the samples on either side, so that
-their errors are known, too. What falls by less than the threshold between these lines is no event,
-and is part of the loading of the others. The time of a sudden fall is not known within a step; what
-loading adds in this time moves both forces, and not the drop. What falls while nothing is measured
-for longer than these lines is no event, and the next one has no recurrence.
+``smooth`` samples after and before each sample, minus the rise by loading. The standard deviation
+of D is noise sqrt(2/smooth). A fall counts where D is below -`CLEAR` standard deviations. With 8
+samples this is 2.5 times the noise, and a fall of 5 times the noise is missed once in three
+million.
 
-Before falls are looked for, `noise` asks what the samples are worth.
+Means are over the time of ``smooth`` usual steps. Where samples are further apart, means have fewer
+samples, at least one, and D has a larger deviation. No falls are found within this time of either
+end of the curve.
 
-A step of slip is a fall of -slip, with creep in place of loading. Both are found in the same way.
+Forces at both ends of a fall, and their errors, come from robust straight lines through the samples
+on either side. A fall below the threshold between these lines is no event; it counts as loading
+between events. The time of a sudden fall is uncertain by a step. The rise by loading in this time
+is an error of both forces, which the drop does not have. A fall in a gap of the samples that is
+longer than these lines is no event. The event after such a gap has no recurrence.
+
+Before the search for falls, `noise` checks the samples.
+
+A step of slip is a fall of -slip, with creep in place of loading, and is found in the same way.
 """
 
 from __future__ import annotations
@@ -66,29 +70,30 @@ OF_SLIP = {
 """The same of a table of steps of slip."""
 _OF_FORCE, _OF_SLIP = pd.Index(list(COLUMNS)), pd.Index(list(OF_SLIP))
 NAMES = {"peak": "before", "valley": "after", "drop": "slip"}
-"""Names of what is found in -slip, as of slip."""
+"""Names of columns of falls -> names for steps of slip."""
 SMOOTH = 8
-"""Samples of a mean in noise: a policy."""
+"""Number of samples of a mean in noise (a choice)."""
 CLEAR = 5.0
-"""Standard deviations of D that are no noise: one false event in 3e6 samples. A policy."""
+"""Threshold of D in standard deviations (a choice). Noise alone gives one false event in 3e6
+samples."""
 NEAR = 4
-"""Lines at the ends of an event go through so many times ``smooth`` samples. A policy."""
+"""Number of samples of the lines at the ends of an event, over ``smooth`` (a choice)."""
 BLOCK = 64
-"""The rate of loading is the median over blocks of so many times ``smooth`` samples."""
+"""Number of samples of a block, over ``smooth``. The rate of loading is a median over blocks."""
 TOLD = 0.95
-"""Share of samples at which the threshold that is told holds, where steps differ. A policy."""
+"""Share of samples at which the reported threshold holds, if time steps differ (a choice)."""
 
 
 def noise_of(curve: Curve) -> float:
     """Return the standard deviation of white noise of F_T/F_N, from its second differences.
 
-    In a curve without forces it is that of slip, m. It is 0 in a curve that has none. Events do not
-    move the median of differences. Where a filter has averaged n samples, noise is not white, and
-    the estimate is too small: means of many samples have sqrt(n) times the noise that is left,
-    which `events` has to be told.
+    In a curve without forces, the noise is that of slip, m. Without noise, 0 is returned. Events do
+    not change the median of differences. If a filter has averaged n samples, noise is not white,
+    and the estimate is too small. Means of many samples then have sqrt(n) times the remaining
+    noise. The larger value has to be given to `events`.
 
     Raises:
-        SceneError: it is not known: samples are not equally spaced, or most of them are equal.
+        SceneError: samples are not equally spaced, or most of them are equal.
     """
     t, f, _ = _samples(curve, curve.has_forces)
     return estimated(t, f)[0]
@@ -109,30 +114,31 @@ def events(
 
     Args:
         of: a measured curve, or a run. The events of a run are those of its catalogue, with static
-            forces; `pyfric.measured.sampled` makes a curve of it.
-        column: of a curve in which events are found; None: force, or slip where there is no force.
-        x: of a run: place of a slip sensor from the trailing edge, m; None: the force.
-        noise: standard deviation of the noise of F_T/F_N, or of slip (m), >= 0; None: estimated
-            (`noise_of`).
-        smooth: number of samples of a mean, less than half of the curve has; None: 8, or 1 without
-            noise. Falls within the time of so many usual steps are one event.
-        threshold: smallest drop of an event, over F_N, or its smallest slip, m; None: what is clear
-            of the noise.
-        t_gap: pause in s, of runs and of curves without noise. Falls within it are one event. Its
-            time is that of the largest fall, its drop the sum of all. None: for runs, and for what
-            `sampled` makes of them, the pause of `pyfric.build_catalogue`, from the start of the
-            first fall to the end of the last; for other curves 0, so that each fall from a turning
-            point to the next is an event. Slip without noise is split into steps wherever it
-            grows, even if it creeps.
+            forces. `pyfric.measured.sampled` makes a curve from a run.
+        column: column of a curve in which events are found. None means force, or slip in a curve
+            without forces.
+        x: distance of a slip sensor from the trailing edge in a run, m. None means the force.
+        noise: standard deviation of the noise of F_T/F_N, or of slip (m), >= 0; None means an
+            estimate (`noise_of`).
+        smooth: number of samples of a mean, less than half of those of the curve. None means 8, or
+            1 without noise. Falls within the time of that number of usual steps are one event.
+        threshold: smallest drop of an event, over F_N, or its smallest slip, m. None means the
+            smallest drop that noise does not cause.
+        t_gap: longest pause between falls of one event, s, in runs and in curves without noise. The
+            time of the event is that of its largest fall, and its drop is the sum of all. None
+            means the pause of `pyfric.build_catalogue` in runs and in curves from `sampled`; events
+            then last from the start of the first fall to the end of the last. In other curves None
+            means 0, so that each fall from one turning point to the next is an event. Slip without
+            noise is split into steps wherever it grows, even if it creeps.
 
     Returns:
-        A data frame with a row for each event, counted from 1, and columns as in `COLUMNS`, or
-        as in `OF_SLIP`; its attrs have noise, smooth, threshold, which no drop is below, resolution
-        (within so many seconds, events are one), and notes: what was left out, and what may be
+        A data frame with a row for each event, counted from 1, and columns as in `COLUMNS` or
+        `OF_SLIP`. Its attrs have noise; smooth; threshold, the smallest possible drop; resolution,
+        the time in s within which events are one; and notes, on what was left out and may be
         missed.
 
     Raises:
-        SceneError: an argument is refused; F_N or the noise is not known; slip decreases; the
+        SceneError: an argument is refused; F_N or the noise is unknown; slip decreases; or the
             sensor was clipped.
     """
     if not isinstance(of, Curve | Record):
@@ -190,7 +196,7 @@ def events(
 
 
 def _in_force(of: Curve | Record, column: str | None, x: float | str | None) -> bool:
-    """Whether events are those of the force, not of slip."""
+    """Whether events are falls of the force; otherwise they are steps of slip."""
     if isinstance(of, Record):
         if column not in (None, "force" if x is None else "slip"):
             allowed = "None: x, the place of a slip sensor, tells it in a run"
@@ -280,12 +286,14 @@ class Windows:
     Attributes:
         smooth: number of usual steps of a mean.
         step: the usual step, s.
-        first: sample before the first place.
-        starts, stops: first sample of the mean before each place, and behind the last of that after
-            it, shape (m,).
-        spread: standard deviation of their difference over that of a sample, shape (m,).
-        time: within so many seconds, falls are one.
-        gaps: last sample before each step that is longer than the lines at both ends of a fall.
+        first: index of the sample before the first place.
+        starts, stops: index of the first sample of the mean before each place, and index after the
+            last sample of the mean after it, shape (m,).
+        spread: standard deviation of the difference of both means, for unit noise of samples, shape
+            (m,).
+        time: time within which falls are one, s.
+        gaps: index of the last sample before each time step longer than the lines at the ends of a
+            fall.
     """
 
     smooth: int
@@ -299,7 +307,7 @@ class Windows:
 
     @classmethod
     def of(cls, t: np.ndarray, smooth: int) -> Windows:
-        """Return the windows of samples at times."""
+        """Return the windows of samples at these times."""
         steps = np.diff(t)
         step = float(np.median(steps)) or float(steps.mean())
         far, edge = (smooth - 0.5) * step, (smooth - 1.25) * step
@@ -312,7 +320,7 @@ class Windows:
         return cls(smooth, step, first, starts, stops, spread, time, _gaps(t, smooth))
 
     def means(self, f: np.ndarray) -> np.ndarray:
-        """Return the mean after each place less that before it, shape (m,)."""
+        """Return the mean after each place minus the mean before it, shape (m,)."""
         middle = float(np.median(f))
         sums = np.concatenate([[0.0], np.cumsum(f - middle)])
         at = self.first + 1 + np.arange(len(self.starts))
@@ -325,7 +333,7 @@ def _falls(
 ) -> list[tuple[int, int]]:
     """Return the last sample before and the first after each fall in noise.
 
-    What rises clearly is none, however fast loading is, nor what falls in a gap.
+    A clear rise is no fall, however fast loading is. A fall in a gap does not count.
     """
     from scipy.signal import find_peaks, peak_widths  # slow to import
 
@@ -354,7 +362,7 @@ def _falls(
         near = near and (
             start - last <= windows.smooth or not (np.diff(f[last : start + 1]) > 0).any()
         )
-        if start < last or near:  # a shoulder of the one before
+        if start < last or near:  # a shoulder of the previous fall
             start, stop = falls[-1][0], max(falls.pop()[1], stop)
         falls.append((start, stop))
     gaps = windows.gaps
@@ -373,14 +381,14 @@ def _medians(values: np.ndarray, count: int) -> np.ndarray:
 
 
 def _heights(told: dict[str, np.ndarray]) -> tuple[np.ndarray, ...]:
-    """Return heights and bases of peaks, as `peak_widths` wants them, so that 0.5 is half of D."""
+    """Return heights and bases of peaks for `peak_widths`, so that 0.5 means half of D."""
     return told["peak_heights"], told["left_bases"], told["right_bases"]
 
 
 def _unresolved(
     t: np.ndarray, f: np.ndarray, noise: float, least: float, windows: Windows, found: int
 ) -> list[str]:
-    """Return what to say where single samples show more falls than means of them."""
+    """Return a note if single samples show more falls than means do."""
     if windows.smooth == 1:
         return []
     single = Windows.of(t, 1)
@@ -400,7 +408,7 @@ def _table(
     noise: float,
     windows: Windows | None,
 ) -> pd.DataFrame:
-    """Return the table of falls, with the forces of lines if there is noise."""
+    """Return the table of falls; in noise, with the forces of the lines."""
     starts, stops = np.array(falls, dtype=int).reshape(-1, 2).T
     begins = np.concatenate([[0], stops[:-1]])[: len(starts)]
     ends = np.concatenate([starts[1:], [len(t) - 1]])[: len(starts)]
@@ -418,13 +426,13 @@ def _table(
         tos = np.searchsorted(t, t[stops] + far, side="left")
         froms = np.maximum(begins, np.minimum(froms, starts + 1 - least))
         tos = np.minimum(ends + 1, np.maximum(tos, stops + least))
-        sudden = stops == starts + 1  # between the two: a line has to reach the fall
+        sudden = stops == starts + 1  # the fall is between both samples, where a line has to end
         middle = 0.5 * (t[starts] + t[stops])
         within = np.where(sudden, t[stops] - t[starts], 0.0)
         peak, of_peak = _at(t, f, froms, starts + 1, np.where(sudden, middle, t[starts]), noise)
         valley, of_valley = _at(t, f, stops, tos, np.where(sudden, middle, t[stops]), noise)
     rate = _slopes(t, f, begins, starts + 1)
-    shared = within / np.sqrt(12) * np.nan_to_num(rate)  # of the time of the fall
+    shared = within / np.sqrt(12) * np.nan_to_num(rate)  # error of the time of the fall
     columns = {
         **{"part": part, "t_start": t[starts], "t_stop": t[stops]},
         **{"peak": peak, "valley": valley, "drop": peak - valley},
@@ -438,7 +446,7 @@ def _table(
 
 
 def _gaps(t: np.ndarray, smooth: int) -> np.ndarray:
-    """Return the last sample before each step longer than `NEAR` smooth others."""
+    """Return the last sample before each time step longer than `NEAR` smooth usual ones."""
     from scipy.ndimage import median_filter  # slow to import
 
     steps = np.diff(t)
@@ -475,9 +483,9 @@ def _slopes(x: np.ndarray, f: np.ndarray, starts: np.ndarray, stops: np.ndarray)
 def _of_record(record: Record, threshold: float, t_gap: float | None) -> pd.DataFrame:
     """Return the events of a catalogue with finite static forces and a drop above a threshold.
 
-    Those within a pause are one. An event of the catalogue may have several falls, and the load
-    grows between them. If a pause is given, those of a quasi-static run, each at one time of its
-    curve, are parted first.
+    Events within a pause are one. An event of the catalogue may have several falls, between which
+    the load grows. If a pause is given, such events of a quasi-static run are first split into
+    their falls, each at one time of the curve.
     """
     scene, curve, found = record.scene, record.columns("curve"), record.columns("events")
     t, F_T = curve["t"], curve["F_T"]
@@ -515,9 +523,9 @@ def _of_record(record: Record, threshold: float, t_gap: float | None) -> pd.Data
 
 
 def _as_one(falls: list[tuple[float, ...]]) -> dict[str, float]:
-    """Return falls (t_start, t_stop, peak, valley) as one at the time of the largest.
+    """Return several falls (t_start, t_stop, peak, valley) as one at the time of the largest.
 
-    Its drop is the sum of theirs, and its peak and valley are those of loading without the others.
+    Its drop is the sum of their drops. Its peak and valley are those that loading alone would give.
     """
     drops = [peak - valley for _, _, peak, valley in falls]
     main = int(np.argmax(drops))

@@ -1,4 +1,4 @@
-"""Read a measured curve from a file: which columns, in which units, with what meaning."""
+"""Read a measured curve from a file: choose columns, find units and meanings."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pyfric.values import LARGEST, SceneError, check_number, check_whole, parse_
 
 Restarts = Literal["join"] | int
 NAMED = 6
-"""Most columns without use that a note names."""
+"""Largest number of unused columns that a note names."""
 GIVEN = {
     "columns": '{"t": 1, "F_T": "Force"}',
     "units": '{"t": "s", "F_T": "N"}',
@@ -27,11 +27,12 @@ GIVEN = {
 }
 """Examples of arguments that are dicts."""
 BITS = (12, 14, 16, 24)
-"""Of converters and counters."""
+"""Numbers of bits of converters and counters."""
 SOME = 1000
-"""Samples that tell that numbers are not whole."""
+"""Number of samples that are enough to see that numbers are not whole."""
 NEAR_END = 0.02
-"""Share of the range of a counter within which numbers reach its ends."""
+"""Distance from an end of the range of a counter, over the range, within which numbers reach the
+end."""
 
 
 @usage('read("curve.csv", units={"t": "s", "F_T": "N"}, F_N="400 N")')
@@ -54,36 +55,36 @@ def read(
 ) -> Curve:
     """Read a measured loading curve, or the curve of a slip sensor.
 
-    The beginning of a file tells its kind: {KINDS}. Some kinds need an extra. Units and meanings
-    come from the file or from the arguments. What neither says is refused, and the message says
-    what to add.
+    The first bytes of a file decide its kind: {KINDS}. Some kinds need an extra. Units and meanings
+    come from the file or from the arguments. If a unit or a meaning is missing, the file is
+    refused, and the message says what to add.
 
     Args:
         path: the file.
         columns: meaning -> name of its column, or its number, from 1. Meanings are {MEANINGS}; step
-            is the time since the sample before, and is summed to t. None: all columns whose name
-            says what they are. In files with groups, a name may omit its group. An array with
-            several columns is called "name:1", "name:2" and so on, one with its channels in rows
+            is the time since the previous sample, and is summed to t. None means all columns whose
+            names have a known meaning. In files with groups, a name may omit its group. Columns of
+            an array are called "name:1", "name:2" and so on; if its channels are in rows,
             "name(1,:)", "name(2,:)".
         units: meaning -> unit, where the file does not state it.
-        calibration: meaning -> what 1 in the file stands for, such as "0.12 N", or a pair of this
-            and the number in the file that stands for zero. It replaces units.
+        calibration: meaning -> value of 1 in the file, such as "0.12 N", or a pair of this value
+            and the number in the file that means zero. `calibration` replaces units.
         F_N, area: normal force (N) and area of the interface (m^2), or quantities with units.
-        step: time between samples, s, where the file has no times.
+        step: time between samples, s, if the file has no times.
         group: beginning of the names in a container, such as a group of HDF5 or TDMS.
         head: lines at the top of a text that are left out.
-        decimal: decimal mark of a text, if that is not clear.
+        decimal: decimal mark of a text, if it is ambiguous.
         gaps: words in a text that stand for gaps, such as "OVLD".
-        wraps: meaning -> period, in numbers of the file, of a counter that starts anew at its end,
-            such as 65536. Steps of more than half of it are taken for such starts.
-        valid: meaning -> smallest and largest value that the sensor tells, in SI or with units.
-            Samples at these ends or beyond are gaps.
-        restarts: what to do where times start anew: "join" continues them, one median step after
-            the last; a number takes this part alone, from 1.
+        wraps: meaning -> period of a counter that starts anew at its end, in numbers of the file,
+            such as 65536. Changes of more than half a period count as a new start.
+        valid: meaning -> smallest and largest value of the sensor's range, in SI or with units.
+            Samples at these values or beyond are gaps.
+        restarts: what to do if times start anew. "join" continues the times, one median step after
+            the last. A number selects one part, counted from 1.
 
     Returns:
         The curve in SI units. Samples without a time are left out; other gaps are NaN. Its notes
-        say which column is what, and which columns are not used.
+        name the meaning of each column, and the unused columns.
 
     Raises:
         SceneError: the file cannot be read, or something in it is not understood.
@@ -177,7 +178,7 @@ def _check_clocks(path: Any, found: Found, chosen: Mapping[str, str]) -> None:
     """Check that the columns that were chosen have the same clock.
 
     Raises:
-        SceneError: they have not, so that samples of one number are not of one time.
+        SceneError: their clocks differ, so that samples in one row have different times.
     """
     own = {name: found.columns[name].clock for name in chosen.values()}
     own = {name: clock for name, clock in own.items() if clock is not None}
@@ -188,7 +189,7 @@ def _check_clocks(path: Any, found: Found, chosen: Mapping[str, str]) -> None:
 
 
 def _summed(table: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the columns, with sums from the first sample on in place of those that are summed."""
+    """Return the columns, with cumulative sums in place of columns that are summed."""
     found = {}
     for name, values in table.items():
         if of := MEANINGS[name].sums:
@@ -209,7 +210,7 @@ def _unwrapped(meaning: str, numbers: np.ndarray, period: Any) -> np.ndarray:
 
 
 def _note_counter(found: Found, meaning: str, name: str, numbers: np.ndarray) -> None:
-    """Say where a counter stands at its ends, or starts anew."""
+    """Add a note if a counter reaches its ends or starts anew."""
     if (numbers[:SOME] % 1 > 0).any():
         return
     known = numbers[np.isfinite(numbers)]
@@ -236,7 +237,7 @@ def _note_counter(found: Found, meaning: str, name: str, numbers: np.ndarray) ->
 
 
 def _leave_out(found: Found, meaning: str, values: np.ndarray, ends: Any) -> None:
-    """Make values at the ends of what a sensor tells, or beyond, gaps."""
+    """Turn values at the ends of a sensor's range, or beyond, into gaps."""
     field, unit = f"valid.{meaning}", MEANINGS[meaning].unit
     try:
         low, high = (check_number(field, end, unit) for end in ends)
@@ -257,7 +258,7 @@ def _names(found: Found) -> str:
 
 
 def _by_name(path: Any, found: Found) -> dict[str, str]:
-    """Return meaning -> name of the columns whose names say what they are."""
+    """Return meaning -> name of the columns whose names have a known meaning."""
     chosen: dict[str, str] = {}
     meanings = {meaning_of(column.head) for column in found.columns.values()} - {""}
     for name, column in found.columns.items():
@@ -274,7 +275,7 @@ def _by_name(path: Any, found: Found) -> dict[str, str]:
 
 
 def _chosen(found: Found, columns: Mapping[str, str | int]) -> dict[str, str]:
-    """Return meaning -> name of the columns that were asked for."""
+    """Return meaning -> name of the requested columns."""
     chosen, names = {}, list(found.columns)
     for meaning, asked in columns.items():
         if not names:
@@ -299,7 +300,7 @@ def _chosen(found: Found, columns: Mapping[str, str | int]) -> dict[str, str]:
 
 
 def _check_chosen(path: Any, found: Found, table: Mapping[str, Any]) -> None:
-    """Refuse a file without times, or without force and slip; say which columns may be meant."""
+    """Refuse a file without times, or without force and slip; suggest columns."""
     may = [
         f"{name!r} may be {AMBIGUOUS[bare(column.head)]}"
         for name, column in found.columns.items()
@@ -345,7 +346,7 @@ def _scale(
 ) -> tuple[float, float]:
     """Return the factor to SI of a column, and the number in it that means zero.
 
-    A unit that nothing states is added to those that are missing.
+    If the unit is not stated, the column is added to those with missing units.
     """
     si = MEANINGS[meaning].unit
     if meaning in calibration:

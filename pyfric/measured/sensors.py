@@ -1,9 +1,9 @@
-"""Slip at a place of the interface, as a sensor there would measure it in a run.
+"""Slip at a place of the interface in a run, as a sensor would measure it.
 
-It is the displacement of the block nearest to the sensor, along the drive and since the begin of
-the record. Runs that record motion have it at the points of their curve. Others have it where slip
-of the block starts and stops; between these it is a straight line, which holds while the block
-sticks, and is a simplification while it slips.
+Slip is the displacement of the block nearest to the sensor, along the drive, since the start of the
+record. Runs that record motion have slip at all points of their curve. Other runs have slip only at
+times at which the block starts or stops. Between these times slip is interpolated, which is exact
+while the block sticks and approximate while it slips.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pyfric.values import check_number
 
 
 def displacement(record: Record, x: float | str) -> tuple[np.ndarray, np.ndarray]:
-    """Return times (s) and slip (m) at x, NaN where it is not known: slip that never stopped.
+    """Return times (s) and slip (m) at x; slip is NaN if it never stopped.
 
     Raises:
         SceneError: x is refused.

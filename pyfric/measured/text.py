@@ -1,8 +1,8 @@
 """Tables of numbers in text.
 
-The layout of a table is found in its first and last rows: what separates columns, the decimal mark,
-and which columns hold numbers. `body` then parses what lies between. A text may hold several tables
-of the same columns, each below heads of its own; they are parts of one.
+The first and last rows of a table give its layout: the separator of columns, the decimal mark, and
+which columns hold numbers. `body` then parses the rows between. A text may hold several tables with
+the same columns, each below its own heads. Such tables are joined.
 """
 
 from __future__ import annotations
@@ -46,23 +46,23 @@ from pyfric.values import (
 MAX_BYTES = 512 * 1024**2
 """Largest text that is read."""
 SAMPLE = 1 << 14
-"""Bytes at either end in which the layout is found."""
+"""Number of bytes at either end from which the layout is found."""
 RUN = 5
-"""Rows that tell a table from a list: longer runs of alike rows count as this."""
+"""Number of rows that make a table. Longer runs of similar rows count as much."""
 _FRACTION = re.compile(rb"\d,(?:\d{1,2}(?!\d)|\d{4,})|(?<![\d,])0,\d|(?<!\d),\d")
 _WHOLE = re.compile(rb"(?m)(?:^|[;\t, ])[+-]?[1-9]\d{0,2}\s*(?:[;\t, ]|$)")
 _POINTED = re.compile(rb"\d\.|\.\d")
-"""A comma that is decimal: digits behind it are not three, or there is a zero before it; a whole
-number below 1000; a number with a point."""
+"""Patterns: a decimal comma (not followed by three digits, or after a zero); a whole number below
+1000; a number with a decimal point."""
 NOT_LENGTHS = ("", "-", ".", "1", "%", "V", "mV", "Volt", "Volts", "bits", "bit", "RN", "TS")
-"""Units that a row of units may have, beside those of columns; time stamps in TS, records in RN."""
+"""Further units in a row of units; TS is a time stamp, RN a record number."""
 _RULER = re.compile(r"[-=_+|*]{2,}")
 _COMMENT = "Comment"
-"""Last head of a LabVIEW text, above no column."""
+"""Last name of a column in a LabVIEW text, which has no column."""
 
 
 class Head(NamedTuple):
-    """Names of columns, the row of their units, [] where there is none, row, if a comment."""
+    """Names of columns, their units ([] if there are none), number of the row, whether comment."""
 
     names: list[str]
     units: list[str]
@@ -74,7 +74,7 @@ def text(path: Any, asked: Asked) -> Found:
     """Return the columns of a text.
 
     Raises:
-        SceneError: it cannot be read, or something in it is not understood.
+        SceneError: the file cannot be read, or something in it is not understood.
     """
     found = Found("text")
     content = read_at_most(path, MAX_BYTES + 1)
@@ -96,7 +96,7 @@ def text(path: Any, asked: Asked) -> Found:
     starts: list[int] = []
 
     def between(rows: list[Row]) -> None:
-        """Take rows between rows of numbers for the heads of a further table, or refuse them."""
+        """Accept rows between rows of numbers as heads of a further table, or refuse them."""
         again = _heads(rows, layout, rows[-1].n + 1)
         if any(_looks_like_data(row, layout) and row.cells != head.names for row in rows):
             _refuse_broken(path, rows, layout, content.count(b"\n"))
@@ -129,7 +129,7 @@ def text(path: Any, asked: Asked) -> Found:
 
 
 def _skipped(content: bytes, head: int) -> tuple[int, int]:
-    """Return the offset behind `head` lines, and the number of the line there."""
+    """Return the offset after `head` lines, and the number of the line there."""
     at = 0
     for n in range(head):
         at = content.find(b"\n", at) + 1
@@ -140,7 +140,7 @@ def _skipped(content: bytes, head: int) -> tuple[int, int]:
 
 
 def _decoded(path: Any, content: bytes, found: Found) -> tuple[bytes, str]:
-    """Return a text with plain ends of lines, and its encoding."""
+    """Return a text with line feeds as ends of lines, and its encoding."""
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         content = content.decode("utf-16", errors="replace").encode()
     content = content.removeprefix(b"\xef\xbb\xbf")
@@ -169,7 +169,7 @@ def _decoded(path: Any, content: bytes, found: Found) -> tuple[bytes, str]:
 def _layout(
     path: Any, content: bytes, encoding: str, start: int, first: int, asked: Asked
 ) -> tuple[Layout, int, list[Row], int, list[Row]]:
-    """Return the layout, where rows of numbers begin, rows above, where they end, rows below."""
+    """Return the layout, the start of the rows of numbers, rows above, their end, rows below."""
     cut = max(start, content.rfind(b"\n", 0, max(len(content) - SAMPLE, 0)) + 1)
     late = content.count(b"\n", start, cut) + first
     tail = [row for row in rows_of(content, encoding, late, cut) if not is_comment(row.text)]
@@ -218,7 +218,7 @@ def _layout(
 
 
 def _separator(tail: list[Row]) -> str:
-    """Return what separates the columns of most rows; those of numbers count more."""
+    """Return the separator of columns in most rows; rows of numbers count more."""
     votes: Counter[str] = Counter()
     for row in tail:
         apart = separator_of(plain(row.text))
@@ -230,7 +230,7 @@ def _separator(tail: list[Row]) -> str:
 
 
 def _pattern(rows: list[Row], words: frozenset[str], commas: bool) -> tuple[list[bool], int]:
-    """Return which columns are numbers in the run of alike rows that is most of a table."""
+    """Return which columns are numbers in the longest run of similar rows."""
 
     def kind(cell: str) -> bool | None:
         number = numeric(cell) or (commas and bool(COMMA.fullmatch(cell)))
@@ -257,7 +257,7 @@ def _pattern(rows: list[Row], words: frozenset[str], commas: bool) -> tuple[list
 
 
 def _plain(rows: list[Row], layout: Layout) -> tuple[bool, ...]:
-    """Return which columns of numbers have no units behind them."""
+    """Return which columns of numbers have no units after the numbers."""
     fit = [row.cells for row in rows if layout.fit(row.cells, numbered=True)]
 
     def bare(c: int) -> bool:
@@ -269,7 +269,7 @@ def _plain(rows: list[Row], layout: Layout) -> tuple[bool, ...]:
 
 
 def _cells_of_head(row: Row, layout: Layout) -> list[str]:
-    """Return the cells of a row above the numbers; names may have blanks, and two between them."""
+    """Return the cells of a row of names; names may have single blanks inside."""
     text = row.text.lstrip("#%!/ ") if is_comment(row.text) else row.text
     cells = split(text, layout.apart)
     if layout.apart == BLANK and len(cells) != layout.kept:
@@ -303,7 +303,7 @@ def _heads(rows: list[Row], layout: Layout, first: int) -> Head:
 
 
 def _tell_apart(row: Row, layout: Layout) -> bool:
-    """Whether cells tell the columns of numbers apart, as what is said of all does not."""
+    """Whether all columns of numbers have different cells, as in a row of names."""
     cells = [cell for cell, number in zip(row.cells, layout.numbers, strict=True) if number]
     return len(set(cells) - {""}) == len(cells)
 
@@ -327,10 +327,10 @@ def _like_unit(text: str) -> bool:
 def _check_commas(
     path: Any, content: bytes, begin: int, end: int, layout: Layout, head: Head, asked: Asked
 ) -> None:
-    """Check that it is clear what commas and points in rows of numbers stand for.
+    """Check that commas and points in rows of numbers have a clear meaning.
 
     Raises:
-        SceneError: it is not.
+        SceneError: their meaning is not clear.
     """
     late = content.rfind(b"\n", begin, max(end - SAMPLE, begin)) + 1 or begin
     early = min(content.find(b"\n", begin + SAMPLE, late) + 1 or late, late)
@@ -373,7 +373,7 @@ def _of_numbers(content: bytes, layout: Layout) -> list[list[str]]:
 
 
 def _may_be_thousands(cells: tuple[str, ...]) -> bool:
-    """Whether numbers below 1000 have no point, and others have three digits behind it."""
+    """Whether points may separate thousands: only numbers from 1000 on have them."""
     points = [bool(THOUSANDS.fullmatch(cell)) for cell in cells]
     whole = [bool(re.fullmatch(r"[+-]?\d{1,3}", cell)) for cell in cells]
     return any(points) and any(whole) and all(map(any, zip(points, whole, strict=True)))
@@ -394,7 +394,7 @@ def _refuse_last(path: Any, row: Row, apart: str) -> None:
 
 
 def _looks_like_data(row: Row, layout: Layout, *, above: bool = False) -> bool:
-    """Whether a row that does not fit is one of numbers; above the table, lists may have some."""
+    """Whether a row that does not fit has numbers; lists above the table may have some, too."""
     if is_comment(row.text) or (above and len(row.cells) < 2):
         return False
     numbers = [numeric(layout.number(cell)) for cell in row.cells]
@@ -406,15 +406,15 @@ def _looks_like_data(row: Row, layout: Layout, *, above: bool = False) -> bool:
 
 
 def _begins(row: Row, layout: Layout) -> bool:
-    """Whether a row begins with a number where rows of numbers do, as no mean or maximum does."""
+    """Whether a row begins with a number like other rows; a row of means begins with a word."""
     return numeric(layout.number(row.cells[0])) or not layout.numbers[0]
 
 
 def _refuse_broken(path: Any, rows: list[Row], layout: Layout, total: int) -> None:
-    """Refuse rows that do not fit, but look like rows of numbers, of a text of `total` lines.
+    """Refuse rows that do not fit, but look like numbers, in a text of `total` lines.
 
     Raises:
-        SceneError: always. Where few rows are above, leaving them out is a way.
+        SceneError: always. If few rows are above, the message suggests to skip them.
     """
     rows = [row for row in rows if _looks_like_data(row, layout)]
     row, last = rows[0], rows[-1].n

@@ -1,4 +1,4 @@
-"""Published results: the paper's runs, page and claims, and cases of others."""
+"""Published results: runs, figures and claims of the paper, and cases from other publications."""
 
 from pyfric.paper import cases, claims
 from pyfric.paper.reproduction import reproduce, write_index

@@ -1,8 +1,8 @@
-"""The paper's figures in one folder: `reproduce` runs what they need, draws them, and shows them.
+"""The paper's figures in one folder: `reproduce` makes their runs, figures and page.
 
-The page is made from the folder alone: figures and captions, the tables behind them, what the runs
-cost, and, where ``claims.json`` is there (`pyfric claims`), the table of claims. What it looks like
-is in ``page.html``.
+The page is made from the folder alone. The page shows figures and captions, their tables, the cost
+of runs and, if ``claims.json`` exists (`pyfric claims`), the table of claims. ``page.html`` is its
+template.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 FILMED = "fig3a"
 """The figure whose event is filmed."""
 FILMS = ("event.mp4", "event.gif")
-"""The film of an event, by the first of these names that is there."""
+"""Names of the film of an event; the page shows the first that exists."""
 FILM_TEXT = "event.txt"
 CLAIM_VALUES = (
     *("number", "text", "value", "unit", "band", "verdict", "how", "note", "source"),
@@ -47,7 +47,7 @@ def reproduce(
     cache: bool | str | os.PathLike[str] = True,
     progress: bool | None = None,
 ) -> list[Path]:
-    """Run what the figures need, side by side, and draw them.
+    """Make the runs of the figures in parallel, and draw the figures.
 
     Args:
         names: figures, keys of `pyfric.figures.FIGURES`; none means all.
@@ -55,8 +55,8 @@ def reproduce(
         workers, cache, progress: see `pyfric.run_all`.
 
     Returns:
-        The files: for each figure PNG, PDF, caption and tables (see `save_figure`), among them
-        ``<figure>_runs.csv`` with the cost of its runs; and the index page.
+        The files: the index page and, for each figure, PNG, PDF, caption and tables (see
+        `save_figure`). The table ``<figure>_runs.csv`` has the cost of its runs.
 
     Raises:
         SceneError: no such figure.
@@ -78,7 +78,7 @@ def reproduce(
         made = run_all(every, cache=cache, progress=progress, executor=pool)
         records = dict(zip(every, made, strict=True))
         made = []
-        if FILMED in names:  # it takes longest
+        if FILMED in names:  # the film takes longest
             made.append(pool.submit(_film, records[jobs[FILMED][0]], out))
         for name in names:
             mine = [records[job] for job in jobs[name]]
@@ -91,14 +91,14 @@ def reproduce(
 def _drawn(
     name: str, jobs: Sequence[Job], records: Sequence[Record], single: bool, out: Path
 ) -> list[Path]:
-    """Draw a figure of one record, or of all, and write its files."""
+    """Draw a figure from one record, or from all, and write its files."""
     fig = FIGURES[name].draw(records[0] if single else records, **_event(name, records[0]))
     fig.tables["runs"] = runs_table(jobs, records)
     return save_figure(fig, out / name)
 
 
 def _event(name: str, record: Record) -> dict[str, int]:
-    """Return the event that a figure of the paper shows, as a keyword; nothing for all others.
+    """Return the event that a figure of the paper shows, as a keyword; empty for other figures.
 
     Raises:
         SceneError: the record has fewer main precursors.
@@ -113,7 +113,7 @@ def _event(name: str, record: Record) -> dict[str, int]:
 
 
 def _film(record: Record, out: Path) -> list[Path]:
-    """Write the film of the event of Fig. 3(a), MP4 where that can be made, and its caption."""
+    """Write the film of the event of Fig. 3(a), as MP4 if possible, and its caption."""
     (event,) = _event(FILMED, record).values()
     path = event_movie(record, event, out / FILMS[0 if has_ffmpeg() else 1])
     row, method = record.events.loc[event], record.method
@@ -129,7 +129,7 @@ def _film(record: Record, out: Path) -> list[Path]:
 
 
 def runs_table(jobs: Sequence[Job], records: Sequence[Record]) -> pd.DataFrame:
-    """What the runs were and cost: one row each.
+    """Runs and their cost, one row each.
 
     Columns: scene; t_end_s; engine; geometry; dt_us (NaN without steps); events, all of the
     record; block_evaluations; seconds, processor time of the run with its plan and catalogue.
@@ -154,7 +154,7 @@ def runs_table(jobs: Sequence[Job], records: Sequence[Record]) -> pd.DataFrame:
 
 
 def write_index(folder: str | os.PathLike[str]) -> Path:
-    """Write index.html from what the folder holds, and return its path.
+    """Write index.html from the files in the folder, and return its path.
 
     Raises:
         OSError: a file cannot be read or written.
@@ -178,7 +178,7 @@ def write_index(folder: str | os.PathLike[str]) -> Path:
 
 
 def _figure(folder: Path, name: str) -> dict[str, Any]:
-    """What the page says of a figure, and the files that lie beside it."""
+    """Entries of a figure on the page, and the files beside it."""
     caption = (folder / f"{name}.txt").read_text(encoding="utf-8").strip()
     what, _, details = caption.partition("\n")
     return {
@@ -212,7 +212,7 @@ def mathematical(text: str) -> Markup:
 
 
 def _claims(path: Path) -> list[dict[str, Markup]] | None:
-    """The claims as `pyfric claims` writes them, where they are; misses first."""
+    """The claims that `pyfric claims` has written, misses first; empty without them."""
     try:
         claims = json.loads(path.read_text(encoding="utf-8"))["claims"]
         claims = sorted(claims, key=lambda claim: claim.get("verdict") != "misses")
@@ -224,14 +224,14 @@ def _claims(path: Path) -> list[dict[str, Markup]] | None:
 
 
 def _claim(claim: dict[str, Any]) -> dict[str, str]:
-    """What the page says of a claim; numbers with their units."""
+    """Entries of a claim on the page; numbers with their units."""
     said = {name: str(claim.get(name) or "") for name in CLAIM_VALUES}
     numbers = {name: measured(claim.get(name), said["unit"]) for name in ("value", "damaged")}
     return said | numbers
 
 
 def _runs(folder: Path, names: list[str]) -> list[dict[str, Any]]:
-    """Each run once, with the figures that it is for."""
+    """Each run once, with its figures."""
     tables = [pd.read_csv(folder / f"{name}_runs.csv").assign(figure=name) for name in names]
     if not tables:
         return []

@@ -1,12 +1,12 @@
 """The runs behind the paper's figures and claims.
 
-Each is a `pyfric.Job`, for `pyfric.run_all`, by the hybrid engine with located switches. The Fig. 1
-scene and those with its h in which F_N differs are in finite geometry. All others are in linear
-geometry, where F_N only sets the scale of forces: finite geometry costs two to five times more, and
-forces in linear geometry are within about 1 % of F_N of it (`reference_data/`). Steps are half of
-the stability limit in setup 1 and two thirds of it in setup 2. With nine tenths of it one event is
-right (rupture times to 3e-8 s), but over a whole run some event comes early: 10 precursors below
-L/2 instead of 9 at L = 140 mm.
+Each run is a `pyfric.Job` for `pyfric.run_all`, with the hybrid engine and located switches. The
+Fig. 1 scene, and scenes that differ from it in F_N, are in finite geometry. All others are in
+linear geometry, in which F_N only sets the scale of forces. Finite geometry costs two to five times
+more, and changes forces by about 1 % of F_N (`reference_data/`). Steps are half of the stability
+limit in setup 1 and two thirds in setup 2. With nine tenths of the limit a single event is right
+(rupture times to 3e-8 s). In a long run, however, some event comes early: there are 10 precursors
+below L/2 in place of 9 at L = 140 mm.
 
 Source: PRL 107, 074301 (2011), Figs. 1 to 4.
 """
@@ -21,7 +21,8 @@ from pyfric.scene import preset, setup1
 from pyfric.sweeps import Job
 
 HYBRID = {"fidelity": "hybrid", "accuracy": 1e-4, "switching": "located"}
-"""Errors of forces by jumps stay below what a figure shows, 1e-3 F_N."""
+"""Options of the hybrid engine. Errors of forces by jumps stay below 1e-3 F_N, the resolution of a
+figure."""
 FINITE, LINEAR = HYBRID | {"geometry": "finite"}, HYBRID | {"geometry": "linear"}
 FIG1 = Job(scene=preset("fig1"), t_end=2.0, options=FINITE)
 """The scene of Figs. 1(b), 3 and 4(a), up to the seventh event over the whole interface."""
@@ -67,26 +68,26 @@ RUNS: dict[str, Job | tuple[Job, ...]] = {
     "fig2b": FIG2B,
     "fig4b": FIG4B,
 }
-"""What figures are drawn from (`pyfric.figures.FIGURES`): one run, or several."""
+"""Runs of each figure (`pyfric.figures.FIGURES`): one run, or several."""
 
 # --- claims --------------------------------------------------------------------------------------
 
 T_END = 1.02
-"""End of variations of the Fig. 1 scene, s: just after it slides as a whole."""
+"""End of variations of the Fig. 1 scene, s: just after the first system-size event."""
 ELEVENTH = 0.75
-"""Just after the 11th main precursor, s."""
+"""Time just after the 11th main precursor, s."""
 BY_MU_S = {f"mu_s {mu_s:g}": mu_s for mu_s in (0.5, 0.6, 0.8, 0.9)}
 BY_D_C = {f"d_c {d_c * 1e6:g}": d_c for d_c in (0.0, 0.5e-6, 1e-6, 2e-6, 5e-6, 10e-6)}
 BY_ETA = {f"eta {share:g}": share for share in (0.15, 0.22, 0.42)}
-"""In sqrt(k m); 0.316 is the default."""
+"""Values of eta in sqrt(k m); the default is 0.316."""
 BY_K_F = {f"k_f {share:g}": share for share in (1.5, 3.0, 1000.0)}
-"""In k."""
+"""Values of k_f in k."""
 BY_V = {f"V {share:g}": share for share in (0.5, 2.0)}
-"""In V."""
+"""Values of V, over that of the Fig. 1 scene."""
 MATTRESS = {"mattress on each": "0.4 MN/m on each top block", "mattress rigid": "rigid"}
-"""Run -> what it is; in the others the mattress has 0.4 MN/m in all."""
+"""Run -> its mattress. In all other runs the mattress has 0.4 MN/m in total."""
 BASE = "140/5/3500"
-"""The Fig. 1 scene in linear geometry, up to sliding."""
+"""Name of the Fig. 1 scene in linear geometry, up to its first system-size event."""
 AT_F_N = ("140/5/1750 finite", "140/5/2700 finite")
 FRONTS = ("fig4a", "run1", "run2", "run3", "run4")
 

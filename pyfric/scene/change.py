@@ -75,7 +75,7 @@ def full_name(scene: Parts, name: str, value: Any = None, more: Iterable[str] = 
         scene: a scene, or its parts by name.
         name: a dotted name, or its end. If several names fit, the one with the fewest dots counts.
         value: the new value, for the error message.
-        more: names of what else there is.
+        more: further names that are allowed.
 
     Raises:
         SceneError: no field, or more than one, has this name.
@@ -89,7 +89,7 @@ def full_name(scene: Parts, name: str, value: Any = None, more: Iterable[str] = 
     if found:
         raise SceneError(name, value, "", " or ".join(found), "is in several parts")
     ends = list(dict.fromkeys([*known, *(full.partition(".")[2] or full for full in known)]))
-    for top, preset in PRESET_OF.items():  # a correct word in a wrong place
+    for top, preset in PRESET_OF.items():  # a name of another kind of top
         end = name.removeprefix("top.")
         if end in {field.name for field in dataclasses.fields(top)}:
             reason = f"unknown here, a field of {top.__name__}"
@@ -100,7 +100,7 @@ def full_name(scene: Parts, name: str, value: Any = None, more: Iterable[str] = 
 def changed(scene: S, changes: Mapping[str, Any]) -> S:
     """Return the scene with changed values; see `Scene.replace`.
 
-    F_N of a prescribed load scales its p.
+    A new F_N scales the p of a prescribed load.
     """
     parts = {name: changes.get(name, getattr(scene, name)) for name in PARTS}
     names = once((full_name(parts, name, value), value) for name, value in changes.items())
@@ -119,7 +119,7 @@ def changed(scene: S, changes: Mapping[str, Any]) -> S:
         for mu, end in zip(("mu_s", "mu_k"), known_ends, strict=False):
             follows = new or (end is not None and getattr(interface, mu) == end)
             if follows and not any(name.startswith(f"interface.{mu}") for name in names):
-                names[f"interface.{mu}"] = None  # the law holds it
+                names[f"interface.{mu}"] = None  # the law defines it
     prescribed = isinstance(names.get("top", scene.top), PrescribedLoad)
     F_N = names.pop("top.F_N", None) if prescribed else None
     paths = {tuple(name.split(".")): value for name, value in names.items()}
@@ -173,8 +173,7 @@ def _with(owner: Any, changes: Mapping[tuple[str, ...], Any]) -> Any:
 def followed_by(before: S, after: S, t: float) -> tuple[S, list[str]] | None:
     """Return a scene that equals `before` up to t and `after` from t on, and the changes at t.
 
-    None is returned if the two scenes differ in more than speed of the driver, loads, `stop_when`
-    and name.
+    None is returned if the scenes differ in anything but driver speed, loads, `stop_when` and name.
 
     Args:
         before: the scene up to t.

@@ -1,4 +1,4 @@
-"""What follows from fields and loads together: the friction law of the blocks."""
+"""The friction law of the blocks, which follows from fields and loads together."""
 
 import functools
 

@@ -77,7 +77,7 @@ def _check_length(scene: Composed, name: str, given: Any, mark: Annotation) -> N
 
 
 def _check_height(scene: Composed) -> None:
-    """Check that driven blocks are on rows above the bottom one, and those of the top on it."""
+    """Check that driven blocks are above the bottom row, or on the top row for a driven top."""
     if scene.driver.side == "top":
         for name, given, allowed in (
             ("h", steps_in(scene.driver.h, scene.slider.l) == scene.N_z - 1, scene.slider.H),
@@ -140,7 +140,7 @@ def _check_pushed(scene: Composed) -> None:
 
 
 def _check_starts(scene: Composed) -> None:
-    """Check that slip before the start and limits of friction have what they act on."""
+    """Check that the friction law can have the given initial slip and friction limits."""
     interface = scene.interface
     for name in ("slip", "limit"):
         given = getattr(interface, name)
@@ -156,7 +156,7 @@ def _check_starts(scene: Composed) -> None:
 
 
 def _check_half(scene: Composed) -> None:
-    """Refuse what is not known on half blocks: forces that are given for each block."""
+    """Refuse forces that half blocks cannot divide: those given for each block."""
     top, driver = scene.top, scene.driver
     for name, given, allowed, unit in (
         ("top.k_top", scene.k_top, 0.0, "N/m"),
@@ -192,7 +192,7 @@ def check_push(scene: Composed, push: Push, f: np.ndarray, strength: np.ndarray)
 
 
 def _check_absent(scene: Composed) -> None:
-    """Refuse what only other kinds of scenes have."""
+    """Refuse values that only other kinds of scenes can have."""
     absent: dict[str, tuple[str, str]] = {}
     if scene.prescribed:
         absent["top.k_top"] = "0 N/m", "a chain has springs to a rigid top; here walls.top = 'held'"
@@ -229,7 +229,7 @@ def _check_absent(scene: Composed) -> None:
 
 
 def check_geometry(geometry: str, scene: Composed | None = None) -> None:
-    """Check that `geometry` is "linear" or "finite", and "linear" where no other is known.
+    """Check that `geometry` is "linear" or "finite", and possible in the scene.
 
     Raises:
         SceneError: unknown geometry, or finite geometry for a prescribed load or half blocks.

@@ -1,6 +1,6 @@
 """Syntax of `stop_when`: conditions that end a run, as text "name" or "name = values".
 
-It is the same in Python, on the command line, in scene files and in sweep files. The module
+The syntax is the same in Python, on the command line, in scene files and in sweep files. The module
 `pyfric.engines.stopping` defines when each condition holds.
 """
 
@@ -31,7 +31,7 @@ TAKES: dict[str, tuple[Quantity, ...]] = {
     "system_size": (COUNT,),
     "slow": (Positive("m/s"), NotNegative("s")),
 }
-"""Name of a condition -> its values; a number of events may be left out, and is then 1."""
+"""Name of a condition -> its values. If the number of events is left out, 1 is assumed."""
 
 
 def _names() -> str:

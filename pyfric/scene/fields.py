@@ -69,8 +69,9 @@ class Fields(Lattice):
     def interface_on(self, N_x: int) -> Interface:
         """Return the interface of the same slider with N_x blocks.
 
-        Fields are interpolated, and those drawn in space stay as they are; alpha of a block is
-        proportional to its length. A block touches the foundation where the nearest one did.
+        Fields are interpolated; fields that are functions of x stay the same. alpha of a block is
+        proportional to its length. A block touches the foundation if the nearest original block
+        does.
         """
         at, now = np.linspace(0, 1, N_x), np.linspace(0, 1, self.N_x)
         order = np.argsort(self.n_of_i)
@@ -110,7 +111,7 @@ class Fields(Lattice):
     def k_f(self) -> float | np.ndarray:
         """Stiffness of the foundation per block in N/m, by default k.
 
-        A number, or an array from left to right, shape (N_x,). It is 0 under blocks without
+        A number, or an array from left to right, shape (N_x,). k_f is 0 under blocks without
         contact, and for a prescribed interface in two dimensions, which has no foundation.
         """
         if self.prescribed:

@@ -10,9 +10,10 @@ Static states, the quasi-static sequence and the prediction curve do not resolve
 slipping block has mu_k, which is Amontons-Coulomb friction (`Law.slide`). The core evaluates the
 whole law, in Fortran.
 
-The slip path needs only one stored number: s = s_0 + mode u_x while a block slips, otherwise s_0.
+The slip path needs only one stored number, s_0. The path is s = s_0 + mode u_x while a block slips,
+and s_0 otherwise.
 
-Laws under which a block never sticks are those of `pyfric.scene.restless`.
+`pyfric.scene.restless` has the laws under which blocks never stick.
 
 Source: PRL 107, 074301 (2011), interface law, and its remark on slip weakening.
 """
@@ -39,7 +40,7 @@ CLOCKS = (
 )
 NO_TABLES = Tables()
 GRADUAL = 0.01
-"""Largest (mu_s - mu_k)/mu_s for which quasi-static slip is treated as continuous, at mu_s."""
+"""Largest (mu_s - mu_k)/mu_s for which quasi-static slip is continuous, with friction mu_s."""
 
 
 @dataclass(frozen=True)
@@ -66,15 +67,15 @@ class Law:
     state: ClassVar[tuple[Variable, ...]] = CLOCKS
     """State variables of a block; all are numbers."""
     motion: ClassVar[tuple[Variable, ...]] = ()
-    """What a run records of them at points of the curve."""
+    """What a run records of the state variables at points of the loading curve."""
     memory: ClassVar[np.dtype] = memory_of(CLOCKS)
     """Names and shapes of the state variables."""
     code: ClassVar[int] = 1
     """Number of the law in the core (pyfric_law)."""
     restless: ClassVar[str] = ""
-    """Why no block rests, "" if blocks can."""
+    """Reason why no block rests; "" if blocks can rest."""
     flows: ClassVar[bool] = False
-    """Whether friction is that of a speed, so that steps are implicit in it."""
+    """Whether friction depends on speed in such a way that steps have to be implicit."""
     junctions: ClassVar[int] = 0
     """Number of junctions of each block; 0 without junctions."""
     apart: ClassVar[bool] = False
@@ -144,7 +145,7 @@ class Law:
 
     @property
     def core_numbers(self) -> dict[str, float]:
-        """Numbers of the law itself for the core by name, in the order of its `numbers_t` there."""
+        """Numbers of the law for the core by name, in the order of `numbers_t` in the core."""
         return {}
 
     def budget(self, heat: Any = 0.0, loss: Any = 0.0, parts: Any = (0.0, 0.0)) -> dict[str, Any]:
@@ -185,7 +186,8 @@ class Law:
     def fracture_energy(self, p: Any) -> Any:
         """Return the work against friction above mu_k p during a slip, in J.
 
-        It is (mu_s - mu_k) p d_c/2 for linear weakening. For another table, its area replaces 1/2.
+        The work is (mu_s - mu_k) p d_c/2 for linear weakening. For any other table, the area of the
+        table replaces 1/2.
         """
         left = self.tables.slide
         return self.drop * self.d_c * (0.0 if left is None else left.area) * p
@@ -216,7 +218,7 @@ class Law:
     def steepness(self, p: float) -> float:
         """Return the steepest weakening slope -df/ds under a load p (N), in N/m.
 
-        It is inf if friction falls at once, unless friction depends on speed.
+        The slope is inf if friction falls at once, unless friction depends on speed.
         """
         if self.tables.slide is None:
             at_once = self.tables.speed is None and np.any(np.greater(self.drop, 0))
@@ -228,9 +230,9 @@ class Law:
     def resolving_step(self, p: float, m: float) -> float:
         """Return the longest step (s) that resolves weakening under a load p (N); inf without any.
 
-        It is 1 over the largest growth rate of slip of a free block of mass m (kg). Weakening with
-        slip alone gives the rate sqrt(steepness/m), weakening with speed alone mu p |dfactor/dv|/m.
-        Friction that falls at once, with d_c = 0, has no weakening to resolve.
+        The step is 1 over the largest growth rate of slip of a free block of mass m (kg). Weakening
+        with slip alone gives the rate sqrt(steepness/m), weakening with speed alone mu p
+        |dfactor/dv|/m. Friction that falls at once, with d_c = 0, has no weakening to resolve.
         """
         if not self.weakens and self.tables.speed is None:
             return math.inf

@@ -65,9 +65,9 @@ class Lattice:
     def shares(self) -> tuple[np.ndarray, np.ndarray]:
         """Share of whole blocks in each row, shape (N_z,), and in each column, shape (N_x,).
 
-        It is 1, or 1/2 along a prescribed interface, along absorbing walls and, if the slider has
-        half blocks, along all edges that are not mirrored. The share of a block is the product of
-        both. Bonds along such a row or column have half of their strength.
+        A share is 1, or 1/2 along a prescribed interface, along absorbing walls and, if the slider
+        has half blocks, along all edges that are not mirrored. The share of a block is the product
+        of both. Bonds along such a row or column have half of their strength.
         """
         rows, columns = np.ones(self.N_z), np.ones(self.N_x)
         half = self.slider.edges == "half"

@@ -33,7 +33,7 @@ class Loads(Fields):
     def p_prescribed(self) -> np.ndarray:
         """Prescribed p of the bottom blocks, left to right, shape (N_x,), in N.
 
-        It is 0 without a `PrescribedLoad`. A half block at a side has half of p.
+        Without a `PrescribedLoad`, p is 0. A half block at a side has half of p.
         """
         if not isinstance(self.top, PrescribedLoad):
             return np.zeros(self.N_x)
@@ -43,7 +43,7 @@ class Loads(Fields):
     def load(self) -> np.ndarray:
         """Downward forces on the top blocks, left to right, shape (N_x,), in N.
 
-        They are 0 for a rod, and for a prescribed interface in two dimensions.
+        The forces are 0 for a rod, and for a prescribed interface in two dimensions.
         """
         if self.rigid or self.prescribed:
             return np.zeros(self.N_x)
@@ -57,8 +57,8 @@ class Loads(Fields):
     def shear(self) -> np.ndarray:
         """Forces in +x on blocks of row j_shear at t = 0, left to right, shape (N_x,), in N.
 
-        They are d tau_i for a `PrescribedLoad`, and d T/N_x for a `DistributedLoad`. A half block
-        at a side has half of this force.
+        The forces are d tau_i for a `PrescribedLoad`, and d T/N_x for a `DistributedLoad`. A half
+        block at a side has half of this force.
         """
         prescribed, columns = isinstance(self.top, PrescribedLoad), self.shares[1].sum()
         tau = self.top.tau if prescribed else self.top.T / columns
@@ -66,7 +66,7 @@ class Loads(Fields):
 
     @property
     def V_top(self) -> float:
-        """Speed of that plate in the drive direction, in m/s; its displacement loads as T."""
+        """Speed of the top plate in the drive direction, in m/s. Its force is a part of T."""
         return self.top.V_top or 0.0
 
     @functools.cached_property
@@ -120,7 +120,7 @@ class Loads(Fields):
 
         Args:
             t: time that selects the active pushes, in s.
-            now: time at which they are evaluated, in s; None means t.
+            now: time of evaluation, in s; None means t.
 
         Returns:
             Forces (N) and their rates (N/s), shape (2, N_x).
@@ -142,7 +142,7 @@ class Loads(Fields):
 
         Args:
             t: time that selects the pieces of `Interface.limit`, in s.
-            now: time at which they are evaluated, in s; None means t.
+            now: time of evaluation, in s; None means t.
 
         Returns:
             Coefficients, `NO_LIMIT` where there is none, and rates (1/s), shape (2, N_x).

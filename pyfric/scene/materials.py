@@ -41,7 +41,7 @@ MATERIALS: Mapping[str, Known] = MappingProxyType({
 
 
 PLANE_STRAIN = 0.25
-"""Poisson's ratio of a body in plane strain that the lattice is."""
+"""Poisson's ratio of the lattice as a body in plane strain."""
 
 
 @part
@@ -50,8 +50,9 @@ class Material:
 
     The lattice is a thin plate, in plane stress, with a fixed Poisson's ratio of 1/3. Then
     k = 3 B E/4, the shear modulus is 3 E/8, and waves have speeds sqrt(9 E/(8 rho)) and
-    sqrt(3 E/(8 rho)). With plane = "strain" it is a wide body with a ratio of 1/4: E is replaced by
-    E/(1 - nu^2) = 16 E/15. In a slab of few blocks waves are faster; see `Slider.of_material`.
+    sqrt(3 E/(8 rho)). With plane = "strain" the lattice is a wide body with a ratio of 1/4: E is
+    replaced by E/(1 - nu^2) = 16 E/15. In a slab of few blocks waves are faster; see
+    `Slider.of_material`.
 
     Nearly incompressible solids (rubber, gels) have a ratio near 1/2 and a shear modulus of E/3.
     For them use E from tension of a strip, or 8/3 of the shear modulus if shear matters. Their
@@ -62,15 +63,15 @@ class Material:
         name: a key of `MATERIALS`, for values that are not given; "" for none.
         E: Young's modulus, Pa.
         density: rho, kg/m^3.
-        viscosity: bulk viscosity, Pa s. Long waves of wave number q decay at viscosity q^2/(2 rho).
-            With dashpots "full" all of them do: the force per volume is viscosity times the
-            Laplacian of the velocity, and each bond has eta = B viscosity/3, independent of l.
-            Dashpots "along" the bonds are no isotropic viscosity. Each bond then has
-            eta = B viscosity, with which shear waves along x and z decay so. Pressure waves along
-            x and z decay twice as fast. At 45 degrees, shear waves decay half as fast and pressure
-            waves 2.5 times as fast. None means the paper's eta = sqrt(0.1 k m), which falls with l.
-            With dashpots "full" that is a viscosity of 0.82 l sqrt(E rho), which damps waves of a
-            few blocks for every l.
+        viscosity: bulk viscosity, Pa s. Long waves of wave number q decay at the rate viscosity
+            q^2/(2 rho). With dashpots "full" all long waves have this rate: the force per volume is
+            viscosity times the Laplacian of the velocity, and each bond has eta = B viscosity/3,
+            independent of l. With dashpots "along" the bonds the viscosity is anisotropic, and each
+            bond has eta = B viscosity. Shear waves along x and z then have this rate. Pressure
+            waves along x and z decay twice as fast. At 45 degrees, shear waves decay half as fast
+            and pressure waves 2.5 times as fast. None means the paper's eta = sqrt(0.1 k m), which
+            falls with l. With dashpots "full" this is a viscosity of 0.82 l sqrt(E rho), which
+            damps waves of a few blocks for every l.
         plane: "stress" or "strain".
 
     Source: PRL 107, 074301 (2011), model section, for k and eta.
@@ -78,7 +79,7 @@ class Material:
 
     width: Annotated[float, Positive("m")]
     name: Annotated[str, Name(40)] = ""
-    E: Annotated[float, Positive("Pa", optional=True)] = None  # until it is taken
+    E: Annotated[float, Positive("Pa", optional=True)] = None  # None: of the named material
     density: Annotated[float, Positive("kg/m^3", optional=True)] = None
     viscosity: Annotated[float | None, NotNegative("Pa s", optional=True)] = None
     plane: Literal["stress", "strain"] = "stress"
@@ -105,11 +106,11 @@ class Material:
         return k if self.plane == "stress" else k / (1 - PLANE_STRAIN**2)
 
     def eta(self, dashpots: Literal["full", "along"]) -> float | None:
-        """Return the viscosity of each bond, in N s/m; None means that of the paper.
+        """Return the viscosity of each bond, in N s/m; None means the paper's viscosity.
 
         A shear wave along x meets one bond along x and two diagonals for each block. Dashpots
-        resist all of its motion, or 0 of it in the first and half in the others: eta = B viscosity
-        over 1 + 2 = 3, or over 2/2 = 1.
+        "full" resist all of its motion, so that eta = B viscosity/3. Dashpots "along" resist none
+        of it in the bond along x and half of it in the diagonals, so that eta = B viscosity.
         """
         if self.viscosity is None:
             return None

@@ -38,13 +38,13 @@ from pyfric.values import (
 )
 
 MAX_BLOCKS = 20_000_000
-"""Largest number of blocks N_x N_z. It prevents a mistyped l from exhausting the memory."""
+"""Largest number of blocks N_x N_z. The limit prevents a mistyped l from exhausting the memory."""
 MAYBE = {"optional": True, **FIELD}
 MULTIPLE_RTOL = 1e-9
 """Relative tolerance of "L, H and h are multiples of l"."""
 OPTIONAL = ("gap", "slip", "limit_from")
 FIELDS = ("mu_s", "mu_k", "d_c", "alpha", "k_f", *OPTIONAL)
-"""Names of the fields of an interface; those that few interfaces have."""
+"""Names of the fields of an interface; the last ones are rarely given."""
 A_LAW = "a friction law, such as pyfric.laws.Ageing, or [interface.law] in a scene file"
 CHAIN_NOTE = ", or 0 for a chain under a prescribed load"
 
@@ -69,7 +69,7 @@ class Slider:
         H: height, m; a multiple of l, at least l, or 0 for a chain under a `PrescribedLoad`.
         l: lattice constant, m; N_x N_z may not exceed `MAX_BLOCKS`.
         k: stiffness of the nearest-neighbour springs, N/m (3 B E / 4, independent of l).
-        M: mass, kg. `replace` and sweeps over L or H leave it as it is: the density changes, and
+        M: mass, kg. `replace` and sweeps over L or H leave M as it is: the density changes, and
             with it the wave speeds.
         eta: viscosity of every bond, N s/m, >= 0, independent of l. None means sqrt(damping k m),
             which falls with l.
@@ -79,9 +79,10 @@ class Slider:
             bond, so that rotation is free.
         edges: "whole", as in the paper: M/(N_x N_z) in each block and springs of full stiffness
             along the edges. "half": blocks along free edges are half blocks, quarters in corners,
-            with half of the mass, of the springs along the edge, and of what foundation and loads
-            give to a column. Mass and stiffness then converge to second order in l. In a chain it
-            halves both ends. Linear geometry only, and neither a driven top nor junctions.
+            with half of the mass, half of the springs along the edge, and half of the foundation
+            and the loads of a column. Mass and stiffness then converge to second order in l. In a
+            chain both end blocks are half blocks. "half" needs linear geometry, no driven top and
+            no junctions.
         g: gravity, m/s^2, >= 0, downward on all blocks and the rod, in addition to F_N. In setup 1
             9.81 m/s^2 adds 4e-4 F_N, half of it the weight of the rod.
 
@@ -122,13 +123,13 @@ class Slider:
         """Return a slab of a material: k = 3 B E/4 and M = rho B L H; see `Material`.
 
         Blocks at the edges are whole blocks, so that M/(N_x N_z) is less than rho B l^2. Waves are
-        therefore faster than in the material, by the factor sqrt((1 + l/L)(1 + l/H)); not so with
-        edges="half".
+        therefore faster than in the material, by the factor sqrt((1 + l/L)(1 + l/H)). With
+        edges="half" waves are as fast as in the material.
 
         Args:
             name: a key of `pyfric.MATERIALS`, for values that are not given, or a `Material`.
-            width, E, density, viscosity, plane: see `Material`. Which waves decay as the viscosity
-                says depends on `dashpots`.
+            width, E, density, viscosity, plane: see `Material`. `dashpots` decides which waves
+                decay at the rate of the viscosity.
             **fields: L, H, l and other fields of the slider, except k and M.
 
         >>> slab = {"L": "140 mm", "H": "75 mm", "l": "2.5 mm"}
@@ -218,7 +219,7 @@ class Top:
     _section: ClassVar[str] = "top"
 
     if TYPE_CHECKING:
-        F_N: float  # of all tops but prescribed ones
+        F_N: float  # not for a prescribed load
     else:
 
         def __getattr__(self, name: str) -> Any:
@@ -268,7 +269,7 @@ class DistributedLoad(Top):
         push: forces in the drive direction on blocks of the interface; see `PrescribedLoad`.
         k_top: shear stiffness between each block of the top row and a plate, N/m, >= 0; the springs
             are relaxed at u_x = 0, before F_N is applied. None means 0.
-        V_top: speed of that plate in the drive direction, m/s; None means 0. The plate is a second
+        V_top: speed of this plate in the drive direction, m/s; None means 0. The plate is a second
             drive: its force is a part of T, not of F_T.
 
     F_N = 0 is refused, because no block would be in contact, and F_N is the unit of force.
@@ -333,13 +334,14 @@ class Walls:
 
     "free": no forces. "mirrored": the slider continues half a bond further as its image, with the
     same u_x and the opposite u_z. On a side, the image is the other half of a shear crack that
-    starts there. On the top, it has a second interface under the same forces. "absorbing": dashpots
-    on half blocks, with the impedances of plane waves, rho c_P along the normal and rho c_S across
-    it. In a corner of two absorbing walls only rho c_P acts. At an absorbing side the end block has
-    half of p and tau. "held": the top row does not move.
+    starts there. On the top, the image has a second interface under the same forces. "absorbing":
+    dashpots on half blocks, with the impedances of plane waves, rho c_P along the normal and rho
+    c_S across it. In a corner of two absorbing walls only rho c_P acts. At an absorbing side the
+    end block has half of p and tau. "held": the top row does not move.
 
-    Energies, work and heat are those of the blocks of the scene, without images. What absorbing
-    walls absorb is part of the energy dissipated in bonds. A column `radiated` has it alone.
+    Energies, work and heat are those of the blocks of the scene, without images. Energy absorbed by
+    walls is part of the energy dissipated in bonds. The column `radiated` has the absorbed energy
+    alone.
 
     Args:
         left, right: "free", "mirrored" or "absorbing".
@@ -426,16 +428,17 @@ class Interface:
         gap: height of the undeformed bottom over the foundation, m, >= 0; None means 0. A block
             carries p = k_f (-u_z - gap) where this is positive.
         contact: False where blocks never touch the foundation; True or False, or N_x of them from
-            the trailing edge on. None means that all can.
-        slip: slip along the drive before the start, m, also negative. Blocks stick where it brings
+            the trailing edge on. None means that all blocks can.
+        slip: initial slip along the drive, m; may be negative. Blocks stick where this slip brings
             them, and the slider above is in equilibrium. None means 0.
         limit: breakpoints (t, mu), in s and >= 0, of the largest friction coefficient, whether a
-            block sticks or slips. It is linear between breakpoints and constant after the last one;
-            before the first one there is no limit.
+            block sticks or slips. The limit is linear between breakpoints and constant after the
+            last one. There is no limit before the first one.
         limit_from: time from which t of `limit` counts, s, >= 0; inf where there is no limit. None
             means 0.
-        slip_since: "stick": the slip of the law counts from the last stick on. "start": over all
-            sticks, so that mu of slipping blocks runs in; those that stick bear mu_s p as ever.
+        slip_since: "stick": the slip of the law counts from the last stick on. "start": the slip
+            counts from the start of the run, so that friction of slipping blocks stays weakened.
+            Stuck blocks still bear mu_s p.
 
     mu_s, mu_k, k_f, d_c, alpha, gap, slip and limit_from are fields: a number, N_x numbers from the
     trailing edge on, a `Spread`, or a `Profile`. A table with a "file" stands for the profile in
@@ -446,8 +449,8 @@ class Interface:
     |tau| exceeds mu_s p after a given slip begin to slip at t = 0.
 
     A block without contact is a part of the free surface. A block with mu_s = 0 and alpha = 0
-    carries p and moves freely along the interface; records show it as open. Neither sticks, slips
-    or takes part in events.
+    carries p and moves freely along the interface; records show it as open. Blocks of both kinds
+    neither stick nor slip, and take no part in events.
 
     With the default law, a block that has slipped by s since it last stuck resists with mu(s) p,
     mu(s) = mu_s - (mu_s - mu_k) min(s/d_c, 1). If slip reverses without sticking, s continues to

@@ -1,4 +1,4 @@
-"""Scenes by name: those of the paper, a chain, a slab on a prescribed interface, a benchmark.
+"""Scenes by name: scenes of the paper, a chain, a slab on a prescribed interface, a benchmark.
 
 Source: PRL 107, 074301 (2011).
 """
@@ -87,7 +87,7 @@ class Fields(TypedDict, total=False):
 
 
 SETTABLE = tuple(Fields.__annotations__)
-"""Names of all fields that some scene has."""
+"""Names of all fields of all kinds of scenes."""
 Changes = Mapping[str, Any] | None
 """Names of fields to values; a name that several parts share needs its part: "driver.protocol"."""
 Rule = Callable[[Slider], Any]
@@ -172,7 +172,7 @@ def _waves(slider: Slider) -> tuple[float, ...]:
 
 
 def _made(base: Scene, given: Mapping[str, Any], **rules: Rule) -> Scene:
-    """Return a scene with changes; `rules`, as part_field, replace values not given or None."""
+    """Return a scene with changes; `rules` give the values of fields left out, by part_field."""
     for part in given.keys() & PARTS:
         with naming(part):
             PARTS[part].check(given[part])
@@ -219,9 +219,9 @@ def slow(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
 
     L = 140 mm, H = 75 mm, l = 2.5 mm, k = 13.5 MN/m, M = 75.6 g, F_N = 1920 N, K = 4 MN/m,
     V = 0.4 mm/s, h = 5 mm, mu_s = 0.4, mu_k = 0.17, and k_f = k/2 by default. Each block has 100
-    junctions with u_s = 1.17 um, which corresponds to C = 39.2 GN/m^2. They slip for 2 ms, with a
-    standard deviation of 0.6 ms. n_s, u_s, t_R and other parameters of `pyfric.laws.Junctions` can
-    be changed by name, too. If n_s is changed, u_s is kept.
+    junctions with u_s = 1.17 um, which corresponds to C = 39.2 GN/m^2. Junctions slip for 2 ms,
+    with a standard deviation of 0.6 ms. n_s, u_s, t_R and other parameters of
+    `pyfric.laws.Junctions` can be changed by name, too. If n_s is changed, u_s is kept.
 
     Changes and errors are those of `preset`.
 
@@ -236,8 +236,8 @@ def rate_and_state(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scen
 
     L = 140 mm, H = 75 mm, l = 2.5 mm, k = 13.5 MN/m, M = 75.6 g, F_N = 3500 N, K = 4 MN/m, h = 5 mm
     as in `setup1`, V = 0.4 mm/s. a = 0.01, b = 0.015, f* = 0.6 and V* = 1 um/s are those of the
-    velocity-weakening part of the benchmark problem BP1. Its D_c is 8 mm; here D_c = 0.2 um, a
-    choice of this project: weakening then acts over four blocks, and precursors grow. Parameters of
+    velocity-weakening part of the benchmark problem BP1. BP1 has D_c = 8 mm. Here D_c is 0.2 um, so
+    that weakening acts over four blocks and precursors grow. Parameters of
     `pyfric.laws.RateAndState` can be changed by name, too.
 
     Changes and errors are those of `preset`.
@@ -251,10 +251,10 @@ def rate_and_state_pmma(changes: Changes = None, /, **fields: Unpack[Fields]) ->
     """Return setup 1 with rate-and-state friction of PMMA, the material of its experiments.
 
     Values of the test of cRacklet for PMMA: a = 0.005, b = 0.075 f_0 = 0.0214 with f_0 = 0.285, D_c
-    = 0.5 um, V* = 0.1 um/s. There f = f_0 + a ln(1 + v/V*) + b ln(1 + theta/phi*) with phi* = 0.33
-    ms, so that f* = f_0 + b ln(D_c/(V* phi*)) = 0.49, and steady friction rises again near the
-    cut-off speed V_c = D_c/phi* = 1.5 mm/s. Other values are those of `rate_and_state`. Parameters
-    of `pyfric.laws.RateAndState` can be changed by name, too.
+    = 0.5 um, V* = 0.1 um/s. The test has f = f_0 + a ln(1 + v/V*) + b ln(1 + theta/phi*) with phi*
+    = 0.33 ms, so that f* = f_0 + b ln(D_c/(V* phi*)) = 0.49, and steady friction rises again near
+    the cut-off speed V_c = D_c/phi* = 1.5 mm/s. Other values are those of `rate_and_state`.
+    Parameters of `pyfric.laws.RateAndState` can be changed by name, too.
 
     Changes and errors are those of `preset`.
 
@@ -267,8 +267,9 @@ def grooves(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     """Return setup 1 with grooves across its interface: lands of 10 mm and grooves of 10 mm.
 
     Blocks less than 10 mm, or 20 to 30 mm and so on, from the trailing edge touch the substrate. l
-    should divide 10 mm. The others have no contact and bear no load; with mu_s = mu_k = 0 blocks
-    bear load without friction. The default l is 2.5 mm; other values are those of `setup1`.
+    should divide 10 mm. All other blocks have no contact and bear no load. Blocks with mu_s = mu_k
+    = 0 would bear load without friction. The default l is 2.5 mm; other values are those of
+    `setup1`.
 
     Changes and errors are those of `preset`.
     """
@@ -327,7 +328,7 @@ def burridge_knopoff(changes: Changes = None, /, **fields: Unpack[Fields]) -> Sc
 
     100 blocks with l = 2.5 mm, p = 61.4 N, k = 1.35 MN/l and the density of `chain`. Each spring of
     the plate has k/4, so that K = N_x k/4. V = 10 nm/s. mu_s is spread evenly from 0.5 to 0.9, and
-    mu_k = 0.4: events are small and large. With less spread, all blocks slip in each.
+    mu_k = 0.4: events are small and large. With less spread, all blocks slip in each event.
 
     Changes and errors are those of `preset`.
 
@@ -366,9 +367,9 @@ def slab(
         **fields: other fields of a scene. By default the interface is that of the paper, k is that
             of `setup1`, and M is its mass per area, 6.845 kg/m^2, times (L + l) (H + l). A block
             has the mass M/(N_x N_z), except in the bottom row, which has half blocks. There is no
-            driver unless K is given; its h is l. Sides and top are free. eta is sqrt(0.001 k m), a
-            tenth of the paper's, and dashpots are "along" the bonds. Stronger dashpots, or "full"
-            ones, which resist rotation, delay fronts.
+            driver unless K is given. The driver's h is l. Sides and top are free. eta is sqrt(0.001
+            k m), a tenth of the paper's, and dashpots are "along" the bonds. Stronger dashpots, or
+            "full" ones, which resist rotation, delay fronts.
 
     Raises:
         SceneError: a name is unknown or in several parts, or a value is refused.
@@ -524,13 +525,14 @@ def presets() -> dict[str, str]:
 
 
 UNSAID = 0.05
-"""Change of the density, over it, that needs no note: a policy."""
+"""Largest relative change of the density without a note (a choice)."""
 
 
 def density_notes(scene: Scene) -> tuple[str, ...]:
-    """Return a note on a scene with the name of a preset and another density than this has.
+    """Return a note on a scene that has the name of a preset, but another density.
 
-    Mass per area decides: a height that is changed alone leaves M as it is.
+    Densities are compared as mass per area. If only the height is changed, M stays and the density
+    changes.
     """
     if scene.name not in PRESETS:
         return ()

@@ -21,7 +21,7 @@ from pyfric.values import (
 )
 
 MAX_BYTES = 1 << 20
-"""Largest size of a file."""
+"""Largest size of a file, in bytes."""
 ROWS = "two columns of numbers, x and value, of at least two rows"
 
 
@@ -63,7 +63,8 @@ class Profile:
         Args:
             path: an array of NumPy (.npy), shape (n, 2), in SI units; or a text in UTF-8 whose
                 columns are separated by commas, semicolons, tabs or blanks. Its first row may name
-                the columns with their units, such as "x (mm),k_f (N/um)"; without, they are SI.
+                the columns with their units, such as "x (mm),k_f (N/um)"; without units, numbers
+                are in SI.
             unit: SI unit of the field; "" if it has none.
 
         Raises:

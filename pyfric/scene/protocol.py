@@ -1,8 +1,8 @@
 """Loads that change with time: piecewise linear protocols, and pushes of single blocks.
 
 A protocol is a value at t = 0 and breakpoints (`corners`), which are pairs of a time and a value.
-It is linear between breakpoints and constant after the last one. Two breakpoints at the same time
-are a jump. A push is a constant or growing force on one block of an interface.
+A protocol is linear between breakpoints and constant after the last one. Two breakpoints at the
+same time are a jump. A push is a constant or growing force on one block of an interface.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def pieces(first: float, corners: Corners) -> list[Piece]:
 
 
 def piece_at(path: Sequence[Piece], t: float) -> Piece:
-    """Return the piece that contains time t (s); at a breakpoint the one that begins there."""
+    """Return the piece that contains time t (s); at a breakpoint, the piece that begins there."""
     return path[max(bisect.bisect_right([piece.t for piece in path], t) - 1, 0)]
 
 
@@ -154,11 +154,11 @@ def _rows(
 
 
 def thinned(corners: ArrayLike, error: float | str) -> Corners:
-    """Return breakpoints of a protocol that many others follow within an error.
+    """Return fewer breakpoints, whose protocol follows the given ones within an error.
 
-    A measured speed may have many samples, and steps of time end at each breakpoint. Jumps, where
-    two times are the same, are kept. The displacement of a driver is then right within `error`
-    times the time.
+    Time steps end at each breakpoint, so that a measured speed with many samples takes many steps.
+    Jumps, where two times are the same, are kept. The displacement of a driver is then right within
+    `error` times the time.
 
     Args:
         corners: pairs of a time (s) and a value, in SI units, shape (n, 2), in order of time.

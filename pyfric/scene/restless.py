@@ -1,11 +1,11 @@
 """Laws under which no block rests: junctions, and rate-and-state friction.
 
-Junctions are springs, and the positions of their anchors are state variables. Rate-and-state
-friction holds a block by the force at a minute speed. Each law names its state variables, its terms
-of the energy budget, and why no block rests.
+Junctions are springs, and the positions of their anchors are state variables. Under rate-and-state
+friction, blocks at rest creep at a minute speed. Each law names its state variables, its terms of
+the energy budget, and why no block rests.
 
-Source: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014), junctions; those of
-rate-and-state friction stand with `pyfric.laws.RateAndState`.
+Source: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014), junctions;
+`pyfric.laws.RateAndState` names those of rate-and-state friction.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from pyfric.scene.laws import (
 from pyfric.values import SceneError
 
 LONGEST_REST, LARGEST_RATIO = 1e10, 550.0
-"""Time (s) after which friction at rest over p is at most this many times a.
+"""Time of rest (s), and largest friction coefficient after it, in units of a.
 
-Speeds are V* exp(-600) at least (fortran/evolution.f90).
+The smallest speed is V* exp(-600) (fortran/evolution.f90).
 """
 
 
@@ -273,7 +273,7 @@ class RateStateLaw(Law):
         return self.kind.c or 0.0
 
     def budget(self, heat: Any = 0.0, loss: Any = 0.0, parts: Any = (0.0, 0.0)) -> dict[str, Any]:
-        """Return the heat of friction, of which that of alpha is a part; switches lose nothing."""
+        """Return the heat of friction, and its part due to alpha; switches lose no energy."""
         terms = {"friction_heat": heat, "switching_loss": loss}
         return terms | {"viscous_heat": parts[1]} if np.any(self.alpha) else terms
 

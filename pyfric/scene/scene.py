@@ -58,7 +58,7 @@ class Scene(Composed, Shown):
         return scene_text(self)
 
     def __getattr__(self, name: str) -> Any:
-        """Say where an attribute is that a scene has not."""
+        """Refuse a name that a scene has not, and suggest where the value is."""
         if name.startswith("_"):
             raise AttributeError(f"a scene has no {name!r}", name=name, obj=self)
         if instead := line(name, "scene"):
@@ -120,8 +120,8 @@ class Scene(Composed, Shown):
 
         Args:
             source: path of a file, or the text itself, which contains a line break.
-            files: whether a friction law may name files. True reads them from the folder of the
-                source (for a text, the current folder). A path reads them from that folder.
+            files: whether a friction law may name files. True reads such files from the folder of
+                the source (for a text, the current folder). A path names another folder.
 
         Raises:
             SceneError: the file cannot be read, is not TOML or is larger than 1 MiB; or an entry is

@@ -12,11 +12,11 @@ SUMMED = 12
 CELLS = 32
 """Cells of white noise in a correlation length."""
 MOST_CELLS = 2_000_000
-"""Largest number of cells, a size: half a second."""
+"""Largest number of cells; they take half a second."""
 
 
 def stream(name: str) -> int:
-    """Return the number of the stream of a field: that of its letters, counted from mu_s."""
+    """Return the number of the stream of a field, computed from its name; 0 for mu_s."""
     of_name, first = (int.from_bytes(text.encode()[:8], "big") for text in (name, "mu_s"))
     return of_name ^ first
 
@@ -42,9 +42,9 @@ class Spread:
         seed: seed of the generator, a whole number from 0 to 2^64 - 1.
 
     Each field has a stream of its own: equal seeds of two fields give independent numbers. With a
-    correlation length the field is a function of the distance x from the trailing edge, which
-    depends neither on l nor on L: blocks of l/2 are on the same interface. Without one, each l has
-    another interface.
+    correlation length the field is a function of the distance x from the trailing edge. The field
+    depends neither on l nor on L: blocks of l/2 are on the same interface. Without a correlation
+    length each l has another interface.
 
     The normal distribution is that of the sum of twelve uniform numbers minus 6, within
     0.0023. No independent value is further than 6 std from the mean. With `range` there is no
@@ -98,7 +98,7 @@ class Spread:
     def _averaged(self, n: int, l: float, name: str) -> np.ndarray:
         """Return white noise averaged from each block over a correlation length, of variance 1.
 
-        A window begins at the share f of a cell and ends at that of another one.
+        A window begins at the fraction f of a cell, and ends at the same fraction of another cell.
         """
         x = np.arange(n) * (CELLS * (l / self.correlation_length))
         if x[-1] > MOST_CELLS:
@@ -116,8 +116,8 @@ class Spread:
 
 
 Field = float | tuple[float, ...] | Spread | Profile
-"""A number, a list of one for each block from the trailing edge on, a `Spread` or `Profile`."""
+"""A number, a list of numbers for blocks from the trailing edge on, a `Spread` or `Profile`."""
 BLOCKS = {"listed": True, "each": "block", "note": ", or a list of N_x of them"}
-"""What the annotations of values of each block have in common."""
+"""Common arguments of annotations of values of each block."""
 FIELD = BLOCKS | {"drawn": (Spread, Profile), "note": BLOCKS["note"] + ", a Spread or a Profile"}
-"""What the annotations of fields have in common."""
+"""Common arguments of annotations of fields."""

@@ -1,4 +1,4 @@
-"""What is said of a scene: a summary, and notes on values that a run does not reach or resolve."""
+"""Texts on a scene: a summary, and notes on values that a run does not reach or resolve."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ def law_notes(scene: Composed, t_end: float, dt: float | None = None) -> tuple[s
     """Return notes on the law of a scene.
 
     If a table of mu falls over more slip than the displacement of the driver, mu_k is not reached.
-    If it falls over more than a block, the unit of slip may be wrong. Steps that do not resolve
-    weakening (`Law.resolving_step`) have a note, too.
+    If mu falls over more slip than the size of a block, the unit of slip may be wrong. Steps that
+    do not resolve weakening (`Law.resolving_step`) have a note, too.
 
     Args:
         scene: the scene.

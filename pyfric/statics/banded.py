@@ -9,8 +9,8 @@ border:
 
 LAPACK solves for one right side at a time and reads the whole factor for each. Many right sides
 are solved together. For that the factor, of half width w, is cut into w x w blocks: triangles on
-the diagonal and to the right of it. In LAPACK's band storage, which moves up by one row from
-column to column, each block is a dense matrix with w numbers from one column to the next.
+the diagonal and to the right of it. LAPACK's band storage moves up by one row from column to
+column. Each block in it is a dense matrix with w numbers from one column to the next.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 TOGETHER = 1024
-"""Half width times right sides from which solving them together is faster."""
+"""Half width times number of right sides, from which solving these together is faster."""
 
 
 class BandedCholesky:

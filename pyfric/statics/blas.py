@@ -1,4 +1,4 @@
-"""Threads of BLAS. Small problems and products use one, because more threads slow them down."""
+"""Threads of BLAS. Small problems and products use one thread, which is faster than several."""
 
 from __future__ import annotations
 

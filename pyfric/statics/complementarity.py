@@ -2,7 +2,8 @@
 
 `ContactProblem` holds the condensed slider of one scene. A `Contact` gives u_x, f, u_z and F_T as
 affine functions of the held u_x and of the driver, in a table. When a block is released or held, a
-column and a row of the table are exchanged. This is a rank-one change that takes microseconds.
+column and a row of the table are exchanged. The exchange is a rank-one change that takes
+microseconds.
 
 `Contact.exchange` changes the state of the block that violates a condition most, until all
 conditions are met. Loading, events, growing slip and static states differ only in the conditions.
@@ -41,18 +42,19 @@ if TYPE_CHECKING:
     from pyfric.scene import Law, OnDriven, Scene
 
 RATE_TOL = 1e-11
-"""Rate of a force, over stiffness times rate of displacement, below which it is rounding."""
+"""Rate of a force, over stiffness times rate of displacement, that counts as rounding."""
 LEAST = 1e-6
 """Normal force, over F_N/N_x, below which a block does not stick."""
 LOST = 1e-3
-"""Violation of conditions that is rounding, over F_N/N_x, beyond which displacements are those of a
-slider that nothing holds."""
+"""Rounding error of the conditions, over F_N/N_x, beyond which the slider counts as held by
+nothing."""
 UNHELD = "the slider is not held by the blocks that stick"
 BASES = 64
-"""Number of tables with all blocks held that are kept, one for each set of open blocks."""
+"""Number of stored tables with all blocks held. Each set of open blocks has its own table."""
 CHANGES = 10
 """Largest number of exchanges for one static state, over N_x; about 1.5 are needed. In the second
-half, the first block that violates a condition changes instead of the worst one. This ends cycles.
+half, the first block that violates a condition changes instead of the worst one. This rule ends
+cycles.
 """
 
 
@@ -82,7 +84,7 @@ class ContactProblem:
     Args:
         scene: the scene.
         u_drv0: u_x of the driven blocks at F_T = 0, in m, as `Scene.u_driven` returns it. Only its
-            differences between the blocks of a plate matter. None means that of the loaded state.
+            differences between the blocks of a plate matter. None means u_x in the loaded state.
 
     Raises:
         SceneError: the scene has no static states.
@@ -113,7 +115,7 @@ class ContactProblem:
     def loads(self) -> tuple[np.ndarray, np.ndarray]:
         """Loads on the interface, shape (2 N_x, 2), and F_T at u = 0, (2,), by drive and constant.
 
-        In N/m and N.
+        Units are N/m and N.
         """
         return self._loads, self._F_T
 
@@ -274,7 +276,7 @@ class Contact(States):
         stay symmetric.
 
         Args:
-            unmet: returns the violated conditions, or None if all are met.
+            unmet: function that returns the violated conditions, or None if all are met.
 
         Raises:
             EquilibriumError: the iteration does not end, or no block supports the slider.
@@ -308,8 +310,8 @@ class Contact(States):
     def load(self, home: np.ndarray) -> Values:
         """Find the state after proportional loading; see `States.unmet_in_loading`.
 
-        A block that hardly touches may lift off where it is held, and sink in where it is free. If
-        it lifts off a second time, it lands as one that slipped to where it is.
+        A block that hardly touches may lift off where it is held, and sink in where it is free. A
+        block that lifts off a second time lands as a slipping block, at its present position.
         """
         self._lifts[:] = 0
 
@@ -426,7 +428,8 @@ class Contact(States):
     def definiteness_of_sliding(self) -> float:
         """Return the definiteness of the slip operator if all blocks in contact slip one way.
 
-        It is the smaller value of both directions. With fewer slipping blocks it is larger.
+        The smaller value of both directions is returned. With fewer slipping blocks definiteness is
+        larger.
         """
         one_way = self.closed.astype(np.int8)
         return min(definiteness(*self.slip_operator(way)) for way in (one_way, -one_way))
@@ -447,7 +450,7 @@ class Contact(States):
             self.column[which] = u_x
             self.renew()
             return
-        for n in np.argsort(mode != STUCK, kind="stable"):  # stick first: it holds the slider
+        for n in np.argsort(mode != STUCK, kind="stable"):  # stuck ones first: they hold the slider
             if self.free[which[n]] == (mode[n] == STUCK):
                 self._exchange(which[n], mode[n], u_x[n])
 

@@ -41,10 +41,10 @@ if TYPE_CHECKING:
     from pyfric.scene import OnDriven, Scene
 
 LARGE = 10_000
-"""Number of unknowns above which condensation takes seconds. It needs 3 N_z (2 N_x)^3 operations:
-7e8 in the Fig. 1 scene, 1e12 with 561 x 301 blocks."""
+"""Number of unknowns above which condensation takes seconds. Condensation needs 3 N_z (2 N_x)^3
+operations: 7e8 in the Fig. 1 scene, 1e12 with 561 x 301 blocks."""
 KEPT = 4
-"""Condensed sliders that are kept."""
+"""Number of condensed sliders that are kept."""
 
 
 @dataclass(frozen=True)
@@ -113,10 +113,10 @@ def condense(scene: Scene) -> Condensed:
 
 
 def _inputs(scene: Scene) -> tuple[Hashable, ...]:
-    """Return all that the elimination of bonds depends on.
+    """Return all inputs of the elimination of bonds.
 
-    The interface, the driver's spring and speed, protocols, the size of loads, k and the mattress
-    are not among it.
+    Scenes that differ only in interface, driver's spring and speed, protocols, size of loads, k and
+    mattress have the same inputs.
     """
     slider, driver, top = scene.slider, scene.driver, scene.top
     lattice = scene.N_x, scene.N_z, slider.l, slider.edges, scene.walls
@@ -130,7 +130,8 @@ def _inputs(scene: Scene) -> tuple[Hashable, ...]:
 def _condensed(scene: Scene) -> Condensed:
     """Return the slider condensed at k = 1 N/m and without its mattress.
 
-    Under a rod its torque is a force more, after those on driven blocks, and phi its displacement.
+    Under a rod, its torque is one more force, the last one, and phi is the displacement of this
+    force.
     """
     N_x, N_z = scene.N_x, scene.N_z
     stiff = bond_stiffness(scene)

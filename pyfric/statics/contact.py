@@ -51,7 +51,7 @@ class Unmet(NamedTuple):
 
     Attributes:
         by: violation of the condition of each block, in N.
-        least: violation below which it is rounding, in N.
+        least: largest violation that counts as rounding, in N.
         mode: the new state of each block that violates its condition.
         u_x: position at which the block is held if its new state is STUCK, in m.
     """
@@ -69,14 +69,14 @@ class States:
         scene: the scene.
         mode: contact states as in the core: STUCK, +1 or -1 (slip), OPEN, or BARE, shape (N_x,).
         law: the friction law; slipping blocks have their final friction, mu_k.
-        driven: whether the driver's spring is attached. Without it F_T = 0.
+        driven: whether the driver's spring is attached. Without this spring F_T = 0.
 
     Attributes:
         gap: height of the blocks over the foundation at u_z = 0, a number or (N_x,), in m.
         closed: blocks that touch the foundation, shape (N_x,), bool.
         stuck: blocks that are closed and held, shape (N_x,), bool.
         slip: direction of the blocks that slip, 0 elsewhere, shape (N_x,), int8.
-        tol: violation of conditions below which it is rounding, in N.
+        tol: largest violation of conditions that counts as rounding, in N.
     """
 
     def __init__(self, scene: Scene, mode: np.ndarray, law: Law, *, driven: bool = True) -> None:
@@ -88,13 +88,13 @@ class States:
         self.enter(slice(None), mode)
 
     def enter(self, which: np.ndarray | slice | int, mode: np.ndarray | int) -> None:
-        """Put blocks into other states; those without friction or contact into theirs."""
+        """Put blocks into states; blocks without friction or contact stay bare or open."""
         self.mode[which] = self.possible(which, mode)
         self.closed, self.stuck = self.mode != OPEN, self.mode == STUCK
         self.slip = self.mode * (np.abs(self.mode) == 1)
 
     def possible(self, which: np.ndarray | slice | int, mode: np.ndarray | int) -> np.ndarray | int:
-        """Return the states of blocks that are put into states `mode`."""
+        """Return `mode`, with bare or open for blocks that lack friction or contact."""
         if self._all_rub:
             return mode
         mode = np.where(self.scene.bare[which] & (np.asarray(mode) != OPEN), BARE, mode)
@@ -164,7 +164,7 @@ def with_free(scene: Scene, closed: np.ndarray, free: np.ndarray) -> np.ndarray:
 
 
 def rounding(scene: Scene, force: float) -> float:
-    """Return the violation of contact or friction conditions below which it is rounding, in N.
+    """Return the violation of contact or friction conditions that rounding may cause, in N.
 
     Args:
         scene: the scene.
@@ -174,7 +174,7 @@ def rounding(scene: Scene, force: float) -> float:
 
 
 CONTACT_TOL = 1e-11
-"""Violation of conditions, over F_N/N_x, below which it is rounding at any displacement."""
+"""Violation of conditions, over F_N/N_x, that counts as rounding at any displacement."""
 BARE = 3
 """Contact state of a block that touches the foundation without friction; the core has none."""
 LEAST_DEFINITENESS = 0.01
@@ -192,9 +192,10 @@ def definiteness(W: np.ndarray, F: np.ndarray) -> float:
 
         (W + W')/2 x = delta F x .
 
-    It is 1 without friction and falls linearly as mu_k grows. It is 0 if there is a slip for which
-    friction supplies the whole work. Below `LEAST_DEFINITENESS`, a solution may not be unique. The
-    definiteness is accurate to about 1e-12, so that rounding does not decide.
+    The definiteness is 1 without friction and falls linearly as mu_k grows. A definiteness of 0
+    means that friction supplies the whole work of some slip. Below `LEAST_DEFINITENESS`, a solution
+    may not be unique. The definiteness is accurate to about 1e-12, so that rounding does not
+    decide.
 
     Args:
         W: slip operator, shape (n, n), in N/m.

@@ -45,9 +45,9 @@ RATE = 1e-7
 PART = 0.25
 """Longest step along a path, in slip over the slip at the first knot of the law."""
 PAST = 1.01
-"""Length of a step to the next change, over its extrapolated distance: the step ends beyond it."""
+"""Length of a step over the extrapolated distance of the next change, so that it ends beyond."""
 NEWTON, LOOKS, STEPS = 12, 200, 10_000
-"""Limits of steps of Newton's method, of states computed to find one change, of steps of a path."""
+"""Largest numbers: Newton steps, states computed to find one change, steps of a path."""
 
 
 def creeps(law: Law) -> bool:
@@ -62,7 +62,8 @@ class Point(NamedTuple):
 
     The margins are gap functions, positive while no contact state changes: remaining strength of
     stuck blocks against slip in +x and in -x (N); slip per drive of slipping blocks; p of closed or
-    k_f u_z of open blocks (N); remaining slip to the next knot (m). They are inf for other blocks.
+    k_f u_z of open blocks (N); remaining slip to the next knot (m). Margins of other blocks are
+    inf.
     """
 
     drive: float
@@ -258,7 +259,7 @@ class Creep(Weakening):
                 begin, end = (
                     point.margins[row, change.block] + self.small[row] for point in (low, at)
                 )
-                if begin > end:  # otherwise it is violated at the start, too
+                if begin > end:  # otherwise the start violates it, too
                     middle = low.drive + max(begin, 0.0) / (begin - end) * (high - low.drive)
             middle = min(max(middle, low.drive + close), max(high - close, low.drive + close / 2))
             found = self.at(middle, low)
@@ -276,8 +277,8 @@ class Creep(Weakening):
     def _step(self, now: Point) -> float:
         """Return the next step of the drive (m).
 
-        It is a part of d_c in slip of blocks that weaken, or goes just past the next change by
-        linear extrapolation.
+        The step gives weakening blocks a slip of a fraction of d_c, or ends just past the next
+        change by linear extrapolation.
         """
         row, table = table_rows(self.N_x), self.problem.base(self.closed)
         v = table[:, row.u_x] @ now.rate + table[:, row.drive]

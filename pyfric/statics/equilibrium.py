@@ -14,12 +14,12 @@ several solutions; the order of the conditions selects one. In finite geometry t
 are imposed at full load.
 
 Newton's method, on all blocks, finds the static state for given contact states. If this state
-violates their conditions, the contact solver (`complementarity`) finds other contact states. It
-uses the condensed slider in linear geometry. In finite geometry its loads are corrected for the
-difference.
+violates their conditions, the contact solver (`complementarity`) finds other contact states. The
+contact solver uses the condensed slider in linear geometry. In finite geometry its loads are
+corrected for the difference.
 
-A chain does not slip while it is loaded, because a scene in which it would is refused. It keeps
-p_i, and its blocks without friction stay closed.
+A chain does not slip while it is loaded, because a scene in which it would is refused. A chain
+keeps p_i, and its blocks without friction stay closed.
 
 Source: PRL 107, 074301 (2011).
 """
@@ -67,14 +67,14 @@ JUNCTION_ROUNDED = 1e-12
 class StaticSolver(System):
     """Static states of one scene, for given interface displacements and driver positions.
 
-    Factorisations are kept for each set of contact states. They all belong to the loaded state, so
-    that results do not depend on earlier solutions.
+    Factorisations are kept for each set of contact states. All factorisations belong to the loaded
+    state, so that results do not depend on earlier solutions.
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
         geometry: "linear" or "finite".
         u_drv0: u_x of the driven blocks at drive = 0 and F_T = 0, in m, as `Scene.u_driven` returns
-            it; None means that of the loaded state.
+            it; None means u_x in the loaded state.
 
     Attributes:
         loaded: the loaded equilibrium with F_T = 0 (an `Equilibrium`).
@@ -126,7 +126,7 @@ class StaticSolver(System):
             u_x_bottom: u_x of the bottom blocks, shape (N_x,), in m; ignored for free blocks.
             drive: displacement V t of the driver since t = 0, in m.
             free: blocks without friction (open ones), shape (N_x,), bool; their u_x is a
-                result. They carry p if they touch the foundation. None means no block.
+                result. Free blocks carry p if they touch the foundation. None means no block.
             load: F_N and T, in N; None means those at t = 0.
             near: equilibrium at which the search starts; None means the loaded state.
 
@@ -161,7 +161,7 @@ class StaticSolver(System):
     def _load_slider(self) -> Equilibrium:
         """Return the loaded state. Bottom blocks slip only if they exceed their strength.
 
-        After a given slip they are held where it brought them, by any friction.
+        With a given initial slip, blocks stick at this slip, whatever their friction force is.
         """
         scene, home = self.scene, self.scene.home
         if scene.law.junctions and not isinstance(scene.top, PrescribedLoad):
@@ -176,9 +176,9 @@ class StaticSolver(System):
     def _load_on_junctions(self) -> Equilibrium:
         """Return the loaded state on junctions, which are pinned at u_x = 0 before F_N is applied.
 
-        They add n_s k_j = sqrt(n_s C p) to the stiffness of each bottom block along x, with the
-        present p. The tangent of the chord iteration is that of linear geometry, with the stiffness
-        of the junctions at the last p.
+        Junctions add n_s k_j = sqrt(n_s C p) to the stiffness of each bottom block along x, with
+        the present p. The tangent of the chord iteration is that of linear geometry, with the
+        stiffness of the junctions at the last p.
         """
         scene, N_x, unit = self.scene, self.scene.N_x, self.scene.F_N / self.scene.N_x
         at, states = ends(N_x), States(scene, np.zeros(N_x), scene.law, driven=False)
@@ -224,8 +224,8 @@ class StaticSolver(System):
         """Return the static state whose contact states meet their conditions.
 
         Newton's method finds the static state for given contact states. If these violate their
-        conditions, the contact solver finds others, in linear geometry about that state. In linear
-        geometry they are final.
+        conditions, the contact solver finds others, on the slider linearised about the static
+        state. In linear geometry the contact solver's states are final.
 
         Args:
             q: initial coordinates, shape (n_q,).
@@ -272,7 +272,7 @@ class StaticSolver(System):
     def _contact(
         self, states: States, now: Values, given: np.ndarray, drive: float | None
     ) -> Contact:
-        """Return these states on the condensed slider, corrected to the present forces."""
+        """Return the contact states on the condensed slider, corrected for the present forces."""
         at, problem = 0.0, self._problem
         if self._loads is not None:
             problem = problem.along(Route(0.0, 1.0, self._loads))
@@ -289,16 +289,17 @@ class StaticSolver(System):
     ) -> tuple[tuple[np.ndarray, np.ndarray, float], float, int]:
         """Return the static state for one set of contact states.
 
-        It is given by coordinates, forces on them (without friction of stuck blocks, in N) and F_T;
-        then follow the residual force (N) and the number of steps.
+        Returned are coordinates, forces on them (without friction of stuck blocks, in N), F_T, the
+        residual force (N) and the number of steps.
 
-        The factors are those of the reference state (a chord iteration); they are renewed if it
-        converges slowly. The iteration ends at the level of rounding. It also ends below `ACCEPTED`
-        if a renewed tangent does not help. Steps keep their leading bits (`System.leading`), so
-        that no kernel of LAPACK changes the state. Linear geometry takes three to six steps.
+        The iteration uses the factors of the reference state (chord iteration). If it converges
+        slowly, the factors are renewed. The iteration ends at the level of rounding. The iteration
+        also ends below `ACCEPTED` if a renewed tangent does not help. Steps keep their leading bits
+        (`System.leading`), so that no kernel of LAPACK changes the state. Linear geometry takes
+        three to six steps.
         """
         unknown, unit = self.unknown(states.mode), self.scene.F_N / self.scene.N_x
-        if unknown[-1] - unknown[0] == len(unknown) - 1:  # as a slice it takes less time
+        if unknown[-1] - unknown[0] == len(unknown) - 1:  # a slice takes less time
             unknown = slice(unknown[0], unknown[-1] + 1)
         how = {"driven": states.driven}
         how["friction"] = -states.law.slide(self.scene.k_f) * states.slip

@@ -2,8 +2,8 @@
 
 With p prescribed, the bottom row is at u_z where S_zz u_z = loads + p - S_zx u_x, and a block that
 carries p_i has the gap g_i = -u_z,i - p_i/k_f,i. Translation of a slider (and tilt, without a rod)
-changes no force. The gaps are those with the smallest possible mean that are nowhere negative, and
-without a mean slope where tilt is free.
+changes no force. Of all gaps that are nowhere negative, those with the smallest mean are chosen. If
+the slider can tilt freely, they have no mean slope.
 """
 
 from __future__ import annotations
@@ -25,27 +25,26 @@ if TYPE_CHECKING:
     from pyfric.scene import Number, Scene, SceneLike
 
 OFF = 1e-9
-"""Accepted difference of p from what was asked for, over F_N/N_x; two to four rounds are needed."""
+"""Accepted error of p, over F_N/N_x. Two to four rounds reach this accuracy."""
 ROUNDS = 30
 """Largest number of rounds: each finds u_x of blocks that slip under the last gaps."""
 UNBALANCED = 1e-6
 """Largest sum of p minus F_N, over F_N, and largest torque of p and loads, over F_N L."""
 TILT = 1e-3
-"""Largest tilt of a rod at t = 0 that p may need: a policy, far beyond that of any run."""
+"""Largest tilt of a rod at t = 0 that p may need (a choice, far above the tilt in any run)."""
 
 
 def pressed(scene: SceneLike, *, p: Sequence[Number] | Callable[[float], float]) -> Scene:
     """Return a scene with gaps under which the blocks carry p at t = 0, in linear geometry.
 
-    In finite geometry p differs by the order of the strains, about 1e-3 of it in Fig. 1.
+    In finite geometry p differs by a fraction of the order of the strain, 1e-3 in Fig. 1.
 
     Args:
-        scene: the scene, the name of a preset, or the path of a scene file; gaps that it has are
-            replaced.
+        scene: the scene, the name of a preset, or the path of a scene file; its gaps are replaced.
         p: normal forces at t = 0: N_x numbers >= 0 in N from the trailing edge on, or a function of
-            x (m). x is the distance from the first block at the trailing edge. Their sum is F_N,
-            with gravity and the weight.
-            Their torque is that of the load; under a rod, whose mattress bears some, it is small.
+            x (m). x is the distance from the first block at the trailing edge. The sum of p is F_N,
+            plus the weight if there is gravity. The torque of p is that of the load. Under a rod a
+            small difference is allowed, which the mattress bears.
 
     Raises:
         SceneError: p is prescribed already, does not fit the blocks, or is not in balance.
@@ -63,7 +62,7 @@ def pressed(scene: SceneLike, *, p: Sequence[Number] | Callable[[float], float])
         force = loads[z] + target - slider.S[z, x] @ u_x
         u_z = np.linalg.lstsq(slider.S[z, z], force, rcond=1e-12)[0]
         gap = -u_z - target / k_f
-        if not scene.kappa:  # without a slope, which no force sets
+        if not scene.kappa:  # without the slope: no force determines it
             gap -= rises @ np.linalg.lstsq(rises, gap, rcond=None)[0]
         gap = np.where(scene.touches, gap - gap[scene.touches].min(), 0.0)
         found = scene.replace({"interface.gap": gap[order].tolist()})
@@ -77,7 +76,7 @@ def pressed(scene: SceneLike, *, p: Sequence[Number] | Callable[[float], float])
 
 
 def _checked(scene: Scene, p: Any) -> np.ndarray:
-    """Return p by column, shape (N_x,), in N, if it carries the slider."""
+    """Return p by column, shape (N_x,), in N, after a check that it carries the slider."""
     l, N_x, order = scene.slider.l, scene.N_x, scene.n_of_i - 1
     values = [p(n * l) for n in range(N_x)] if callable(p) else list(p)
     if len(values) != N_x:

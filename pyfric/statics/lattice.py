@@ -119,8 +119,8 @@ def _over_walls(
 def spring_forces(lattice: Bonds, u: np.ndarray) -> np.ndarray:
     """Return the forces k n (n.du) of all springs on the blocks in linear geometry.
 
-    Opposite forces cancel to rounding; those of `core.bond_forces` do so only over k u, which is
-    large where the slider turns.
+    Opposite forces cancel to rounding. Errors of `core.bond_forces` are rounding of k u, which is
+    large if the slider turns.
 
     Args:
         lattice: from `bonds`.
@@ -139,8 +139,8 @@ def spring_forces(lattice: Bonds, u: np.ndarray) -> np.ndarray:
 def spring_tangents(lattice: Bonds, du: Sequence[np.ndarray] | None = None) -> np.ndarray:
     """Return the entries xx, xz and zz of the stiffness of each bond, shape (3, n_bonds), in N/m.
 
-    In linear geometry it is k n n^T. In finite geometry the force is k (r - l) D/r with D = d + du
-    and r = |D|, and the stiffness is k ((r - l)/r I + l D D^T/r^3).
+    In linear geometry the stiffness is k n n^T. In finite geometry the force is k (r - l) D/r with
+    D = d + du and r = |D|, and the stiffness is k ((r - l)/r I + l D D^T/r^3).
 
     Args:
         lattice: from `bonds`.

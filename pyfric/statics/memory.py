@@ -1,4 +1,4 @@
-"""A bounded cache that drops its least recently made or asked value first."""
+"""A bounded cache that drops its least recently made or used value first."""
 
 from __future__ import annotations
 

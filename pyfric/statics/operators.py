@@ -21,7 +21,7 @@ from pyfric.statics.lattice import DIRECTIONS, Bonds, assembled, bonds, spring_t
 from pyfric.statics.rows import ends
 
 INDEPENDENT = 1e-10
-"""Length, and inertia, that a shape of length 1 adds to a space, below which it is rounding."""
+"""Least length and inertia that a shape of length 1 adds to a space; less is rounding."""
 
 
 def coordinates(scene: Scene) -> sp.csr_array:
@@ -73,8 +73,8 @@ def mass(scene: Scene) -> np.ndarray:
 def ground(scene: Scene, T: sp.csr_array, closed: np.ndarray, *, driver: bool = True) -> np.ndarray:
     """Return the stiffness from each coordinate to the ground, shape (n_q,), in N/m.
 
-    It contains the foundation under the closed blocks, the mattress, k_top on the top row and, with
-    `driver`, the driver spring. T is from `coordinates`.
+    The parts are the foundation under the closed blocks, the mattress, k_top on the top row and,
+    with `driver`, the driver spring. T is from `coordinates`.
     """
     at, springs = ends(scene.N_x), np.zeros(2 * scene.N_x * scene.N_z)
     springs[at.u_z] = scene.k_f * closed
@@ -105,7 +105,7 @@ def stiffness(
 def bond_stiffness(scene: Scene) -> sp.csr_array:
     """Return the stiffness of bonds and k_top in coordinates, over k, shape (n_q, n_q).
 
-    It does not depend on k: the bonds of all lattices have the same shares of it.
+    The result does not depend on k, to which all bond stiffnesses are proportional.
     """
     lattice, T = bonds(scene), coordinates(scene)
     springs = np.zeros(2 * scene.N_x * scene.N_z)
@@ -117,14 +117,14 @@ def bond_stiffness(scene: Scene) -> sp.csr_array:
 def damping(scene: Scene, du: list[np.ndarray] | None = None) -> sp.csr_array:
     """Return the damping matrix in generalised coordinates, shape (n_q, n_q), in N s/m.
 
-    It contains the bonds and the absorbing walls. Every bond carries eta (v_j - v_i), with the full
-    relative velocity, so that bonds within a rigid top row resist its rotation. Alternatively only
-    the component along the bond counts (`Slider.dashpots`).
+    The matrix contains the bonds and the absorbing walls. Every bond carries eta (v_j - v_i), with
+    the full relative velocity, so that bonds within a rigid top row resist its rotation.
+    Alternatively only the component along the bond counts (`Slider.dashpots`).
 
     Args:
         scene: the scene.
-        du: du_x and du_z over each bond, shape (n_bonds,), in m, with which dashpots turn; None
-            means undeformed bonds.
+        du: du_x and du_z over each bond, shape (n_bonds,), in m, which set the directions of
+            dashpots; None means undeformed bonds.
     """
     lattice, T = bonds(scene), coordinates(scene)
     d = lattice.d.T if du is None else lattice.d.T + du
@@ -155,8 +155,8 @@ def extended(basis: np.ndarray, shapes: np.ndarray, M: np.ndarray) -> np.ndarray
     """Return a basis with B'M B = 1, extended by what shapes add to its span.
 
     Args:
-        basis: shape (n, m), with B'M B = 1.
-        shapes: shape (n, k).
+        basis: the basis, shape (n, m), with B'M B = 1.
+        shapes: vectors to add to the span, shape (n, k).
         M: diagonal mass matrix, shape (n,), in kg.
     """
     known, rows = basis.T * np.sqrt(M), shapes.T * np.sqrt(M)

@@ -45,8 +45,9 @@ class Equilibrium:
         rod: X (m), Z (m), phi (rad), shape (3,); zeros without a rod.
         F_T: force of the driver, in N, positive if it pushes.
         f: friction force on each block in +x, shape (N_x,), in N.
-        tau: -d f, shape (N_x,), in N, positive against the drive direction. Its sum is F_T + T; in
-            a chain it is F_T plus the sum of the prescribed tau minus k_top d sum(u_x).
+        tau: -d f, shape (N_x,), in N, positive against the drive direction. The sum of tau is F_T +
+            T; in a chain, the sum of tau is F_T plus the sum of the prescribed tau minus k_top d
+            sum(u_x).
         p: foundation force on each block, shape (N_x,), in N.
         open: blocks that do not touch the foundation, p = f = 0, shape (N_x,), bool; blocks
             without friction (`Scene.bare`) touch it with f = 0.

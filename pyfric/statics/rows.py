@@ -9,7 +9,7 @@ from typing import NamedTuple
 class Ends(NamedTuple):
     """Rows of the bottom and the top row of blocks in u_full, or in forces on all blocks.
 
-    Coordinates and the condensed slider share those of the bottom row.
+    Coordinates and the condensed slider have the bottom row at the same rows.
     """
 
     u_x: slice

@@ -1,7 +1,7 @@
 """Sequences of static states as the core follows them: slider, protocol and interfaces as arrays.
 
 The core does what `Contact` and `pyfric.engines.quasistatic` do in Python, with the same changes in
-the same order. `follows` says for which scenes.
+the same order. `follows` tells whether it can follow a scene.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Start(NamedTuple):
 
     @classmethod
     def of(cls, contact: Contact) -> Self:
-        """Return the start of a run in a state."""
+        """Return the start of a run from a state."""
         u_x = contact.column[: contact.N_x].copy()
         return cls(contact.scene, contact.mode.copy(), u_x, contact.drive)
 
@@ -67,7 +67,7 @@ def legs_of(parts: Sequence[Stretch]) -> list[CoreLeg]:
     """Return the legs of a protocol for the core.
 
     While loads are constant, legs begin at the loaded state of each run (`interfaces_of`), so that
-    runs with other foundations share them.
+    runs on different foundations share the legs.
     """
     found, routes = [], 0
     for leg, offset, route in parts:
@@ -79,7 +79,7 @@ def legs_of(parts: Sequence[Stretch]) -> list[CoreLeg]:
 
 
 def rules_of(scene: Scene, idle: int, growth: int) -> Rules:
-    """Return the limits of a sequence for the core; `idle` and `growth` are those of the engine."""
+    """Return the limits of a sequence for the core; the engine sets `idle` and `growth`."""
     p_corner = CORNER_SHARE * scene.F_N / scene.N_x
     return Rules(CHANGES, idle, growth, RATE_TOL, LEAST_DEFINITENESS, p_corner)
 
@@ -90,8 +90,8 @@ def interfaces_of(
     """Return interfaces and states of runs for the core.
 
     Args:
-        starts: of each run, in its loaded state.
-        parts: the protocol of one of them.
+        starts: start of each run, in its loaded state.
+        parts: protocol of one of the runs.
         grow: whether slip grows continuously where friction falls little (`Law.gradual`).
     """
     n, N_x = len(starts), starts[0].scene.N_x

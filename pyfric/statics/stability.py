@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 
 ROUNDED = 1e-7
 """Growth in one step that rounding can cause. Rounding splits double eigenvalues on the unit circle
-by its square root, 1.5e-8; matrices multiply this."""
+by the square root of the rounding error, 1.5e-8. The matrix can enlarge the split."""
 GROWN = 2.0**-40
 """Growth of a Runge-Kutta step that counts as stable: 1e8 steps grow by 1e-4."""
 BITS = 52
-"""Bisections to full precision; half of them leave 1.5e-8 of the interval."""
+"""Number of bisections to full precision. Half as many leave 1.5e-8 of the interval."""
 
 
 def _least_end(
@@ -40,10 +40,11 @@ def _least_end(
 ) -> tuple[float, int]:
     """Return the smallest end of stable intervals over `size`, and its number; inf, 0 if none.
 
-    Each interval is bisected until another one is sure to end before.
+    Each interval is bisected until another interval surely has a smaller end.
 
     Args:
-        stable: whether positions in intervals of these numbers, both of shape (m,), are stable.
+        stable: function of positions and numbers of their intervals, both of shape (m,), that
+            returns whether the positions are stable.
         low, high: a stable and an unstable position in each interval, shape (n,).
         size: shape (n,) or a number.
     """
@@ -70,7 +71,7 @@ def least_limit(stepper: Stepper, eigenvalues: np.ndarray) -> tuple[float, int]:
 
     Args:
         stepper: a stepper with R(z) (`Stepper.growth`).
-        eigenvalues: in 1/s, or over any unit, which is that of the inverse limit.
+        eigenvalues: eigenvalues in 1/s, for a limit in s, or in another unit.
     """
     z = np.minimum(eigenvalues.real, 0.0) + 1j * np.abs(eigenvalues.imag)
     moving = np.flatnonzero(z)
@@ -181,9 +182,10 @@ def _reduced(scene: Scene) -> Scene:
     """Return a small scene with the same local properties, or that of the scene if it is small.
 
     l, k, m, eta, k_f are kept, and K on each driven block. The mass of the rod is scaled with N_x,
-    like the bonds that hold it. So is K if it acts only on the rod. The mattress is scaled with the
-    moment of inertia. Frequencies of the rod then keep their size. Loads, speeds and friction do
-    not matter to the limit: scenes that differ in nothing else have the same small scene.
+    like the bonds that hold it. K is scaled in the same way if it acts only on the rod. The
+    mattress is scaled with the moment of inertia. Frequencies of the rod then keep their size.
+    Loads, speeds and friction do not matter to the limit: scenes that differ in nothing else have
+    the same small scene.
     """
     n_x, n_z = np.minimum((scene.N_x, scene.N_z), _REDUCED).tolist()
     if (n_x, n_z) == (scene.N_x, scene.N_z):
@@ -255,8 +257,8 @@ def _matrices(scene: Scene, on: float) -> Iterator[tuple[np.ndarray, np.ndarray]
 def _on_springs(scene: Scene) -> float:
     """Return the stiffness of junctions under a block with twice the mean load, in N/m.
 
-    It is 0 without junctions. Torque and friction make p vary along the interface, but p stays
-    below twice the mean until a side lifts off.
+    The stiffness is 0 without junctions. Torque and friction make p vary along the interface, but p
+    stays below twice the mean until a side lifts off.
     """
     if not scene.law.junctions:
         return 0.0
@@ -317,18 +319,18 @@ def stability_limit(scene: SceneLike, stepper: str = "rk4") -> tuple[float, Mapp
 
     For Runge-Kutta methods, all eigenvalues lambda of [[0, I], [-M^-1 K, -M^-1 C]] must have
     |R(lambda dt)| <= 1; a growth of 1e-12 counts as stable (`GROWN`). "adaptive" makes steps of
-    RK4. For this stepper the value is not a limit of dt: it is the largest sub-step that the error
-    control can allow. "symplectic_euler" and "verlet" treat u and v differently; the matrix of
-    their whole step must have no eigenvalue outside the unit circle. For a plane wave of frequency
-    omega and damping rate gamma this means (omega dt)^2 + 2 gamma dt <= 4 for "symplectic_euler".
-    For "verlet" it is a polynomial condition, which is omega dt <= 2 without damping and gamma dt
-    <= 2 without stiffness.
+    RK4. For this stepper the value is the largest sub-step that the error control can allow.
+    "symplectic_euler" and "verlet" treat u and v differently; the matrix of their whole step must
+    have no eigenvalue outside the unit circle. For a plane wave of frequency omega and damping rate
+    gamma this means (omega dt)^2 + 2 gamma dt <= 4 for "symplectic_euler". For "verlet" it is a
+    polynomial condition, which is omega dt <= 2 without damping and gamma dt <= 2 without
+    stiffness.
 
-    The motion that sets the limit is local. The result is therefore the smaller one of two limits:
-    that of plane waves of the infinite lattice, and that of all modes of a small lattice with the
-    boundaries of the scene. The small lattice has at most 8 x 5 blocks, with foundation, driver and
-    rod. Its bottom row is closed or open, held, free or on junctions. A scene of at most this size
-    is computed exactly, without plane waves.
+    The motion that sets the limit is local. The result is therefore the smaller of two limits: for
+    plane waves of the infinite lattice, and for all modes of a small lattice with the boundaries of
+    the scene. The small lattice has at most 8 x 5 blocks, with foundation, driver and rod. Its
+    bottom row is closed or open, held, free or on junctions. A scene of at most this size is
+    computed exactly, without plane waves.
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.

@@ -1,9 +1,9 @@
 """Nucleation of ruptures at a chosen place, for any interface.
 
-There are three ways by forces on blocks (`push`): a patch stressed beyond its strength, a rupture
-forced to run at a given speed, and a growing force on one block. Their forces follow from the
-static state of the slider. The fourth way is friction that is forced to fall (`limit`), on a patch
-or behind a front. Each function takes a scene and returns it with what starts the rupture.
+Three ways use forces on blocks (`push`): a patch stressed beyond its strength, a rupture forced to
+run at a given speed, and a growing force on one block. The forces follow from the static state of
+the slider. The fourth way is friction that is forced to fall (`limit`), on a patch or behind a
+front. Each function returns the given scene with a start of a rupture.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ def _at_rest(
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Return friction along +x and strength before any push, at t (s), shape (N_x,), in N.
 
-    None is returned after slip. `solver` is that of the scene without its pushes.
+    None is returned if blocks slip before t. `solver` is the solver of the scene without its
+    pushes.
     """
     scene = scene.replace({"top.push": ()}) if scene.top.push else scene
     solver = solver or StaticSolver(scene, default_geometry(scene))
@@ -66,7 +67,7 @@ def check_pushes(scene: Scene, solver: StaticSolver) -> None:
         SceneError: a push does not make its block slip.
     """
     if not (scene.top.push and scene.law.rests) or isinstance(scene.top, PrescribedLoad):
-        return  # those of a prescribed interface are checked with the scene
+        return  # pushes on a prescribed interface are checked with the scene
     known = {t: _at_rest(scene, t, solver) for t in {push.begin for push in scene.top.push}}
     for push in scene.top.push:
         if known[push.begin] is not None:
@@ -96,7 +97,7 @@ def overstressed(
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
         x: centre of the patch from the trailing edge, in m.
-        length: length of the patch, in m; it contains blocks up to length/2 from x.
+        length: length of the patch, in m, which contains blocks up to length/2 from x.
         excess: stress beyond the strength, over the strength, > 0.
         begin: start time of the push, in s; nothing may slip before.
 
@@ -124,7 +125,7 @@ def forced(
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
         x: starting point from the trailing edge, in m.
-        length: length of the forced part, in m; it contains blocks up to length/2 from x.
+        length: length of the forced part, in m, which contains blocks up to length/2 from x.
         speed: speed of the two forced fronts, in m/s.
         excess: stress beyond the strength, over the strength, > 0.
         begin: start time, in s; nothing may slip before.
@@ -187,7 +188,7 @@ def weakened(
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
         x: centre of the patch from the trailing edge, in m.
-        length: length of the patch, in m; it contains blocks up to length/2 from x.
+        length: length of the patch, in m, which contains blocks up to length/2 from x.
         speed: speed of the two fronts, in m/s; None means that the whole patch weakens at once.
         mu: the last limit, >= 0; None means the smallest mu_k.
         over: time in which the limit falls, in s; 0 means at once.

@@ -40,10 +40,10 @@ if TYPE_CHECKING:
     from pyfric.statics.contact import States
 
 LEADING = 13
-"""Bits that a step keeps below the displacement of its residual force, for the stiffest spring. Few
-bits take more steps; with many, the rounding of LAPACK shows."""
+"""Bits kept of a Newton step, below the displacement that its residual force gives the stiffest
+spring. Fewer bits need more steps; with more bits, results show the rounding of LAPACK."""
 KEPT = 12
-"""Number of factorisations that are kept; on large lattices, one."""
+"""Number of stored factorisations. On large lattices only one is stored."""
 
 
 class System:
@@ -55,9 +55,9 @@ class System:
 
     Attributes:
         u_drv0: u_x of the driven blocks at drive = 0 and F_T = 0, in m: see `Scene.u_driven`.
-        pressed: blocks without friction that touch the foundation, (N_x,), bool; those of the
-            loaded state, once it is known.
-        kept: what engines have found about it, by name.
+        pressed: blocks without friction that touch the foundation, (N_x,), bool. Blocks that are
+            open in the loaded state are left out once it is known.
+        kept: results that engines store with the slider, by name.
     """
 
     u_drv0: OnDriven
@@ -134,10 +134,10 @@ class System:
         return self._stiffest * float(np.max(np.abs(q * self.arm)))
 
     def leading(self, step: np.ndarray, arm: np.ndarray, residual: float) -> np.ndarray:
-        """Return a step with its leading bits only; the steps that follow make up for the others.
+        """Return a step with its leading bits only; later steps correct the rest.
 
-        The kernels of LAPACK round in different orders, which changes the last bits of a step. If
-        those are left out, each step, and so the state, is the same with all kernels.
+        LAPACK kernels round in different orders, which changes the last bits of a step. Without its
+        last bits each step, and so the state, is the same with all kernels.
 
         Args:
             step: displacements of unknown coordinates, shape (n,).
@@ -193,7 +193,7 @@ class System:
         found = self.coordinates(force, np.zeros(3))
         if self.scene.rigid:
             x, z = force[-1]
-            found[-3:] = x.sum(), z.sum(), (self.scene.x * z).sum()  # not by BLAS
+            found[-3:] = x.sum(), z.sum(), (self.scene.x * z).sum()  # without BLAS
         return found
 
     def forces(
@@ -246,7 +246,7 @@ class System:
         return self._differences.T.tocsr()
 
     def elongations(self, shapes: np.ndarray) -> list[np.ndarray]:
-        """Return du_x and du_z over each bond, shape (n_bonds, n), of shapes (n_q, n)."""
+        """Return du_x and du_z over each bond, shape (n_bonds, n), in deformations (n_q, n)."""
         found = self._differences @ shapes
         return [found[: len(found) // 2], found[len(found) // 2 :]]
 
@@ -256,14 +256,14 @@ class System:
         return float(longest) / self.scene.slider.l
 
     def stiffened(self, shape: np.ndarray, stiffer: np.ndarray) -> np.ndarray:
-        """Return the forces (n_q,) of a shape (n_q,) by changes of bond stiffness, (3, n_bonds)."""
+        """Return forces (n_q,) of bond stiffness changes (3, n_bonds) in a deformation (n_q,)."""
         (x, z), (xx, xz, zz) = self.elongations(shape), stiffer
         return self._gather @ np.concatenate([xx * x + xz * z, xz * x + zz * z])
 
     def bends(self, q: np.ndarray, rate: np.ndarray) -> np.ndarray:
         """Return second derivatives of spring forces along q + s rate at s = 0, shape (n_q,).
 
-        Zero in linear geometry.
+        In linear geometry the derivatives are zero.
         """
         if self.geometry == "linear":
             return np.zeros_like(q)
@@ -310,7 +310,8 @@ class System:
             mode: contact states, shape (N_x,).
             driven: whether the driver's spring is attached.
             friction: signed friction of slipping blocks over u_z, shape (N_x,), in N/m.
-            q: coordinates, shape (n_q,), at which to take another tangent, which is not kept.
+            q: coordinates, shape (n_q,), at which to take another tangent. Its factorisation is not
+                stored.
         """
 
         def make() -> BandedCholesky | SuperLU:
@@ -328,9 +329,9 @@ class System:
     def _factorised(
         self, K: sp.csr_array, mode: np.ndarray, friction: np.ndarray | float = 0.0
     ) -> BandedCholesky | SuperLU:
-        """Factorise K with friction for the coordinates not held; K must be supported."""
+        """Factorise K with friction for the coordinates not held; the slider must be supported."""
         N_x, unknown, rubs = self.scene.N_x, self.unknown(mode), np.any(friction)
-        if rubs:  # it couples u_x to u_z, N_x columns to the right
+        if rubs:  # friction couples u_x to u_z, N_x columns to the right
             coupling = np.zeros(K.shape[0] - N_x)
             coupling[ends(N_x).u_x] = friction
             K = (K + sp.diags_array(coupling, offsets=N_x)).tocsr()
@@ -347,7 +348,7 @@ class System:
             raise EquilibriumError(what, np.nan, 0.0, 0) from error
 
     def banded(self, unknown: np.ndarray) -> tuple[np.ndarray, int]:
-        """Return the order of unknowns with the narrowest band, rod last; unknowns of the rod."""
+        """Return the order with the narrowest band, rod last, and how many unknowns the rod has."""
         scene, n_rod = self.scene, 3 if self.scene.rigid else 0
         row, i = np.divmod(unknown[: len(unknown) - n_rod], scene.N_x)
         tall = scene.N_z > scene.N_x

@@ -1,4 +1,4 @@
-"""Friction of slipping blocks that depends on slip alone, on one linear piece of the law each.
+"""Friction that depends on slip alone; each slipping block is on one linear piece of the law.
 
 A block that has slipped by s carries mu(s) p, where mu is linear in s between the knots of the law.
 While it slips in direction sigma, s = s_0 + sigma u_x.

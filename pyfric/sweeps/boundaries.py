@@ -1,4 +1,4 @@
-"""Where a label changes: a line in a plane of two parameters, and a map that is finer there.
+"""Lines on which a label changes in a plane of two parameters, and maps refined at these lines.
 
     def label(theta, h):
         (record,) = run_all([Job(scene=setup2(theta=theta, h=h), t_end=1.0)])
@@ -7,15 +7,15 @@
     line = boundary(label, along=(-1.0, 1.0), over=[1e-3, 2e-3, 3e-3], scale="linear")
 
 Each label costs a run, so the search needs few labels. The first point of a line is found by
-bisection. For each later point, the earlier points predict where the line is. A first run tells the
-side of the prediction on which the line lies. A second run is half as far away as the error of the
-last prediction. Further runs, each twice as far away as the one before, bracket the line, and
-bisection does the rest. Between known labels, steps are such that no point needs more than one run
-beyond bisection.
+bisection. For each later point, the earlier points predict where the line is. A first run at the
+prediction shows on which side the line lies. A second run lies on this side, at half the error of
+the last prediction. Further runs, each twice as far away as the previous run, bracket the line.
+Bisection then narrows the bracket. Between known labels, steps are chosen so that no point needs
+more than one run beyond those of bisection.
 
-If a label is the sign of a number that changes continuously, such as a speed minus its limit, this
-number may be given, too (`measure`). Then the line is a root. Interpolation between the two ends of
-its bracket finds the root in two or three runs.
+A label may be the sign of a continuous number, such as a speed minus a limit. If this number is
+given, too (`measure`), the line is its root. Interpolation between the ends of the bracket finds
+the root in two or three runs.
 """
 
 from __future__ import annotations
@@ -39,9 +39,10 @@ POINTS = 3
 FIRST = 16.0
 """First step across the line from the second point on, over the width of the last bracket."""
 NEAR = 0.9
-"""A root this near to one end of its bracket, over the width wanted, is shut in from the other."""
+"""If a root is nearer to one end of its bracket than this share of the wanted width, the next run
+is on its other side."""
 FAINT = 1e-3
-"""Weight of a cell whose corners have one label, over that of one where labels differ."""
+"""Weight of a cell whose corners have the same label, over that of a cell with different labels."""
 
 
 def _span(name: str, ends: Sequence[float], scale: Scale) -> Span:
@@ -55,7 +56,7 @@ def _span(name: str, ends: Sequence[float], scale: Scale) -> Span:
 
 
 def _one(label: Hashable) -> Hashable:
-    """Return a label, the same object for each NaN: `in` finds it in a list."""
+    """Return a label; every NaN becomes the same object, so that `in` finds it in a list."""
     if not isinstance(label, Hashable):
         allowed = "text, a number or a truth value"
         raise SceneError("f", type(label).__name__, "", allowed, "no label to compare")
@@ -64,7 +65,7 @@ def _one(label: Hashable) -> Hashable:
 
 
 def _measured(number: float) -> float:
-    """Return what measure has returned, NaN allowed."""
+    """Return the number that `measure` has returned; it may be NaN."""
     try:
         return float(number)
     except (TypeError, ValueError):
@@ -85,32 +86,33 @@ def boundary(
 ) -> pd.DataFrame:
     """Follow a line on which a label changes.
 
-    At each value of `over` the line is where the label stops being the one at the lower end of
-    `along`. After a value at which there is no line, the next one begins with the whole range.
+    At each value of `over`, the line is where the label first differs from that at the lower end of
+    `along`. After a value without a line, the search begins again in the whole range.
 
     Args:
-        f: a function of a value along and a value over. It returns a label that can be compared,
-            such as text or a truth value; NaN is one, too. If it makes its runs with `run_all`,
-            they are kept, and a line that was stopped goes on. They may share one verification
-            (`pyfric.Shared`).
-        along: ends of the range that is searched, the lower one first.
+        f: a function of a value of `along` and a value of `over`. f returns a label that can be
+            compared, such as text or a truth value; NaN is a label, too. If it makes its runs with
+            `run_all`, they are kept, and a line that was stopped goes on. Its runs may share one
+            verification (`pyfric.Shared`).
+        along: ends of the searched range, the lower end first.
         over: values at which the line is wanted, rising or falling.
         scale: scale of the range, "log" or "linear".
         over_scale: scale of `over` in which the line is smooth, "log" or "linear".
         tolerance: largest error of the line: in decades, or over the length of a linear range.
-        known: labels that are known already, such as those of a map: columns ``along``, ``over``
-            and ``label``, and ``measure`` if it is given. Those in the range bracket the line.
-        measure: a function of the same values, called after f. It returns a number that passes
-            zero continuously where the label changes; NaN where it is unknown.
+        known: labels that are already known, such as those of a map: columns ``along``, ``over``
+            and ``label``, and ``measure`` if it is given. Known labels within the range bracket the
+            line.
+        measure: a function of the same values, called after f. `measure` returns a number that
+            passes zero continuously where the label changes, or NaN if it is unknown.
 
     Returns:
         One row for each value of `over`. Columns: ``over``; ``along``, the middle of the last
         bracket; ``low`` and ``high``, its ends; ``below`` and ``above``, their labels; ``runs``,
-        how often f was called. Where both ends of the range have the same label, there is NaN.
+        how often f was called. If both ends of the range have the same label, the values are NaN.
 
     Raises:
-        SceneError: an argument is refused, and f has not been called; or f returns no label, or
-            measure no number.
+        SceneError: an argument is refused, and f has not been called; f returns no label; or
+            measure returns no number.
     """
     span = _span("along", along, scale)
     tolerance = check_number("tolerance", tolerance, "", gt=0.0, lt=0.5)
@@ -133,8 +135,8 @@ def boundary(
 
 
 class _Line:
-    """A line so far, and what is known at its next value over; places and widths are shares of the
-    range."""
+    """The points of a line so far, and known labels at the next value of `over`; positions and
+    widths are shares of the range."""
 
     columns = ("over", "along", "low", "high", "below", "above", "runs")
 
@@ -145,11 +147,11 @@ class _Line:
         decades = math.log10(span.stop / span.start) if span.scale == "log" else 1.0
         self.width = 2 * tolerance / decades
         self.step = FIRST * self.width
-        self.points: list[tuple[float, float]] = []  # over in its scale, place
+        self.points: list[tuple[float, float]] = []  # `over` in its scale, position
         self.below: Hashable = None
 
     def point(self, over: float, x: float) -> tuple[Any, ...]:
-        """Return the row of the next value over, x in its scale."""
+        """Return the row of the next value of `over`; x is this value in its scale."""
         self.over, self.runs = over, 0
         rows = self.known[np.isclose(self.known["over"], over, rtol=1e-9, atol=0.0)]
         rows = rows.assign(share=[*map(self.span.share, rows["along"])])
@@ -201,10 +203,10 @@ class _Line:
         return max((share for share in self.labels if share < high), default=0.0), high
 
     def root(self, low: float, high: float) -> float | None:
-        """Return where the measure changes its sign between two places, None where it does not.
+        """Return the root of the measure between two positions; None if its sign does not change.
 
-        The place over the measure is interpolated by a parabola, through these two and a third one,
-        whose measure is nearest to zero.
+        The position as a function of the measure is interpolated by a parabola through these two
+        points and a third point, whose measure is nearest to zero.
         """
         known = {share: number for share, number in self.numbers.items() if math.isfinite(number)}
         a, b = (known.get(share, math.nan) for share in (low, high))
@@ -221,11 +223,12 @@ class _Line:
     def _narrowed(
         self, low: float, high: float, guess: float | None = None
     ) -> tuple[float, float] | None:
-        """Return a bracket as narrow as wanted, from a wider one; None where the range ends first.
+        """Return a bracket narrowed to the wanted width; None if the range ends first.
 
-        A run is where the line is expected: at the root of the measure, or at the guess and then,
-        until labels differ, further and further away. It is so near to the middle of a known
-        bracket that no more than one run beyond those of bisection is needed.
+        Runs are made where the line is expected. With a measure, the place is its root. Otherwise
+        the first place is the guess, and further places are further away until labels differ. In a
+        known bracket, runs are so near to its middle that at most one run beyond those of bisection
+        is needed.
         """
         left, step, guess_is_below = math.inf, self.step, None
         while high - low > (1 + 1e-9) * self.width:
@@ -273,14 +276,14 @@ def label_map(
 ) -> pd.DataFrame:
     """Return labels in a rectangle, with more points where they differ.
 
-    Triangles between points are divided, the largest first, those with different labels before
-    others. Needs the package `adaptive`.
+    Triangles between points are divided: first those with different labels, and of these the
+    largest. The division needs the package `adaptive`.
 
     Args:
         f: a function of x and y that returns a label.
-        x, y: ends of the ranges, the lower ones first.
+        x, y: ends of the ranges, the lower end first.
         runs: how often f is called, at least 4.
-        scales: of the ranges of x and y: "log" or "linear".
+        scales: scales of the ranges of x and y: "log" or "linear".
 
     Returns:
         ``x``, ``y`` and ``label`` of each point, in the order of the calls.

@@ -5,7 +5,7 @@
     found.statistics()       # means with standard errors, quantiles
     found.record(17)         # the run of one seed as a record
 
-An ensemble is a `Sweep` over seeds, of which numbers are asked (`pyfric.sweeps.measures`).
+An ensemble is a `Sweep` over seeds that returns numbers of its runs (`pyfric.sweeps.measures`).
 """
 
 from __future__ import annotations
@@ -46,24 +46,24 @@ def ensemble(
 
     Args:
         scene: a scene, the name of a preset, or the path of a scene file.
-        vary: name of a field -> how it varies. A `Spread` is drawn along the interface with the
-            seed of each run, instead of its own; a `Span` gives each run a number in a range; a
-            list gives the values of all runs.
+        vary: name of a field -> how it varies. A `Spread` is drawn along the interface, with the
+            seed of the run in place of its own. A `Span` gives each run a number in a range. A list
+            gives the values of all runs.
         n: number of runs.
         t_end: time of the end, in s.
         columns: numbers of each run, names in `pyfric.RUN_COLUMNS`; None means all.
         events: columns of events, such as "F_T_start" or "n_blocks", for a table of the events of
             all runs.
-        seed: seed of the first run; the next runs have the next numbers. It is also the seed of
-            the numbers in ranges.
-        options: of all runs, as in `Sweep`; None means quasi-static sequences.
-        cache: as in `run_all`; parts of the table are kept.
+        seed: seed of the first run; the next runs have the next numbers. Numbers in ranges are
+            drawn with this seed, too.
+        options: options of all runs, as in `Sweep`; None means quasi-static sequences.
+        cache: as in `run_all`, for parts of the table.
         threads: largest number of threads; None means one for each processor. Results do not depend
-            on it.
+            on threads.
         progress: as in `run_all`.
 
     Returns:
-        The numbers; the labels of the table are the seeds.
+        The `Ensemble`. Labels of its table are the seeds.
 
     Raises:
         SceneError: an argument is refused, and nothing has been run.
@@ -81,7 +81,7 @@ def ensemble(
         raise SceneError("vary", vary, "", allowed)
     names = {full_name(as_scene(scene), name, of): of for name, of in vary.items()}
     if all(name.startswith("interface.") for name in names):
-        scene = as_scene(scene)  # nothing else of a preset follows from its interface
+        scene = as_scene(scene)  # other values of a preset do not depend on its interface
     over: dict[str, list[Any]] = {}
     spans = {name: of for name, of in names.items() if isinstance(of, Span)}
     draws = np.array(drawn(list(spans.values()), "random", n, seed)).reshape(n, -1)

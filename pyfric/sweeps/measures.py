@@ -1,12 +1,12 @@
-"""Numbers of many runs in one table, and the parts in which it is kept.
+"""Numbers of many runs in one table, which is stored in parts.
 
-Quasi-static sequences run in the core, many at a time (`pyfric.engines.together`). Each has the
-same bits as its record. Runs of other engines are made as in `Sweep.run`. The numbers of runs are
-those of `pyfric.record.outlines`.
+Quasi-static sequences run in the core, many at a time (`pyfric.engines.together`). Their results
+equal those of single runs, bit for bit. Runs of other engines are made as in `Sweep.run`.
+`pyfric.record.outlines` defines the numbers of a run.
 
-The table of sequences in the core is kept in parts of `PART` runs. The name of a part is a hash of
-all that determines it, so that an ensemble that was stopped goes on, and a larger one begins with
-what a smaller one had.
+The table of sequences in the core is stored in parts of `PART` runs. The name of a part is a hash
+of all that determines it. An ensemble that was stopped therefore goes on, and a larger ensemble
+reuses the parts of a smaller one.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ from pyfric.sweeps.store import MAX_BYTES, Cache, Store
 from pyfric.values import SceneError, check_whole, unknown, write_all
 
 PART = 256
-"""Runs of a part that is kept: a second of work in the Fig. 1 scene. A policy."""
+"""Number of runs in a stored part, which take about a second in the Fig. 1 scene (a choice)."""
 STATISTICS = ("mean", "standard_error", "std", "5 %", "median", "95 %", "n")
 PLAIN = (bool, int, float, str, type(None))
 Row = dict[str, Any]
 
 
 class Points(Protocol):
-    """What is asked of a `Sweep`; see there."""
+    """The attributes of a `Sweep` that are used here."""
 
     @property
     def scene(self) -> SceneLike: ...
@@ -65,10 +65,10 @@ class Ensemble:
 
     Attributes:
         sweep: the points.
-        table: a row for each run: what varies (of a `Spread` its seed), status, reason, and the
-            numbers that were asked for, in SI; NaN where a run has none.
-        events: a row for each event of all runs: the label of the run, and the columns of events
-            that were asked for. None if none were.
+        table: a row for each run: the varied values (of a `Spread` its seed), status, reason, and
+            the requested numbers, in SI. A number that a run lacks is NaN.
+        events: a row for each event of all runs: the label of the run, and the requested columns of
+            events. None if no columns were requested.
     """
 
     sweep: Points
@@ -84,7 +84,7 @@ class Ensemble:
 
     @property
     def columns(self) -> list[str]:
-        """The numbers that were asked for."""
+        """The requested numbers."""
         return [name for name in self.table if name in RUN_COLUMNS]
 
     @property
@@ -100,8 +100,8 @@ class Ensemble:
 
         Returns:
             A row for each number. Columns: mean; standard_error of the mean, std/sqrt(n); std, with
-            n - 1; "5 %", median and "95 %", quantiles; n, the runs that have this number. NaN where
-            there are too few.
+            n - 1; "5 %", median and "95 %", quantiles; n, the number of runs that have this number.
+            NaN means too few runs.
 
         Raises:
             SceneError: there is no such number.
@@ -115,7 +115,7 @@ class Ensemble:
         return pd.DataFrame([*map(np.asarray, rows)], STATISTICS, chosen.columns).T
 
     def record(self, label: Any) -> Record:
-        """Return the run of a row of the table as a record: an ensemble's label is the seed.
+        """Return the run of a row of the table as a record. Labels of an ensemble are its seeds.
 
         Raises:
             SceneError: there is no such row, or the run is refused.
@@ -193,13 +193,13 @@ def measured(
 
 
 def in_core(sweep: Points) -> bool:
-    """Return whether all runs of a sweep have outlines, whatever varies."""
+    """Return whether the core can run all points of a sweep."""
     varied = any(name.startswith(("options.", "stop_when")) for name in sweep.over)
     return has_outline(as_scene(sweep.scene), sweep.options) and not varied
 
 
 def _names(name: str, given: Sequence[str], known: Any) -> tuple[str, ...]:
-    """Return names that are known, each once."""
+    """Return the given names, each once, after a check that they are known."""
     if isinstance(given, str) or not isinstance(given, Sequence):
         raise SceneError(name, given, "", f"a list of names, of {', '.join(known)}")
     for asked in given:
@@ -216,7 +216,7 @@ def _parts(
     threads: int | None,
     progress: bool | Callable[[int, int], None] | None,
 ) -> Iterator[list[Row]]:
-    """Yield the rows of a table part by part; parts that are not kept are made and kept."""
+    """Yield the rows of a table part by part; missing parts are made and stored."""
     count, about = len(sweep.rows), _about(sweep, columns, events)
     spans = [range(i, min(i + PART, count)) for i in range(0, count, PART)]
     keys = [_key(sweep, about, span) for span in spans]
@@ -254,7 +254,7 @@ def _made(sweep: Points, points: Sequence[int], threads: int | None) -> Iterator
 
 
 def _row(outcome: Outline | Exception, columns: tuple[str, ...], events: tuple[str, ...]) -> Row:
-    """Return what is asked of a run."""
+    """Return the requested numbers of a run."""
     if isinstance(outcome, Exception):
         status = "refused" if isinstance(outcome, SceneError) else "failed"
         nothing = [np.zeros(0) for _ in events]
@@ -276,7 +276,7 @@ def _outlined(outcome: Record | Exception) -> Outline | Exception:
 
 
 def _varied(sweep: Points) -> dict[str, Any]:
-    """Return what varies, by name: values, or the seeds of fields that are drawn."""
+    """Return the varied values by name; for drawn fields, their seeds."""
     found: dict[str, Any] = {}
     for name, column in sweep.rows.infer_objects().items():
         drawn_ = [isinstance(value, Spread) for value in column]
@@ -291,7 +291,7 @@ def _varied(sweep: Points) -> dict[str, Any]:
 
 
 def _about(sweep: Points, columns: tuple[str, ...], events: tuple[str, ...]) -> list[Any]:
-    """Return what determines all parts of a table."""
+    """Return everything that determines all parts of a table."""
     scene = sweep.scene
     if isinstance(scene, Scene):
         scene = dataclasses.replace(scene, name="").to_toml()
@@ -308,7 +308,7 @@ def _key(sweep: Points, about: list[Any], points: Sequence[int]) -> str:
 
 
 def _said(sweep: Points, n: int, row: Mapping[Any, Any]) -> Any:
-    """Return the values of a point as JSON has them; of what it lacks, the hash of the run."""
+    """Return the values of a point as JSON; if JSON cannot hold them, the hash of the run."""
     if all(isinstance(value, PLAIN) for value in row.values()):
         return [[str(name), value] for name, value in row.items()]
     if all(isinstance(value, (Spread, *PLAIN)) for value in row.values()):

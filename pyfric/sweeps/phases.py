@@ -1,14 +1,14 @@
-"""Phase diagrams: what becomes of a scene over two of its fields, and the lines between.
+"""Phase diagrams: labels of runs over two fields of a scene, and the lines between labels.
 
     found = phase_diagram()                      # the chain of Thøgersen et al.: alpha and tau_bar
     found = phase_diagram(scene, x=("interface.alpha", values), y=("driver.h", values), t_end=0.1)
     found.table                                  # one row for each point
     found.lines                                  # where labels change, along y at each x
 
-Each point is one run. Lines are found between neighbouring points of the map (`pyfric.boundary`):
-where the pace changes as the root of a speed less its limit, elsewhere by bisection, each point of
-a line continued from the last ones. Finished runs are kept: a diagram
-that was stopped goes on.
+Each point is one run. Lines are found between neighbouring points of the map (`pyfric.boundary`).
+Where the pace changes, a line is the root of a speed minus its limit. All other lines are found by
+bisection, and each point is predicted from the previous points. Finished runs are kept, so that a
+diagram that was stopped goes on.
 
 Source: K. Thøgersen et al., Phys. Rev. E 100, 043004 (2019), for the chain and its two numbers.
 """
@@ -43,19 +43,19 @@ Axis = tuple[str, Sequence[Number] | np.ndarray | Span]
 ALPHA = np.logspace(-3, 1, 20)
 """Values of alpha/sqrt(k m) in the paper's diagram of the chain."""
 TAU_BAR = np.logspace(-3, -0.01, 20)
-"""Values of the scaled prestress in it."""
+"""Values of the scaled prestress in the paper's diagram."""
 BLOCKS = 100
-"""Blocks of its chain."""
+"""Number of blocks of the paper's chain."""
 STEP = 0.17
-"""Step of chains in sqrt(m/k), at most: speeds are then right to 2e-5, by runs of half of it."""
+"""Longest step of chains, in sqrt(m/k). Runs with half of it differ in speed by 2e-5."""
 MORE = 1e-9
-"""What pushes the first block of a chain beyond its threshold, over the threshold."""
+"""Force by which the first block of a chain is pushed beyond its threshold, over the threshold."""
 
 LABELS: Labels = {
     "kind": lambda record: record.rupture_class().kind,
     "pace": lambda record: record.rupture_class().pace,
 }
-"""Labels of a run where none are given: kind and pace of its class of rupture, if there is one."""
+"""Default labels of a run: kind and pace of its class of rupture."""
 
 
 PACES: Mapping[frozenset[str], tuple[float, int]] = {
@@ -64,7 +64,7 @@ PACES: Mapping[frozenset[str], tuple[float, int]] = {
     frozenset({"sub-Rayleigh", "beyond c_R"}): (1.0, 0),
     frozenset({"beyond c_R", "supershear"}): (1.0, 1),
 }
-"""Two paces -> the speed between them: a share of one of the two limits of a scene."""
+"""Two paces -> the speed that separates them, as a share of one of the two limits of a scene."""
 
 MEASURED = ("speed", "speed_over_c", "reached", "status")
 """Columns of each point that are not labels."""
@@ -72,12 +72,12 @@ MEASURED = ("speed", "speed_over_c", "reached", "status")
 Pair = tuple[Hashable, ...]
 """Labels below and above a line."""
 Row = dict[str, Any]
-"""What became of a run: the fields, the labels, and what is said of its front."""
+"""A row of the table: the fields, the labels, and numbers of the front."""
 
 
 @dataclass(frozen=True, repr=False)
 class PhaseDiagram(Shown):
-    """What became of a scene over two of its fields.
+    """Labels of the runs of a scene over two of its fields, and the lines between labels.
 
     Attributes:
         x, y: names of the fields.
@@ -87,7 +87,7 @@ class PhaseDiagram(Shown):
             and its values ``below`` and ``above``; the fields, with y in the middle of the last
             bracket; the ends ``low`` and ``high`` of this bracket; and the number of ``runs``.
         units: SI units of the fields; "" without one, and for the numbers of a function.
-        report: how many runs were made by which level, and what was measured; "" if they share no
+        report: number of runs at each level, and their measured errors; "" if the runs share no
             verification (`pyfric.Shared`).
     """
 
@@ -107,13 +107,13 @@ class PhaseDiagram(Shown):
 def chain_job(alpha: float, tau_bar: float, blocks: int = BLOCKS) -> Job:
     """Return the run of a chain whose first block is pushed for ever, just beyond its threshold.
 
-    The chain is that of setup 1 lumped into one row, but for its length, without bond viscosity.
-    The run ends where the front arrests or has slipped the last block.
+    The chain is setup 1 lumped into one row, with another length and without bond viscosity. The
+    run ends when the front arrests or reaches the last block.
 
     Args:
         alpha: viscosity of slip over sqrt(k m), > 0.
         tau_bar: prestress (tau/p - mu_k)/(mu_s - mu_k), between 0 and 1, the same on all blocks.
-        blocks: their number, at least 20.
+        blocks: number of blocks, at least 20.
 
     Raises:
         SceneError: a value is refused.
@@ -141,8 +141,8 @@ def chain_job(alpha: float, tau_bar: float, blocks: int = BLOCKS) -> Job:
         mu_k=mu_k,
         name="pushed chain",
     )
-    # Slow fronts take N/v with v > tau_bar/(alpha (1 - tau_bar)), fast ones less than 20 N; what
-    # creeps behind one that arrests does so as exp(-(pi/2)^2 t/(alpha N^2)), or faster.
+    # Slow fronts take N/v with v > tau_bar/(alpha (1 - tau_bar)), fast ones less than 20 N; creep
+    # behind an arrested front decays as exp(-(pi/2)^2 t/(alpha N^2)), or faster.
     slow = 3 * (1 - tau_bar) / tau_bar + 4 * blocks
     t_end = blocks * (20 + alpha * slow) * math.sqrt(m / k)
     end = f"reached = {(blocks - 1) * l!r}"
@@ -173,21 +173,21 @@ def phase_diagram(
 
     Args:
         scene: a scene, the name of a preset or the path of a scene file, or a function of x and y
-            that returns a `Job`. None means `chain_job`. If a preset is named, each point is
-            `preset(name, values)`, so that what follows from l or L in it follows at each point.
-        x, y: each the name of a field, such as "driver.h", and its values, rising, in SI or as text
-            such as "5 mm", or a `Span`. Those of the
-            chain are "alpha" and "tau_bar", in either order; None means alpha along x and tau_bar
-            along y as in the paper, 20 values each.
-        label: a function of a record that labels the run, or several by name. None means kind and
-            pace of `Record.rupture_class`, "nothing slipped" without events.
+            that returns a `Job`. None means `chain_job`. With the name of a preset, each point is
+            `preset(name, values)`, so that values which the preset derives from l or L change with
+            them.
+        x, y: the name of a field, such as "driver.h", and its values, rising, in SI or as text such
+            as "5 mm", or a `Span`. The fields of the chain are "alpha" and "tau_bar", in either
+            order. None means alpha along x and tau_bar along y as in the paper, 20 values each.
+        label: a function of a record that labels the run, or several functions by name. None means
+            kind and pace of `Record.rupture_class`, or "nothing slipped" without events.
         t_end: end of the runs of a scene, s; None for the chain and for a function.
         options: options of the runs of a scene, as in a `Sweep`; None for the chain and for a
             function.
         changes: names of other fields of a scene to values; None for the chain and for a function.
         lines: whether to find the lines on which labels change, along y.
-        tolerance: largest error of lines, in decades if y is spaced logarithmically, else over the
-            range of y.
+        tolerance: largest error of lines, in decades if y is spaced logarithmically, otherwise over
+            the range of y.
         cache, how: as in `run_all`: workers, progress, executor.
 
     Raises:
@@ -225,17 +225,17 @@ def phase_diagram(
         return rows[a, b]
 
     def line(name: str, pair: Pair, cells: Mapping[float, tuple[float, float]]) -> pd.DataFrame:
-        """Return the line between these two labels, in cells of x: there y is between two points.
+        """Return the line between two labels; at each x of `cells`, y lies between two points.
 
-        Where there is a third label between them, the line is where the lower one ends. All runs so
-        far count, those of other lines, too.
+        If there is a third label between them, the line is where the lower label ends. All runs so
+        far are used, also those of other lines.
         """
 
         def below(b: float, a: float) -> bool:
             return bool(run(a, b)[name] == pair[0])
 
         def limit(b: float, a: float) -> float:
-            """Return a number that changes its sign between two paces, NaN for other labels."""
+            """Return a number that changes sign between two paces; NaN for other labels."""
             if labels is not LABELS or frozenset(pair) not in PACES:
                 return math.nan
             share, which = PACES[frozenset(pair)]
@@ -326,7 +326,7 @@ def _jobs(
 
 
 def even_scale(values: np.ndarray) -> Scale:
-    """Return in which scale values are more even."""
+    """Return the scale in which values are more evenly spaced."""
     if values[0] <= 0 or len(values) < 3:
         return "linear"
     linear, log = np.diff(values), np.diff(np.log(values))

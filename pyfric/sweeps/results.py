@@ -1,4 +1,4 @@
-"""What became of each point of a sweep: one table, or a dataset with units."""
+"""Results of a sweep: one table, or a dataset with units."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ MEASURED = {
 
 
 class Points(Protocol):
-    """What results know of their `Sweep`; see there."""
+    """The attributes of a `Sweep` that are used here."""
 
     @property
     def scene(self) -> Scene: ...
@@ -54,12 +54,12 @@ class Points(Protocol):
 
 @dataclass(frozen=True, repr=False)
 class Results(Shown):
-    """What became of each point of a sweep: its record, or why there is none.
+    """The results of a sweep: for each point its record, or the reason why there is none.
 
     Attributes:
         sweep: the `Sweep`.
-        outcomes: for each point a `Record`, a `JobError`, the `SceneError` of one that is refused,
-            or None for one that waits.
+        outcomes: for each point a `Record`; a `JobError` if it failed; a `SceneError` if it was
+            refused; or None if it has not been run.
     """
 
     sweep: Points
@@ -82,7 +82,7 @@ class Results(Shown):
 
     @property
     def report(self) -> str:
-        """How many points were made by which level, and what was measured, if they share that."""
+        """Number of points at each level, and measured errors, if points share a verification."""
         jobs, found = {job.key: job for job in self.sweep.in_order}, {}
         for job, outcome in zip(self.sweep.jobs, self.outcomes, strict=True):
             if isinstance(job, Job):
@@ -102,12 +102,12 @@ class Results(Shown):
         """Return the mean of a column of `MEASURED` over finished points that differ in seeds only.
 
         Args:
-            column: the column; where it is not known at a point (NaN), that point does not count.
+            column: the column. Points at which it is unknown (NaN) do not count.
 
         Returns:
-            One row for each set of values of the fields that do not end in ".seed", which are its
-            first columns; then ``mean``, its ``standard_error``, the standard deviation of the
-            column (n - 1) over sqrt(n), NaN for one point, and ``n``, the number of points.
+            One row for each set of values of the fields that do not end in ".seed". Columns: these
+            fields; ``mean``; its ``standard_error``, the standard deviation of the column (n - 1)
+            over sqrt(n), NaN for one point; and ``n``, the number of points.
 
         Raises:
             SceneError: there is no such column, or no field is a seed.
@@ -125,9 +125,9 @@ class Results(Shown):
         return found.reset_index(drop=not kept)
 
     def to_xarray(self) -> xr.Dataset:
-        """The table as a dataset with units: on the axes of a grid, or else on "point".
+        """The table as a dataset with units, on the axes of a grid or on the axis "point".
 
-        Needs the package xarray.
+        The conversion needs the package xarray.
         """
         import xarray as xr  # slow to import
 
@@ -157,7 +157,7 @@ class Results(Shown):
 
         Raises:
             OSError: a file cannot be written.
-            SceneError: the name ends like that of a file.
+            SceneError: the name ends in the suffix of a file.
         """
         folder = Path(os.path.expanduser(folder))
         check_folder_name(folder)
@@ -173,7 +173,7 @@ class Results(Shown):
 
 
 def _netcdf(dataset: xr.Dataset) -> bytes:
-    """Return a dataset as a netCDF 4 file, made in memory: HDF5 locks files, if it can."""
+    """Return a dataset as the bytes of a netCDF 4 file, made in memory: HDF5 would lock a file."""
     import h5netcdf
     from xarray.backends import H5NetCDFStore
 

@@ -1,13 +1,13 @@
-"""Many runs: independent scenes side by side, and finished runs kept by content.
+"""Many runs: independent scenes in parallel, and storage of finished runs.
 
     jobs = [Job(scene=preset("fig1", h=h), t_end=0.9) for h in (2.5e-3, 5e-3, 10e-3)]
     records = run_all(jobs)
 
-A complete run is kept as a record file whose name is a hash of all that determines it: the scene
-(its name aside), the time of the end, the options of `pyfric.simulate` and the code itself; see
-`pyfric.sweeps.store`. In pyfric's own folder, but not in one that the user names, the records that
-were used least recently go when it outgrows `MAX_BYTES`. Why a run failed is noted. Processes and
-machines may share the folder.
+A complete run is stored as a record file. Its name is a hash of all that determines the run: the
+scene (without its name), the time of the end, the options of `pyfric.simulate` and the code itself;
+see `pyfric.sweeps.store`. If pyfric's own folder outgrows `MAX_BYTES`, the least recently used
+records are deleted. Folders that the user names are never trimmed. The reason why a run failed is
+stored, too. Processes and machines may share the folder.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ from pyfric.sweeps.workers import InThisProcess, Workers
 from pyfric.values import SceneError, check_number, check_whole, unknown, usage
 
 OPTIONS = tuple(name for name, known in Options.declared().items() if known.owner != "machine")
-"""Options that a job may have. Those of the machine do not change what a run gives."""
+"""Options that a job may have. Options of the machine do not change the result of a run."""
 DEFAULTS = Options()
 ROOMS = ("scene", "theory", "core", "statics", "record", "engines", "planning")
-"""Rooms whose code determines what a run gives."""
+"""Rooms whose code determines the result of a run."""
 POLL = 0.05
-"""Time between two looks at runs elsewhere, s."""
+"""Time between two checks of runs in other processes, s."""
 MAX_LOSSES = 10
-"""An executor is given a job that it lost again at most so often."""
+"""Largest number of times that a lost job is given to an executor again."""
 
 
 class JobError(RuntimeError):
@@ -57,8 +57,8 @@ class JobError(RuntimeError):
 
     Attributes:
         job: its job.
-        error: what went wrong; a `RunError` has the record until then. Of a run that failed
-            earlier, the reason that was noted, as text.
+        error: the exception; a `RunError` has the record up to the failure. If the run failed in an
+            earlier call, the stored reason as text.
     """
 
     def __init__(self, job: Job, error: Exception | str) -> None:
@@ -67,7 +67,7 @@ class JobError(RuntimeError):
 
     @property
     def reason(self) -> str:
-        """What went wrong, after its type."""
+        """The message of the error, after its type."""
         if isinstance(self.error, str):
             return self.error
         return f"{type(self.error).__name__}: {self.error}"
@@ -78,7 +78,7 @@ class JobError(RuntimeError):
 
 @dataclass(frozen=True, init=False)
 class Job:
-    """One run: what `pyfric.simulate` is called with.
+    """One run: the arguments of `pyfric.simulate`.
 
     Args:
         scene: a scene, the name of a preset, or the path of a scene file, which is read at once.
@@ -115,18 +115,19 @@ class Job:
         return f"{self.scene.name or 'scene'} to t = {self.t_end:g} s{options}"
 
     def made(self, progress: Callable[..., None]) -> Record:
-        """Return its run."""
+        """Return the record of its run."""
         return simulate(self.scene, self.t_end, self.options, threads=1, progress=progress)
 
     def answered(self, _: Record) -> bool:
-        """Return whether a stored record will do."""
+        """Return whether a stored record is sufficient."""
         return True
 
     @functools.cached_property
     def key(self) -> str:
         """Hash of all that determines the record: scene (not its name), end, options, code.
 
-        How many other points have chosen the level of a point does not count; its record says that.
+        The number of points that chose the level of a point is left out. The record holds this
+        number.
         """
         scene = dataclasses.replace(self.scene, name="").to_toml()
         options = {name: getattr(self.options, name) for name in OPTIONS}
@@ -136,8 +137,8 @@ class Job:
 
 @functools.cache
 def code_version() -> str:
-    """Return a hash of what computes a run: `ROOMS`, the compiled core, NumPy and SciPy."""
-    versions = (__version__, np.__version__, scipy.__version__)  # static states go through LAPACK
+    """Return a hash of the code of runs: `ROOMS`, the compiled core, NumPy and SciPy."""
+    versions = (__version__, np.__version__, scipy.__version__)  # static states use LAPACK
     found = hashlib.sha256(" ".join(versions).encode())
     package = Path(__file__).parents[1]
     for path in sorted(package.rglob("*")):
@@ -191,25 +192,26 @@ def run_all(
 
     Worker processes do not run the script that calls this. Jobs with objects of classes that the
     script defines, such as a friction law, are therefore made in this process, one by one. Ctrl-C
-    stops all workers; what was finished stays in the cache.
+    stops all workers; finished runs stay in the cache.
 
     Args:
-        jobs: what to run; put long ones first. Equal jobs are run once.
-        workers: most runs at a time; None means one for each processor. With 1, or one job, all is
-            done in this process.
-        cache: True reuses and keeps finished runs in the user's cache folder, or where PYFRIC_CACHE
-            says; a path names another folder; False or None does neither.
+        jobs: the jobs; put long ones first. Equal jobs are run once.
+        workers: largest number of runs at a time; None means one for each processor. With 1, or
+            with one job, all runs are made in this process.
+        cache: True stores and reuses finished runs, in the user's cache folder or in the folder
+            that PYFRIC_CACHE names. A path names another folder. False or None stores nothing.
         progress: True for a bar on stderr, a function of (number done, number of all), False for
             nothing; None shows the bar if stderr is a terminal.
-        errors: "raise" stops at the first run that fails; "return" makes the other runs, and gives
-            the `JobError` in the place of the record.
+        errors: "raise" stops at the first run that fails. "return" makes the other runs, and
+            returns the `JobError` in place of the record.
         executor: makes the runs instead of `workers`. Its `submit(function, *arguments)` returns a
             future with `done()`, `result()` and `cancel()`, like that of `concurrent.futures`,
             `distributed.Client` or `submitit.AutoExecutor`. The executor stays open. All its
             machines must see the folder of `cache`, through which a run that has begun can be
             stopped. Without a cache, runs that have begun continue to their end.
-        shared: what earlier jobs with the option verify = "shared" have told. Those of this call
-            share their verification among themselves, and with them.
+        shared: results of earlier jobs with the option verify = "shared". Such jobs of this call
+            share one verification with the earlier jobs. None means that only jobs of this call
+            share.
 
     Returns:
         The records, in the order of the jobs. `timings["processor"]` is the processor time of the
@@ -217,8 +219,8 @@ def run_all(
 
     Raises:
         SceneError: an argument is refused; nothing has been done.
-        JobError: with errors = "raise", a run failed or its process ended. The others are
-            stopped; those that were complete are in the cache.
+        JobError: with errors = "raise", a run failed or its process ended. The other runs are
+            stopped. Complete runs are in the cache.
         KeyboardInterrupt: after Ctrl-C.
     """
     if not isinstance(jobs, Iterable):
@@ -273,9 +275,9 @@ def run_all(
 
 
 def side_by_side(jobs: Sequence[Job | Point], workers: int | None) -> Workers | InThisProcess:
-    """Return an executor for jobs and for what is done with their records."""
+    """Return an executor for jobs."""
     count = min(_count(workers), len({job.key for job in jobs}))
-    with suppress(Exception):  # what cannot be sent fails as a job does
+    with suppress(Exception):  # a job that cannot be sent fails later
         if count > 1 and b"__main__" in pickle.dumps(jobs):
             return InThisProcess()
     return Workers(count) if count > 1 else InThisProcess()
@@ -293,10 +295,9 @@ def _count(workers: int | None) -> int:
 def _outcomes(
     todo: Mapping[str, Job | Point], workers: int | None, store: Store, executor: Any
 ) -> Iterator[tuple[str, Any]]:
-    """Yield key and record, or what went wrong, of each job as it ends.
+    """Yield the key and the record, or the error, of each job as it ends.
 
-    Executors are asked now and then, because not every one calls back. What they lost is given to
-    them again.
+    Executors are polled, because some do not call back. Lost jobs are submitted again.
     """
     with ExitStack() as stack:
         if todo:
@@ -304,7 +305,7 @@ def _outcomes(
         wanted = ""
         if executor is None:
             executor = stack.enter_context(side_by_side([*todo.values()], workers))
-        elif not isinstance(executor, Workers | InThisProcess):  # who made those stops them
+        elif not isinstance(executor, Workers | InThisProcess):  # the caller stops these
             key = secrets.token_hex(20)
             wanted = key if stack.enter_context(store.reserved(key, "", lambda: None)) else ""
 
@@ -330,13 +331,13 @@ def _outcomes(
 
 
 class Unwanted(Exception):
-    """Nobody wants this run any more."""
+    """The caller has stopped, so that this run is not needed."""
 
 
 def _made(job: Job | Point, store: Store, key: str, wanted: str) -> Record:
-    """Return the record of a job from the store, or make it and keep it there.
+    """Return the record of a job from the store, or make it and store it.
 
-    `wanted` is the key of a lock file that is there as long as the run is wanted; "": always.
+    `wanted` is the key of a lock file that exists while the run is needed; "" means always.
     """
 
     def look(_: Any = None) -> None:

@@ -1,16 +1,15 @@
-"""Many runs share one verification: errors are measured at some points, and tell of the others.
+"""One verification for many runs: errors measured at some points hold for the others.
 
-A few points, spread over the list, are runs of `simulate`: levels are made until two agree.
-The most demanding of them decides the level of the rest, which is the cheapest one that keeps the
-tolerance at all of them. A share of the rest is made at the next level, too, and keeps this finer
-run. Its difference checks the level where it was not chosen. A check beyond the tolerance is said;
-no other point is made again.
+A few points, spread over the list, are verified as in `simulate`: levels are run until two agree.
+The other points run at the cheapest level that keeps the tolerance at all of these points. Some of
+the other points are checks. Checks run at the next level, too, and return this finer run. The
+difference of both runs is the error of the chosen level at this point. The report names checks
+beyond the tolerance. No other point is run again.
 
-Points belong together if their options are equal and their scenes have the same models. What checks
-tell of the points that were not measured is a confidence limit of the share that keeps the
-tolerance.
+Points share a verification if their options are equal and their scenes have the same models. From
+the checks follows a confidence limit for the share of unmeasured points that keep the tolerance.
 
-Source: C. Clopper, E. Pearson, Biometrika 26, 404 (1934), for that limit.
+Source: C. Clopper, E. Pearson, Biometrika 26, 404 (1934), for the confidence limit.
 """
 
 from __future__ import annotations
@@ -36,13 +35,14 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
 
 CALIBRATION = 5
-"""Points that choose the level. A policy."""
+"""Number of points that choose the level (a choice)."""
 CHECKED, LEAST = 0.05, 2
-"""Share of the other points that are checked, and their least number. Policies."""
+"""Share of the other points that are checks, and their least number (choices)."""
 CONFIDENCE = 0.95
-"""Of what is said of points that were not measured: a policy."""
+"""Confidence of the statement on unmeasured points (a choice)."""
 GOLDEN = (math.sqrt(5) - 1) / 2
-"""Multiples of it, less their whole parts, are spread evenly, and along no row of a grid."""
+"""The golden ratio. Fractional parts of its multiples are spread evenly, without the period of a
+grid."""
 
 
 class Job(Protocol):
@@ -59,13 +59,13 @@ class Job(Protocol):
 
 
 def sharing(options: Options) -> Options:
-    """Return the options of one of many runs: planned ones share their verification by default."""
+    """Return the options of one of many runs; planned runs share a verification by default."""
     planned = options.fidelity == "auto" and options.method is None and options.verify is None
     return dataclasses.replace(options, verify="shared") if planned else options
 
 
 def measured(count: int) -> int:
-    """Return at how many of so many points errors are measured."""
+    """Return the number of points at which errors are measured, out of `count` points."""
     chosen = min(CALIBRATION, count)
     return chosen + _checks(count - chosen)
 
@@ -75,7 +75,7 @@ def _checks(rest: int) -> int:
 
 
 def able(scene: Scene, options: Options) -> tuple[Level, ...]:
-    """Return the levels that can be made; () where the run is refused."""
+    """Return the levels that can be run; () if the run is refused."""
     try:
         of = levels_of(scene, options.on(scene))
     except SceneError:
@@ -85,12 +85,12 @@ def able(scene: Scene, options: Options) -> tuple[Level, ...]:
 
 @dataclass(frozen=True)
 class Point:
-    """A job among others that share a verification, and the levels by which it is made.
+    """A job among others that share a verification, and the levels at which it runs.
 
     Attributes:
         job: the job.
         first: number of its first level.
-        count: how many levels are made, 2 for a check; None: until two agree.
+        count: number of levels that run, 2 for a check; None means until two agree.
         chosen_at: number of other points at which the level was chosen.
     """
 
@@ -113,7 +113,7 @@ class Point:
         return self.job.key
 
     def made(self, progress: Callable[..., None]) -> Record:
-        """Return its run."""
+        """Return the record of its run."""
         job, options = self.job, dataclasses.replace(self.job.options, threads=1)
         how = {"first": self.first, "count": self.count, "progress": progress}
         record = simulate_point(job.scene, job.t_end, options, **how)
@@ -123,7 +123,7 @@ class Point:
         return record.replace(errors=Errors(**promise, chosen_at=self.chosen_at))
 
     def answered(self, record: Record) -> bool:
-        """Return whether a stored record will do: it needs errors, or at least this level."""
+        """Return whether a stored record is sufficient: it has errors, or at least this level."""
         if record.errors is None or not record.errors.chosen_at:
             return True
         of = able(self.job.scene, self.job.options)
@@ -132,7 +132,7 @@ class Point:
 
 @dataclass
 class _Together:
-    """Points of the same models and options, and what is known of them by keys of their jobs."""
+    """Points of the same models and options, by the keys of their jobs."""
 
     options: Options
     of: tuple[Level, ...]
@@ -144,14 +144,14 @@ class _Together:
 
     @property
     def level(self) -> int | None:
-        """Number of the level of the other points, which was made; None where none was chosen."""
+        """Number of the level of the other points; None if it has not been chosen."""
         if not self.calibration:
             return None
         points = self.calibration.values()
         return min(max(point.needs for point in points), max(point.level for point in points))
 
     def choose_calibration(self, jobs: Mapping[str, Job]) -> dict[str, Point]:
-        """Return the points that choose the level, evenly spaced, first and last among them."""
+        """Return the points that choose the level, evenly spaced from the first to the last."""
         keys, count = list(jobs), min(CALIBRATION - len(self.calibration), len(jobs))
         numbers = np.linspace(0, len(keys) - 1, max(count, 0)).round().astype(int)
         return {keys[number]: Point(jobs[keys[number]]) for number in numbers}
@@ -165,7 +165,7 @@ class _Together:
         checked = {int(len(jobs) * ((n + 0.5) * GOLDEN % 1)) for n in range(due)}
         self.checks += len(checked)
         single = {"first": self.level, "count": 1, "chosen_at": len(self.calibration)}
-        # The finest level is checked by the one before.
+        # The finest level is checked by the level below it.
         check = {"first": max(min(self.level, len(self.of) - 2), 0), "count": 2}
         return {
             key: Point(job, **(check if number in checked else single))
@@ -173,7 +173,7 @@ class _Together:
         }
 
     def report(self) -> str:
-        """Return how many points there are by which level, and what was measured."""
+        """Return the number of points at each level, and the measured errors, as text."""
         found, level = [*self.calibration.values(), *self.others.values()], self.level
         by: dict[tuple[int, str], list[Told]] = {}
         for point in found:
@@ -203,7 +203,7 @@ class _Together:
 
 
 def lower_limit(kept: int, checks: int) -> float:
-    """Return the lower confidence limit of a share, of which checks have found so many."""
+    """Return the lower confidence limit of a share of which `kept` of `checks` were found."""
     if kept == 0:
         return 0.0
     return float(scipy.stats.beta.ppf(1 - CONFIDENCE, kept, checks - kept + 1))
@@ -214,9 +214,10 @@ def _joined(parts: Iterable[dict[str, Point]]) -> dict[str, Point]:
 
 
 class Shared:
-    """Levels that verified runs need, for those that are not verified; see the module.
+    """Levels found by verified runs, for other runs; see the module.
 
-    `run_all` makes one for each call. If jobs come one by one, give it the same object each time:
+    `run_all` makes a `Shared` for each call. If jobs come one by one, give `run_all` the same
+    object each time:
 
         shared = Shared()
 
@@ -225,8 +226,8 @@ class Shared:
             (record,) = run_all([job], progress=False, shared=shared)
             return "precursors" if len(analysis.precursors(record)) else "none"
 
-    The first `CALIBRATION` jobs then choose the level. Of those that follow, the first two and
-    later one in twenty are checks. ``str(shared)`` is the report.
+    The first `CALIBRATION` jobs then choose the level. Of the next jobs, the first two are checks,
+    and later one in twenty. ``str(shared)`` is the report.
     """
 
     def __init__(self) -> None:
@@ -235,11 +236,12 @@ class Shared:
     def stages(
         self, jobs: Mapping[str, Job], found: Mapping[str, Any]
     ) -> Iterator[dict[str, Point]]:
-        """Yield the points of the jobs that share a verification, those first that choose a level.
+        """Yield the points of jobs that share a verification; first those that choose a level.
 
         Args:
             jobs: jobs by their keys.
-            found: records by the same keys, by the time when the next stage is asked for.
+            found: records by the same keys; the caller adds those of a stage before it asks for the
+                next.
         """
         levels: dict[str, tuple[Level, ...]] = {}
         new: dict[Hashable, dict[str, Job]] = {}

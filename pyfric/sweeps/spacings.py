@@ -1,4 +1,4 @@
-"""How results of a slab depend on l: the same slab on finer lattices, side by side."""
+"""How results of a slab depend on l: the same slab on finer lattices."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from pyfric.sweeps.store import Cache
 from pyfric.values import SceneError, check_whole
 
 AT = 0.5
-"""L_p/L at which forces are compared, those of the paper's Fig. 2, where an event stops."""
+"""L_p/L at which forces after arrest are compared, as in Fig. 2 of the paper."""
 QUANTITIES = {
     "precursors": False,
     "L_p/L of the first precursor": False,
@@ -28,7 +28,8 @@ QUANTITIES = {
     f"F_T/F_N after L_p/L = {AT:g}": True,
     "F_T/F_N at onset of sliding": True,
 }
-"""What is compared, and whether it has a limit for small l where friction has no length."""
+"""Compared quantities, and whether they have a limit for small l if friction has no length
+scale."""
 WHY = (
     "Amontons-Coulomb friction has no length: stress at the corner grows as l falls. Short "
     "precursors then begin at other forces, along the same curve of length against force. Compare "
@@ -41,9 +42,9 @@ class Resolution(Shown):
     """Results of the same slab for l and finer lattices.
 
     Attributes:
-        table: one row for each quantity: its value at each l (m), a column each; ``change``, from
-            the last l but one to the last one, over the former; ``converges``, whether it has a
-            limit for small l. NaN where a run has no such event.
+        table: one row for each quantity. Columns: its value at each l (m); ``change``, its relative
+            change from the last l but one to the last; ``converges``, whether it has a limit for
+            small l. NaN means that a run has no such event.
         records: one `Record` for each l.
     """
 
@@ -66,7 +67,7 @@ class Resolution(Shown):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What to know: engine, viscosity, why counts depend on l, runs that ended early."""
+        """Notes on engine, viscosity, counts that depend on l, and runs that ended early."""
         record = self.records[0]
         engine = record.method.engine
         notes = [f"engine: {engine}; {_viscosity(record)}"]
@@ -82,7 +83,7 @@ class Resolution(Shown):
 
 
 def _viscosity(record: Record) -> str:
-    """Say what viscosity does as l falls."""
+    """Return a note on how viscosity changes as l falls."""
     if record.method.engine == "quasistatic":
         return "static states, in which viscosity plays no part"
     slider = record.scene.slider
@@ -113,7 +114,7 @@ def resolve(
         t_end: latest end time, in s.
         levels: number of lattices, 2 to 5.
         options: see `pyfric.Job`; None means fidelity = "quasistatic".
-        workers, cache, progress: see `pyfric.run_all`, which makes the runs and keeps them.
+        workers, cache, progress: see `pyfric.run_all`.
 
     Raises:
         SceneError: an argument is refused, the interface is prescribed, or an engine refuses the
@@ -148,7 +149,7 @@ def resolve(
 
 
 def _finer(scene: Scene, n: int) -> Scene:
-    """Return the scene with n blocks where it has one."""
+    """Return the scene with blocks of l/n."""
     if n == 1:
         return scene
     slider = dataclasses.replace(scene.slider, l=scene.slider.l / n)

@@ -1,12 +1,12 @@
-"""The store of finished runs: files in one folder, named by the hash of what was run.
+"""The store of finished runs: files in one folder, named by a hash of the run.
 
 A file is the record of a run, or a part of the table of an ensemble (`pyfric.sweeps.measures`).
 
 Records are kept in the folder that `PYFRIC_CACHE` names, or else in the user's cache folder. Files
-are written and deleted whole, and carry the hash of their content. Processes and machines may share
-a folder. The process that makes a run holds a lock on a file beside the place of its record. The
-system releases the lock when this process ends, however it ends. If a lock is not available or is
-lost, a run is made twice, with the same result.
+are written and deleted as a whole, and contain a hash of their content. Processes and machines may
+share a folder. The process that makes a run holds a lock on a file beside the place of its record.
+The system releases the lock when this process ends, however it ends. If a lock is not available or
+is lost, a run is made twice, with the same result.
 """
 
 from __future__ import annotations
@@ -34,21 +34,22 @@ from pyfric.values import SceneError, clean_drafts, sealed, unsealed, write
 CACHE_VARIABLE = "PYFRIC_CACHE"
 """Environment variable that names another folder for finished runs."""
 MAX_BYTES = 2**30
-"""Most bytes of finished runs in pyfric's own folder; those that users name are not trimmed."""
+"""Largest size of finished runs in pyfric's own folder. Folders that users name
+are not trimmed."""
 TABLE = ".npz"
 """End of the name of a part of a table."""
 FAILED = ".failed"
-"""End of the name of a note why a run failed."""
+"""End of the name of a file with the reason why a run failed."""
 FORGET = 30.0
-"""Age at which such a note goes, in days."""
+"""Age at which a file on a failed run is deleted, in days."""
 LOCK = ".running"
-"""End of the name of a file that whoever makes a run has locked."""
+"""End of the name of a lock file, held by the process that makes a run."""
 NAME = re.compile(r"[0-9a-f]{40}\.\w+")
 DAY = 86400.0
 POLL = 0.05
 """Time between two tries to lock a file, s."""
 SILENCE = 1.0
-"""Time after which a line says who is waited for, s."""
+"""Waiting time after which a line in the log names the other process, s."""
 
 Cache = bool | str | os.PathLike[str] | None
 """A store: True for pyfric's own, a path for another folder, False or None for none."""
@@ -70,7 +71,7 @@ class Entry(NamedTuple):
         return (time.time() - self.used) / DAY
 
     def read(self) -> Record | dict[str, np.ndarray] | str:
-        """Return the record, or the arrays of a part of a table, or what is wrong with the file."""
+        """Return the record, the arrays of a part of a table, or the error in reading the file."""
         try:
             return table_in(self.path) if self.path.suffix == TABLE else Record.load(self.path)
         except (OSError, RecordError) as error:
@@ -92,7 +93,7 @@ def table_in(path: Path) -> dict[str, np.ndarray]:
 
     Raises:
         OSError: the file cannot be read.
-        RecordError: it is damaged.
+        RecordError: the file is damaged.
     """
     inside = unsealed(path.read_bytes())
     if inside is None:
@@ -106,8 +107,8 @@ class Store:
     """Finished runs in a folder.
 
     Attributes:
-        folder: where they are; it need not exist. None: nothing is kept.
-        own: whether it is pyfric's own, and not one that the user named.
+        folder: folder of the runs; it need not exist. None means that nothing is stored.
+        own: whether the folder is pyfric's own; otherwise the user has named it.
     """
 
     folder: Path | None
@@ -118,7 +119,7 @@ class Store:
         """Return the store that an argument `cache` names.
 
         Raises:
-            SceneError: it names none.
+            SceneError: the argument names no store.
         """
         if cache is None or cache is False:
             return cls(None)
@@ -134,9 +135,9 @@ class Store:
     # --- runs ------------------------------------------------------------------------------------
 
     def load(self, key: str, scene: Scene) -> Record | None:
-        """Return the finished run of a scene; None where there is none.
+        """Return the finished run of a scene; None if there is none.
 
-        A file that is damaged or cannot be read is as good as none, with a line in the log.
+        A file that is damaged or cannot be read counts as missing; the log has a line on it.
         """
         if self.folder is None:
             return None
@@ -154,7 +155,7 @@ class Store:
         return record if same and record.done else None
 
     def save(self, key: str, record: Record) -> None:
-        """Keep a finished run; where that fails, go on, with a line in the log."""
+        """Store a finished run; after an error, go on, with a line in the log."""
         if self.folder is None:
             return
         try:
@@ -167,7 +168,7 @@ class Store:
     def load_table(self, key: str) -> dict[str, np.ndarray] | None:
         """Return the arrays of a part of a table; None where there is none.
 
-        A file that is damaged or cannot be read is as good as none, with a line in the log.
+        A file that is damaged or cannot be read counts as missing; the log has a line on it.
         """
         if self.folder is None:
             return None
@@ -184,7 +185,7 @@ class Store:
         return found
 
     def save_table(self, key: str, arrays: Mapping[str, np.ndarray]) -> None:
-        """Keep a part of a table; where that fails, go on, with a line in the log."""
+        """Store a part of a table; after an error, go on, with a line in the log."""
         if self.folder is None:
             return
         content = io.BytesIO()
@@ -196,14 +197,14 @@ class Store:
             log(f"parts of tables are not kept in {self.folder}: {error.strerror or error}")
 
     def note_failure(self, key: str, reason: str) -> None:
-        """Note why a run failed, until it is complete; where that fails, go on."""
+        """Store the reason why a run failed, until it is complete; after an error, go on."""
         if self.folder is not None:
             with suppress(OSError):
                 self.folder.mkdir(parents=True, exist_ok=True)
                 write(self.folder / f"{key}{FAILED}", reason.encode())
 
     def failure(self, key: str) -> str:
-        """Return why a run failed the last time, or ""."""
+        """Return the reason why a run failed the last time, or ""."""
         if self.folder is not None:
             with suppress(OSError):
                 return (self.folder / f"{key}{FAILED}").read_text(encoding="utf-8")
@@ -217,10 +218,11 @@ class Store:
 
     @contextmanager
     def reserved(self, key: str, what: str, look: Callable[[], None]) -> Iterator[bool]:
-        """Lock a run for the block, once no other process makes it; yield whether it is locked.
+        """Lock a run, once no other process makes it, in a with block; yield whether it is locked.
 
-        It is not locked in a folder that takes no files, or no locks. `look` is called again and
-        again while waiting; what it raises ends that. A line says who makes `what`.
+        The run is not locked in a folder without write permission, or without locks. `look` is
+        called repeatedly while waiting; an exception from it ends the waiting. A line in the log
+        names the process that makes `what`.
         """
         from filelock import FileLock  # slow to import
 
@@ -249,13 +251,13 @@ class Store:
     # --- what goes -------------------------------------------------------------------------------
 
     def entries(self, *ends: str) -> list[Entry]:
-        """Return the files of the store with these ends of their names, those used last first.
+        """Return the files of the store with these endings, most recently used first.
 
-        None means records and tables. Files with other names are not its own.
+        None means records and tables. The store has no other files.
         """
         found, ends = [], ends or (".nc", TABLE)
         for path in self.folder.iterdir() if self.folder and self.folder.is_dir() else ():
-            with suppress(OSError):  # another process was faster
+            with suppress(OSError):  # another process has deleted it
                 if path.suffix in ends and NAME.fullmatch(path.name):
                     stat = path.stat()
                     found.append(Entry(path, stat.st_size, stat.st_mtime))
@@ -264,15 +266,16 @@ class Store:
     def prune(
         self, max_bytes: int | None = None, older_than: float | None = None, damaged: bool = False
     ) -> tuple[list[Entry], int]:
-        """Delete what killed processes left behind, and runs that are not wanted any more.
+        """Delete unfinished files of killed processes, and runs that exceed the given limits.
 
         Args:
-            max_bytes: delete those used least recently until the others fit into so many bytes.
-            older_than: delete those not used for so many days.
+            max_bytes: delete the least recently used runs until the others fit into this number of
+                bytes.
+            older_than: delete runs not used for this number of days.
             damaged: delete files that are damaged, or records of another version.
 
         Returns:
-            What was deleted, and the number of unfinished files.
+            The deleted files, and the number of unfinished files.
         """
         if self.folder is None:
             return [], 0
@@ -290,5 +293,5 @@ class Store:
 
         for path in self.folder.glob(f".*{LOCK}"):
             with suppress(OSError), FileLock(path, timeout=0, fallback_to_soft=False):
-                path.unlink()  # nobody holds it
+                path.unlink()  # no process holds it
         return gone, clean_drafts(self.folder)

@@ -1,4 +1,4 @@
-"""A sweep: one scene, and the points at which some of its fields or options are varied.
+"""A sweep: one scene, and the points at which some of its fields or options take other values.
 
     sweep = Sweep.from_toml("sweep.toml")
     print(sweep.estimate())
@@ -11,9 +11,9 @@
 A file of a sweep (docs/sweeps.md) is TOML with the entries `ENTRIES`. Numbers are in SI, and text
 has its unit.
 
-A grid takes all combinations, a list the first values of all fields, then the second ones, and so
-on. The others draw `n` points from ranges, with a `seed`; `scale = "log"` makes a range even in its
-logarithm, and `step` keeps to multiples of a step.
+"grid" takes all combinations. "list" takes the first values of all fields, then the second values,
+and so on. The other kinds draw `n` points from ranges, with a `seed`. `scale = "log"` makes a range
+even in its logarithm. `step` rounds drawn values to steps from the start of the range.
 """
 
 from __future__ import annotations
@@ -65,11 +65,11 @@ RANGE = (*NAMES, "n", "scale")
 
 Kind = Literal["grid", "list", "random", "sobol", "halton", "latin"]
 ASKED = 5
-"""The cost of a sweep is that of so many of its points, on average."""
+"""Number of points from whose mean cost the cost of a sweep is estimated."""
 
 
 class Estimate(NamedTuple):
-    """What a sweep comes to: points, those refused and finished, and what the others take."""
+    """Numbers of points, of refused and of finished ones, and the cost of the others."""
 
     points: int
     refused: int
@@ -90,9 +90,9 @@ class Sweep(Shown):
     """One scene at many points.
 
     Args:
-        scene: what is varied. Of a preset that is named, each point is `preset(name, values)`, so
-            that what follows from l or L in it follows at each point. Of a `Scene` or a file, only
-            the fields in `over` change.
+        scene: the varied scene. With the name of a preset, each point is `preset(name, values)`, so
+            that values which the preset derives from l or L change with them. With a `Scene` or a
+            file, only the fields in `over` change.
         t_end: time of the end, in s or as "300 ms".
         over: a mapping from names to lists of values, in SI or as "5 mm", or to a `Span`; or a
             DataFrame with a row for each point. Names are fields of a scene file ("driver.h", "h",
@@ -100,9 +100,10 @@ class Sweep(Shown):
         points: "grid", "list", "random", "sobol", "halton" or "latin"; see the module.
         n: number of points that are drawn.
         seed: seed of drawn points; the same seed gives the same points.
-        options: options of all runs, as `Options` or a mapping. Planned ones share a verification
+        options: options of all runs, as `Options` or a mapping. Planned runs share a verification
             (`Shared`) unless `verify` says otherwise.
-        max_hours, max_GB: a sweep with a larger estimate is refused; None means no limit.
+        max_hours, max_GB: limits of the estimate, beyond which the sweep is refused; None means no
+            limit.
 
     Raises:
         SceneError: an argument is refused.
@@ -207,7 +208,7 @@ class Sweep(Shown):
 
     @functools.cached_property
     def jobs(self) -> tuple[Job | SceneError, ...]:
-        """The job of each point, or why it is refused."""
+        """The job of each point, or the reason why it is refused."""
         return tuple(map(self.job, range(len(self.rows))))
 
     @functools.cached_property
@@ -215,7 +216,7 @@ class Sweep(Shown):
         return self.rows.to_dict("records")
 
     def job(self, point: int) -> Job | SceneError:
-        """Return the job of a point, counted from 0, or why it is refused."""
+        """Return the job of a point, counted from 0, or the reason why it is refused."""
         if "jobs" in self.__dict__:
             return self.jobs[point]
         values = dict(self._records[point])
@@ -235,7 +236,7 @@ class Sweep(Shown):
 
     @property
     def in_order(self) -> list[Job]:
-        """The jobs that are not refused, those with many blocks first."""
+        """The jobs that are not refused, with most blocks first."""
         jobs = [job for job in self.jobs if isinstance(job, Job)]
         return sorted(jobs, key=lambda job: -job.scene.N_x * job.scene.N_z)
 
@@ -266,14 +267,14 @@ class Sweep(Shown):
         return Results(self, tuple(outcomes))
 
     def run(self, cache: Cache = True, **how: Any) -> Results:
-        """Run all points that are not finished, those with many blocks first.
+        """Run all points that are not finished, with most blocks first.
 
         Args:
             cache: as in `run_all`.
             **how: workers, progress and executor of `run_all`.
 
         Raises:
-            SceneError: an argument is refused, or the estimate is beyond a limit.
+            SceneError: an argument is refused, or the estimate exceeds a limit.
             KeyboardInterrupt: after Ctrl-C; finished runs are kept, and the next call goes on.
         """
         if self.max_hours is not None or self.max_GB is not None:
@@ -305,14 +306,14 @@ class Sweep(Shown):
         Args:
             columns: numbers of each run, names in `pyfric.RUN_COLUMNS`; None means all.
             events: columns of events, for a table of the events of all runs.
-            cache: as in `run_all`; of sequences in the core, parts of the table are kept.
+            cache: as in `run_all`. For sequences in the core, parts of the table are stored.
             threads: largest number of threads of the core; results do not depend on it.
             progress: as in `run_all`.
             **how: workers and executor of `run_all`, for other runs.
 
         Raises:
             SceneError: an argument is refused.
-            KeyboardInterrupt: after Ctrl-C; what was finished is kept, and the next call goes on.
+            KeyboardInterrupt: after Ctrl-C; finished parts are kept, and the next call goes on.
         """
         return measured(self, columns, events, cache, threads, progress, how)
 
@@ -321,7 +322,7 @@ class Sweep(Shown):
         """Return the sweep that a file describes.
 
         Raises:
-            SceneError: it cannot be read, or a value is refused.
+            SceneError: the file cannot be read, or a value is refused.
         """
         if not isinstance(path, str | os.PathLike):
             raise SceneError("sweep", path, "", "the path of a sweep file")
@@ -329,7 +330,7 @@ class Sweep(Shown):
 
 
 def _cost(job: Job, share: float) -> np.ndarray:
-    """Return the expected time (s) and size (bytes) of a job, whose errors this share measures."""
+    """Return the expected time (s) and size (bytes) of a job, if a share of jobs is verified."""
     whole = np.array(expected_cost(job.scene, job.t_end, job.options))
     if job.options.verify != "shared":
         return whole
@@ -339,7 +340,7 @@ def _cost(job: Job, share: float) -> np.ndarray:
 
 
 def _as_in_scene(value: Any, mark: Annotation) -> Any:
-    """Return a value as the scene will have it; what it refuses is left to the point."""
+    """Return a value as the scene stores it; a value that it refuses is returned unchanged."""
     value = value.item() if isinstance(value, np.generic) else value
     try:
         return mark.check(value)
@@ -354,7 +355,7 @@ def _read(path: Path) -> dict[str, Any]:
     """Return the arguments of the `Sweep` that a file describes.
 
     Raises:
-        SceneError: it cannot be read, or a value is refused.
+        SceneError: the file cannot be read, or a value is refused.
     """
     document, folder = parsed(path, "sweep")
     if "slider" in document:
@@ -375,7 +376,7 @@ def _read(path: Path) -> dict[str, Any]:
         scene = Scene.from_toml(tomli_w.dumps(scene) + "\n", files=folder)
     else:
         raise SceneError("scene", scene, "", "a preset, a scene file or a table [scene]")
-    free = {"gt": None, "ge": None, "le": None}  # what is out of range is refused at its point
+    free = {"gt": None, "ge": None, "le": None}  # a value out of range is refused at its point
     marks = {
         name: dataclasses.replace(mark, **free) if isinstance(mark, Quantity) else mark
         for name, mark in varied(scene).items()
@@ -384,7 +385,7 @@ def _read(path: Path) -> dict[str, Any]:
     def read(name: str, value: Any, field: str = "") -> Any:
         """Return a value of the file, in SI."""
         if name not in marks or value == "auto":
-            return value  # what is unknown is refused where it is used
+            return value  # an unknown name is refused later
         with naming(field or name):
             return marks[name].check(value, Written(value, folder))
 
@@ -404,7 +405,7 @@ def _check_keys(prefix: str, table: Mapping[str, Any], known: tuple[str, ...]) -
 
 
 def _over(table: Mapping[str, Any], scene: SceneLike, read: Callable[..., Any]) -> dict[str, Any]:
-    """Return what varies: lists of values and ranges in SI; all else is refused by `Sweep`."""
+    """Return the varied lists of values and ranges, in SI; `Sweep` refuses anything else."""
     over = _flat(table)
     for given, value in over.items():
         name = full_field(scene, given, value)

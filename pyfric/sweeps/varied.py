@@ -17,10 +17,10 @@ from pyfric.sweeps.runs import OPTIONS
 from pyfric.values import Annotation, Quantity, SceneError, check_number, check_whole, naming
 
 MAX_POINTS = 1_000_000
-"""Most points of a sweep."""
+"""Largest number of points of a sweep."""
 Scale = Literal["linear", "log"]
 SEQUENCES = {"sobol": "Sobol", "halton": "Halton", "latin": "LatinHypercube"}
-"""Classes of `scipy.stats.qmc`, which is slow to import: first use imports it."""
+"""Classes of `scipy.stats.qmc`, which is slow to import and so is imported at first use."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +28,7 @@ class Span:
     """A range: n values in a grid or list, or the range of drawn points.
 
     Args:
-        start, stop: its ends, in SI or as text such as "5 mm", the lower one first. Text is read
+        start, stop: its ends, in SI or as text such as "5 mm", the lower end first. Text is read
             with the unit of the field that varies.
         n: number of values in a grid or list, ends included, at least 2; None with a step.
         step: distance of the values from `start` on; drawn values are rounded to them. If ends and
@@ -80,7 +80,8 @@ class Span:
         """Return the values in a grid or list.
 
         Raises:
-            SceneError: there are too many, or neither n nor step says how many; it has this name.
+            SceneError: there are too many values, or neither n nor step is given. The error has
+                this name.
         """
         if self.step is not None:
             count = self._steps() + 1
@@ -125,7 +126,7 @@ def _short(value: float) -> float:
 
 
 def drawn(spans: Sequence[Span], kind: str, n: int, seed: int) -> list[list[float]]:
-    """Return n points with a value in each range: "random", or a kind of `SEQUENCES`."""
+    """Return n points with a value in each range, drawn as "random" or by one of `SEQUENCES`."""
     rng = np.random.default_rng(seed)
     if kind == "random":
         shares = rng.random((n, len(spans)))
@@ -138,7 +139,7 @@ def drawn(spans: Sequence[Span], kind: str, n: int, seed: int) -> list[list[floa
 
 
 def varied(scene: SceneLike) -> dict[str, Annotation]:
-    """Return all that may vary, with annotations; those of options are of their numbers only."""
+    """Return all that may vary, with annotations, which are empty for options without a unit."""
     marks = {name: Options.declared()[name].mark for name in OPTIONS}
     options = {
         f"options.{name}": Quantity(mark.unit) if isinstance(mark, Quantity) else Annotation()

@@ -1,9 +1,9 @@
-"""Processes that work for this one: one that dies takes only its job along, and all end with it.
+"""Worker processes. If a worker dies, only its job is lost; all workers end with this process.
 
-Each worker is a `ProcessPoolExecutor` of one spawned process, so that it is known which job a
-process took along. It never sees the signals that end a command: it inherits a mask that blocks
-them. It holds one end of a pipe whose other end only this process has. When that closes, because
-this process is gone, however it went, the worker ends too.
+Each worker is a `ProcessPoolExecutor` of one spawned process, so that the job of a dead process is
+known. A worker inherits a mask that blocks the signals that end a command. Each worker holds one
+end of a pipe; only this process has the other end. When this process ends, for any reason, the pipe
+closes and the worker ends, too.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Workers(Executor):
 
     @held_back()
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = True) -> None:
-        self._speaks.close()  # ends a process that is just being started
+        self._speaks.close()  # ends a process that is still starting
         for process in [process for worker in self._workers for process in worker.processes]:
             if process.pid is not None:
                 process.kill()
@@ -71,13 +71,13 @@ class Workers(Executor):
 
 
 class _Worker(SpawnContext):
-    """A pool of one process, and the context that makes its processes, which it remembers."""
+    """A pool of one process, and the context that makes its processes and remembers them."""
 
     def __init__(self, hears: Connection) -> None:
         self.processes: list[BaseProcess] = []
         self.pool = ProcessPoolExecutor(1, self, _begin, (hears,))
-        # In this thread, which starts the process; its tracker of resources has just been started,
-        # after which Python unblocks SIGINT and SIGTERM.
+        # Signals are blocked in this thread, which starts the process. Starting the tracker of
+        # resources, just before, has unblocked SIGINT and SIGTERM.
         signal.pthread_sigmask(signal.SIG_BLOCK, set(SIGNALS) - {signal.SIGXCPU})
 
     def Process(self, *args: Any, **kwargs: Any) -> BaseProcess:
@@ -87,9 +87,9 @@ class _Worker(SpawnContext):
 
 
 class _WithoutScript(SpawnProcess):
-    """A process that does not run the script of this one: it needs no ``__main__``.
+    """A process that does not run the script of its parent, because it needs no ``__main__``.
 
-    Python would run it again, from its first line on, whether its calls are guarded or not.
+    By default Python would run the script again, with or without a guard on ``__name__``.
     """
 
     @staticmethod
@@ -97,7 +97,7 @@ class _WithoutScript(SpawnProcess):
         main = sys.modules["__main__"]
         with _STARTING:
             own = main.__spec__
-            main.__spec__ = ModuleSpec("__main__", None)  # which a spawned process leaves alone
+            main.__spec__ = ModuleSpec("__main__", None)  # not run by a spawned process
             try:
                 return SpawnProcess._Popen(process)
             finally:
@@ -108,7 +108,7 @@ _STARTING = threading.Lock()
 
 
 class InThisProcess(Executor):
-    """Makes each call where its result is asked for."""
+    """An executor that makes each call in this process, when its result is requested."""
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Any:
         def result(timeout: float | None = None) -> Any:
@@ -124,6 +124,6 @@ def _begin(hears: Connection) -> None:
 
 
 def _leave(hears: Connection) -> None:
-    """End this process with the one that it works for."""
+    """End this process when its parent ends."""
     hears.poll(None)
     os._exit(1)

@@ -1,4 +1,4 @@
-"""What theory says about fronts: wave speeds, fracture mechanics, the exact chain.
+"""Theory of fronts: wave speeds, fracture mechanics, the exact chain.
 
 Every function raises ValueError if a value is out of range.
 """

@@ -2,31 +2,31 @@
 
 Units: lattice constant l = 1, long-wave speed c = l sqrt(k/m) = 1. A block slips as soon as the
 force of its springs and dashpots reaches the static threshold. `eta` is the bond viscosity.
-`alpha` is the viscosity of a force -alpha v on every sliding block. Both are over sqrt(k m).
-tau_bar is the uniform scaled prestress (tau/p - mu_k)/(mu_s - mu_k).
+`alpha` is the viscosity of a force -alpha v on every sliding block. Both viscosities are over
+sqrt(k m). tau_bar is the uniform scaled prestress (tau/p - mu_k)/(mu_s - mu_k).
 
 In the frame of the front the Fourier transform leads to a Wiener-Hopf problem with the kernel
 
     kappa(q) = [v^2 q^2 + i alpha v q - 4 sin^2(q/2) (1 - i eta v q)]/[v q (v q + i alpha)],
 
-Im kappa >= 0 for q > 0, and kappa -> 1 for q -> inf. Its factor at q = 0 is tau_bar:
+Im kappa >= 0 for q > 0, and kappa -> 1 for q -> inf. The factor of kappa at q = 0 is tau_bar:
 
     tau_bar = exp(-(1/pi) integral_0^inf arg kappa dq/q)           alpha > 0,
     tau_bar = sqrt(1 - 1/v^2) times the same                       alpha = 0, v > 1.
 
-For alpha = 0 and eta = 1, kappa = (1 - A(q)/(i v q))(1 - A(-q)/(i v q)) with A = 1 - exp(i q), each
-factor without zeros in its half plane, as |A| <= |q| there: tau_bar = 1 - 1/v. For
-alpha = eta = 0 the argument vanishes: tau_bar = sqrt(1 - 1/v^2).
+For alpha = 0 and eta = 1, kappa = (1 - A(q)/(i v q))(1 - A(-q)/(i v q)) with A = 1 - exp(i q). The
+factors have no zeros in their half planes, because |A| <= |q| there. Hence tau_bar = 1 - 1/v. For
+alpha = eta = 0 the argument of kappa vanishes, and tau_bar = sqrt(1 - 1/v^2).
 
-tau_bar rises with v in all cases tried, so that its inverse is unique. Where sliding is overdamped,
-v << alpha, inertia drops out and tau_bar depends on w = alpha v alone:
+tau_bar rises with v in all tested cases, so that its inverse is unique. Where sliding is
+overdamped, v << alpha, inertia drops out and tau_bar depends on w = alpha v alone:
 
     tau_bar = exp(-(1/pi) integral_0^inf arg[1 + 4 i sin^2(q/2)/(w q)] dq/q).
 
-All formulas take for granted that a steady front exists, and that blocks behind it go on sliding.
-A front starts by itself, without inertia, from 1/tau_bar - 1 released blocks on. Whether it stays
-must be seen in a run: chains with little viscosity and little prestress arrest,
-or alternate between arrest and propagation (`Record.rupture_class`), although a speed exists.
+All formulas assume a steady front, behind which blocks go on sliding. Without inertia, a front
+starts by itself once 1/tau_bar - 1 blocks are released. Only a run shows whether a front persists.
+With little viscosity and little prestress it arrests, or alternates between arrest and propagation
+(`Record.rupture_class`), although the formulas give a speed.
 
 Source: derived here (Wiener-Hopf), after L. I. Slepyan, Models and Phenomena in Fracture Mechanics
 (2002).
@@ -55,7 +55,7 @@ SLOWEST_OVERDAMPED, FASTEST_OVERDAMPED = 1e-8, 1e4
 
 _FAR = 200.0  # v q from which the tail is expanded, for eta, alpha <= 1
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
-_PERIODS = 64  # of q, integrated one by one before those beyond are averaged
+_PERIODS = 64  # number of periods of q that are integrated one by one
 _DAMPED = 50.0  # (alpha + 4 eta)/v from which waves with v q of order one leave exp(-25) or less
 _HARMONICS = np.arange(1.0, 4001.0)
 
@@ -79,7 +79,7 @@ def chain_prestress(v: ArrayLike, alpha: float = 0.0, eta: float = 0.0) -> np.nd
 def chain_speed(tau_bar: ArrayLike, alpha: float = 0.0, eta: float = 0.0) -> np.ndarray:
     """Return the speed of a steady front, in c: the inverse of `chain_prestress`.
 
-    Such a front need not start or stay: `Record.rupture_class` tells from a run.
+    Such a front need not start or persist. `Record.rupture_class` classifies the front of a run.
 
     Args:
         tau_bar: scaled prestress, between 0 and 1, any shape.
@@ -117,8 +117,8 @@ def chain_speed_overdamped(tau_bar: ArrayLike, alpha: float) -> np.ndarray:
 
     Args:
         tau_bar: scaled prestress, between 0 and 1, any shape.
-        alpha: absolute viscosity in sqrt(k m), > 0. The limit is that of v << alpha: at
-            v = 0.1 alpha the true speed differs by about 1 %.
+        alpha: absolute viscosity in sqrt(k m), > 0. The formula holds for v << alpha. At v = 0.1
+            alpha the true speed differs by about 1 %.
     """
     tau_bar = checked_array("tau_bar", tau_bar, gt=0, lt=1)
     alpha = checked("alpha", alpha, "sqrt(k m)", gt=0)
@@ -217,8 +217,9 @@ def _beyond(W: Callable[[float], complex], dW: Callable[[float], complex], v: fl
     """Return the integral of arg kappa / q from `_PERIODS` periods of q on, to 1e-10.
 
     kappa = 1 - 4 sin^2(q/2) W(u), u = v q, is C (1 - r exp(i q))(1 - r exp(-i q)) with
-    C = ((1 + z)/2)^2, r = (z - 1)/(z + 1), z = sqrt(1 - 4 W). Its mean over a period is arg C;
-    what swings about it leaves 2 v^2 d/du [Im Li_3(r)/u] at the begin, and terms of v^4.
+    C = ((1 + z)/2)^2, r = (z - 1)/(z + 1), z = sqrt(1 - 4 W). The mean of its argument over a
+    period is arg C. The oscillation about this mean adds 2 v^2 d/du [Im Li_3(r)/u] at `begin`, and
+    terms of v^4.
     """
     begin = 2 * np.pi * _PERIODS * v
 

@@ -8,13 +8,14 @@ both sides, v < c_R. With r = (c_S/c_P)^2, E' = `Material.E_prime` and
 
 the energy that flows into each tip is G = A_II k_II^2 K_II^2/E', where K_II is the static stress
 intensity, k_II(v) the ratio of dynamic to static, A_II(v) the energy per stress intensity, and
-g_II = A_II k_II^2. The front obeys G = Gamma. k_II is that of the self-similar crack: it is exact
-for a uniform stress drop and constant speed; elsewhere the equation of motion is an approximation.
+g_II = A_II k_II^2. The front obeys G = Gamma. k_II is the function of the self-similar crack, which
+is exact for a uniform stress drop and constant speed. In all other cases the equation of motion is
+an approximation.
 
-**One body or two.** The plane crack is a problem of two bodies: their relative slip is 2 u, where
-one body on a rigid plane slips by u. ``bodies = 1`` is that half: per body, G and Gamma are half of
-those of the two, and d_c is half of the D_c of the two. The slider of this package is one body.
-Functions that take Gamma or d_c take them in the convention of ``bodies``.
+**One body or two.** The crack above lies between two bodies. By symmetry each body moves like one
+body on a rigid plane, with half of the relative slip. For one body (``bodies = 1``) G, Gamma and
+d_c are half of their values for two bodies. The slider of this package is one body. Functions take
+Gamma and d_c in the convention of ``bodies``.
 
 Source: L. B. Freund, Dynamic Fracture Mechanics (1990), chapters 5 to 7 (A_II, k_II after Burridge
 and Willis 1969, Kostrov 1964); A. C. Palmer and J. R. Rice, Proc. R. Soc. A 332, 527 (1973);
@@ -42,7 +43,7 @@ ACCURACY = 1e-8
 """Largest error accepted from the quadrature of a stress drop, over its largest value."""
 
 ANDREWS_S = 1.77
-"""In two dimensions a crack can become supershear only where S is below this (Andrews 1985)."""
+"""In two dimensions a crack can become supershear only if S is below this (Andrews 1985)."""
 
 # Trapezoidal rule in y = ln(v x), which is exponentially accurate: the integrand of I is analytic
 # for |Im y| < pi/2 and falls as exp(-|y|).
@@ -71,9 +72,10 @@ def D(material: Material, v: ArrayLike) -> np.ndarray:
 
 
 def A_II(material: Material, v: ArrayLike) -> np.ndarray:
-    """Return A_II = v^2 alpha_s/((1 - nu) c_S^2 D), nu of plane strain: 1 at rest, infinite at c_R.
+    """Return A_II = v^2 alpha_s/((1 - nu) c_S^2 D), with nu of plane strain.
 
-    1/(1 - nu) = 2 (1 - c_S^2/c_P^2), in plane stress 1 + nu.
+    A_II is 1 at rest and infinite at c_R. 1/(1 - nu) is 2 (1 - c_S^2/c_P^2). With nu of plane
+    stress this factor is 1 + nu.
 
     Args:
         v: front speed, m/s, any shape, 0 to c_R (not included).
@@ -102,7 +104,7 @@ def I_v(material: Material, v: ArrayLike) -> np.ndarray:
 def k_II(material: Material, v: ArrayLike) -> np.ndarray:
     """Return k_II = -I R(1/v) v c_S^2/sqrt(v^-2 - c_S^-2): dynamic over static K_II.
 
-    1 at rest, 0 at c_R; v as in `I_v`.
+    k_II is 1 at rest and 0 at c_R. v is as in `I_v`.
 
     Source: Freund (1990), chapter 6, with R(1/v) = -D/v^4.
     """
@@ -114,7 +116,7 @@ def k_II(material: Material, v: ArrayLike) -> np.ndarray:
 def g_II(material: Material, v: ArrayLike) -> np.ndarray:
     """Return g_II = A_II k_II^2, dynamic over static energy release rate: 1 at rest, 0 at c_R.
 
-    It falls with v, which is as in `I_v`.
+    g_II falls with v. v is as in `I_v`.
     """
     return _g(_xi(material, v, material.c_R), material.r)[()]
 
@@ -137,11 +139,11 @@ def stress_intensity(
         breaks: distances t > 0 at which the function jumps or has a kink, m.
 
     Returns:
-        K_II, in the shape of a; dtau sqrt(pi a) where dtau is uniform.
+        K_II, in the shape of a. For uniform dtau, K_II is dtau sqrt(pi a).
 
     Raises:
-        ValueError: a value is out of range, the function returns what is not a finite number, or
-            the quadrature does not reach `ACCURACY` (breaks are missing).
+        ValueError: a value is out of range, the function returns a value that is not finite, or the
+            quadrature does not reach `ACCURACY` (breaks are missing).
 
     Source: Freund (1990), chapter 6; H. Tada et al., The Stress Analysis of Cracks Handbook.
     """
@@ -177,7 +179,8 @@ def crack_length(
 ) -> np.ndarray:
     """Return the half length at which a crack under a uniform stress drop runs at v, m.
 
-    a = Gamma E'/(pi g_II(v) dtau^2), with Gamma of two bodies. At v = 0 it is the critical length.
+    a = Gamma E'/(pi g_II(v) dtau^2), with Gamma of two bodies. At v = 0 this is the critical
+    length.
 
     Args:
         v: front speed, m/s, 0 to c_R (not included), any shape.
@@ -208,7 +211,7 @@ def crack_speed(
 ) -> np.ndarray:
     """Return the front speed of a crack of half length a, m/s: the root of G(a, v) = Gamma.
 
-    It is 0 where the crack is too short to grow, or K_II <= 0.
+    The speed is 0 if the crack is too short to grow, or if K_II <= 0.
 
     Args:
         a: half length, m, any shape.
@@ -239,7 +242,8 @@ def crack_speed(
 def fracture_energy(mu_s: float, mu_k: float, p: ArrayLike, d_c: ArrayLike) -> np.ndarray:
     """Return Gamma = (mu_s - mu_k) p d_c/2 of linear slip weakening, J/m^2.
 
-    The d_c of `pyfric.Interface` gives the energy per body, D_c = 2 d_c that of both bodies.
+    d_c of `pyfric.Interface` gives the energy per body. D_c = 2 d_c gives the energy of both
+    bodies.
 
     Args:
         mu_s, mu_k: friction coefficients, mu_s >= mu_k >= 0.
@@ -310,7 +314,7 @@ def strength_excess(tau_p: ArrayLike, tau_0: ArrayLike, tau_r: ArrayLike) -> np.
 
 
 def _share(bodies: Bodies) -> float:
-    """The share of the two bodies' energy that goes by this convention."""
+    """Share of the two bodies' energy in the convention of `bodies`."""
     return choice("bodies", bodies, (1, 2)) / 2
 
 
@@ -325,7 +329,7 @@ def _xi(material: Material, v: ArrayLike, top: float, open_: bool = False) -> np
 
 
 def _positive(value: np.ndarray) -> np.ndarray:
-    """Keep a quantity that falls to 0 at c_R positive where rounding takes it across."""
+    """Return a quantity that is 0 at c_R, without negative values due to rounding."""
     return np.maximum(value, np.finfo(float).eps ** 2)
 
 

@@ -1,4 +1,4 @@
-"""Checks of what the theory's functions are given; every refusal is a `ValueError`."""
+"""Checks of the arguments of theory functions; every refusal is a `ValueError`."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _LIMITS = {
 
 
 def refusal(field: str, value: Any, unit: str, allowed: str) -> ValueError:
-    """Return the error that says what was given, and what would be accepted."""
+    """Return the error that names the given value and the accepted values."""
     return ValueError(f"{field} = {value!r} {unit}".rstrip() + f"; allowed: {allowed}")
 
 
 def _has_unit(value: Any) -> bool:
-    """Whether a value is a quantity of a library of units, some of which are arrays of NumPy."""
+    """Whether a value is a quantity of a unit library; some of these are NumPy arrays."""
     names = ("magnitude", *("unit", "units") * isinstance(value, np.ndarray | np.generic))
     return any(hasattr(value, name) for name in names)
 
@@ -30,14 +30,14 @@ def checked_array(field: str, value: Any, unit: str = "", **limits: float) -> np
 
     Args:
         field: name used in the error.
-        value: what was given, any shape.
+        value: the given value, any shape.
         unit: SI unit used in the error.
-        limits: gt, ge, le, lt: >, >=, <=, <.
+        limits: gt, ge, le, lt for limits >, >=, <=, <.
 
     Raises:
-        ValueError: not real numbers, none, or one of them not finite or outside the limits. Text
-            and quantities of a library of units are refused: an array would drop the unit. So
-            are masked values: an array would show what the mask hides.
+        ValueError: a value is not a real number, not finite or outside the limits, or there is no
+            value. Text and quantities with units are refused, because an array would drop the unit.
+            Masked values are refused, because an array would ignore the mask.
     """
     if np.ma.is_masked(value):
         raise refusal(field, value, unit, "numbers without gaps: leave out or fill what is masked")
@@ -70,10 +70,10 @@ def checked(field: str, value: Any, unit: str = "", **limits: float) -> float:
 
 
 def choice(field: str, value: Any, allowed: tuple) -> Any:
-    """Return the value if it is one of those allowed.
+    """Return the value if it is allowed.
 
     Raises:
-        ValueError: it is not.
+        ValueError: the value is not allowed.
     """
     if isinstance(value, bool) or value not in allowed:
         raise refusal(field, value, "", " or ".join(map(repr, allowed)))
@@ -84,7 +84,7 @@ def same_shape(**arrays: np.ndarray) -> list[np.ndarray]:
     """Return the arrays broadcast against each other.
 
     Raises:
-        ValueError: their shapes do not fit.
+        ValueError: the shapes of the arrays do not fit.
     """
     try:
         return list(np.broadcast_arrays(*arrays.values()))

@@ -1,11 +1,12 @@
-"""Wave speeds of the lattice and of the continuum that it is at long wavelengths.
+"""Wave speeds of the lattice and of its continuum limit.
 
 The lattice has springs k along its sides and k/2 along its diagonals. Waves along x:
 
     m omega^2 = 6 k sin^2(q l/2)   longitudinal,      m omega^2 = 2 k sin^2(q l/2)   shear,
 
-so that at long wavelengths c_P = l sqrt(1.5 k/m) and c_S = l sqrt(0.5 k/m). In two dimensions it
-is a material with lambda = mu: Poisson's ratio is 1/3 in plane stress, 1/4 in plane strain.
+so that at long wavelengths c_P = l sqrt(1.5 k/m) and c_S = l sqrt(0.5 k/m). In two dimensions the
+lattice is a material with lambda = mu. Its Poisson's ratio is 1/3 in plane stress and 1/4 in plane
+strain.
 
 Source: PRL 107, 074301 (2011), model section; L. B. Freund, Dynamic Fracture Mechanics (1990).
 """
@@ -77,9 +78,10 @@ def density_factor(N_x: int, N_z: int) -> float:
     """Return the density correction factor N_x N_z/((N_x - 1)(N_z - 1)).
 
     A slider of mass M and size L H has N_x N_z blocks of mass m = M/(N_x N_z), but only
-    (N_x - 1)(N_z - 1) cells of area l^2. The density of the lattice is m/(l^2 B). That of the
-    slider, M/(L H B), is larger by this factor. Waves in a continuum of the slider's density are
-    slower by the root of it (1677 instead of 1720 m/s for the paper's setup 1).
+    (N_x - 1)(N_z - 1) cells of area l^2. The density of the lattice is m/(l^2 B). The density of
+    the slider, M/(L H B), is larger by the density correction factor. Waves in a continuum of the
+    slider's density are slower by the root of this factor (1677 instead of 1720 m/s in setup 1 of
+    the paper).
 
     Args:
         N_x, N_z: numbers of blocks, whole and at least 2.
@@ -125,8 +127,8 @@ def rayleigh_speed(c_P: float, c_S: float) -> float:
 class Material:
     """An isotropic elastic material in two dimensions.
 
-    The speeds decide everything in the plane: plane stress with nu and plane strain with
-    nu/(1 + nu) are the same problem.
+    Only the speeds matter in the plane: plane stress with nu and plane strain with nu/(1 + nu) are
+    the same problem.
 
     Args:
         c_P: longitudinal speed of plane waves in the plane, m/s; of a thin plate (plane stress) or

@@ -1,4 +1,4 @@
-"""This build: what it is, and whether it is right."""
+"""Information on this build, and checks of it."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ def size(tell: Tell) -> None:
 @click.option("--damaged", is_flag=True, help="Damaged, or of another version.")
 @telling
 def prune(older_than: float | None, most: float | None, damaged: bool, tell: Tell) -> None:
-    """Delete what killed processes left behind, and the runs named by the options."""
+    """Delete unfinished files of killed processes, and the runs that the options select."""
     from pyfric.values import check_number
 
     for name, value in (("older-than", older_than), ("most", most)):
@@ -87,7 +87,7 @@ def _store() -> Store:
 
 
 def _row(entry: Entry) -> dict[str, Any]:
-    """Return what there is to say about a file."""
+    """Return the entries of a file in the list."""
     row: dict[str, Any] = {"key": entry.path.stem, "bytes": entry.size, "used": entry.used}
     found = entry.read()
     if isinstance(found, str):

@@ -143,10 +143,10 @@ def spacetime(
 def _run_of(
     source: str, event: int, tell: Tell, t_end: float | None, changes: tuple[str, ...]
 ) -> Record:
-    """Return the record in a file, or that of a scene; say by which method it was made.
+    """Return the record in a file, or of a scene; print its method.
 
     Raises:
-        SceneError: it has no such event.
+        SceneError: the record has no such event.
     """
     import pyfric
 

@@ -1,4 +1,4 @@
-"""Measurements: fit a scene to a curve, and see what its parameters change."""
+"""Measurements: fit a scene to a curve, and show the effects of its parameters."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _pairs(name: str, texts: tuple[str, ...], form: str) -> dict[str, str]:
     """Return NAME=VALUE as a dict.
 
     Raises:
-        click.UsageError: no = in one of them.
+        click.UsageError: an entry has no "=".
     """
     pairs = [text.partition("=") for text in texts]
     if wrong := next(
@@ -91,7 +91,7 @@ def _valid(texts: tuple[str, ...]) -> dict[str, tuple[float | str, float | str]]
 
 
 def _plain(text: str) -> float | str:
-    """Return a number, or a quantity as it is."""
+    """Return text as a number if it is one, otherwise unchanged."""
     try:
         return float(text)
     except ValueError:

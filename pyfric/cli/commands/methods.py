@@ -1,4 +1,4 @@
-"""Methods: error and cost, stable steps, and where they fail."""
+"""Methods: their error and cost, stable steps, and limits."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def stability(scene: str, budget: float, changes: tuple[str, ...], out: Path, te
 
 
 def _tell(made: Any, table: pd.DataFrame, stem: Path, tell: Tell) -> None:
-    """Tell a table and save its figure, whose files are told to nobody."""
+    """Print a table, and save its figure without printing the names of its files."""
     save_figure(made.figure(table), stem, command_line(), Tell(quiet=True, as_json=False))
     tell.table(table, made.report)
 

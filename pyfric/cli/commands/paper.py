@@ -40,8 +40,8 @@ def reproduce(names: tuple[str, ...], out: Path, tell: Tell, **how: Any) -> None
     """Make the figures of the paper from runs of the model: all, or those that you name.
 
     Each figure is PNG and PDF with its caption and data; index.html shows all figures. Runs are
-    made in parallel. Finished runs are kept and used again (see `pyfric cache`). They are in the
-    user's cache folder, or in the folder that PYFRIC_CACHE names.
+    made in parallel. Finished runs are kept and used again (see `pyfric cache`). Kept runs are in
+    the user's cache folder, or in the folder that PYFRIC_CACHE names.
     """
     from pyfric.paper import reproduce
 
@@ -59,8 +59,8 @@ def reproduce(names: tuple[str, ...], out: Path, tell: Tell, **how: Any) -> None
 def claims(numbers: tuple[str, ...], out: Path | None, tell: Tell, **how: Any) -> None:
     """Measure the claims of the paper: all, or those that you name (1 to 16, E1 to E10, 3a).
 
-    A value outside its band is a miss. It stays in the table, and the exit code is still 0. If the
-    page of `pyfric reproduce` is in --out, this page shows the claims, too.
+    A value outside its band is a miss. A miss stays in the table, and the exit code is still 0. If
+    the page of `pyfric reproduce` is in --out, this page shows the claims, too.
     """
     from pyfric.paper import claims, write_index
 
@@ -75,7 +75,7 @@ def claims(numbers: tuple[str, ...], out: Path | None, tell: Tell, **how: Any) -
 
 
 class CaseName(click.ParamType):
-    """The name of a case. Shells complete it."""
+    """The name of a case, which shells can complete."""
 
     name = "case"
 
@@ -103,7 +103,7 @@ class CaseName(click.ParamType):
 @running
 @telling
 def case(names: tuple[str, ...], every: bool, out: Path, tell: Tell, **how: Any) -> None:
-    """Try what others published: the cases that you name, or all. Without a name, list them.
+    """Reproduce published results: the cases that you name, or all. Without a name, list them.
 
     Each case has a number or a trend with its target, and a figure. A value outside its band is a
     miss, and the exit code is still 0. index.html in --out shows the cases of the folder, misses

@@ -159,7 +159,7 @@ def run(
         record, files = _run(what, t_end, before, out, tell.progress, how)
     if record.done and not asked_to_stop():
         if figure is not None:
-            from pyfric import figures  # takes its time, and so after the record is saved
+            from pyfric import figures  # slow to import, so only after the record is saved
 
             files += figures.save_figure(figures.fig1b(record), figure)
         files += [] if csv is None else record.to_csv(csv)
@@ -178,7 +178,7 @@ def _run(
     progress: bool,
     how: dict[str, Any],
 ) -> tuple[Record, list[Path]]:
-    """Return the record and its file; once the run has ended, Ctrl-C does not prevent the save."""
+    """Return the record and its file. After the run, Ctrl-C no longer prevents the save."""
     from pyfric.signals import saved_first
 
     files: list[Path] = []
@@ -197,9 +197,9 @@ def _run(
 
 
 def _saved(record: Record, out: Path) -> Path:
-    """Write the record; where that fails, write it elsewhere, say where, and stop."""
+    """Write the record. If this fails, write it elsewhere, print the place, and stop."""
     try:
-        return record.save(out, overwrite=True)  # the command has asked
+        return record.save(out, overwrite=True)  # the command has checked overwriting
     except OSError as error:
         with contextlib.suppress(OSError):
             path = record.save(Path(tempfile.gettempdir(), f"{out.stem}-{secrets.token_hex(4)}.nc"))
@@ -208,7 +208,7 @@ def _saved(record: Record, out: Path) -> Path:
 
 
 def _hint(scene: str, changes: tuple[str, ...], t_end: float, out: Path | None) -> str:
-    """How to go on after a run that is not complete."""
+    """Return the command that continues an incomplete run."""
     if out is None:
         return "nothing was saved, because there is no --out"
     arguments = ["pyfric", "run", scene, *(f"--set={change}" for change in changes)]
@@ -237,7 +237,7 @@ def _simulate(
     import pyfric
 
     if out is not None:
-        import h5py  # noqa: F401  # slow to import: not for after Ctrl-C
+        import h5py  # noqa: F401  # slow to import, and needed after Ctrl-C
     how = {"initial": initial, "progress": progress, "checkpoint": out, **how}
     try:
         return pyfric.simulate(scene, t_end, **how)

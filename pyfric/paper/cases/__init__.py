@@ -1,11 +1,12 @@
-"""What others published, tried: one file for each, `pyfric case NAME`.
+"""Published results of other models, reproduced: one module for each, `pyfric case NAME`.
 
     for result in pyfric.cases.run(["chain_fronts"]):
         print(result)
 
-A case has a source, a number or trend with its target band, a figure, and changed scenes on which
-it has to miss. Parts of it are `pyfric.claims.Claim`. A new case is a function under `@case` in a
-module of its own, which the imports below name.
+A case has a source, a number or trend with its target band, and a figure. A case also has damages:
+changed scenes for which the number must be outside the band. Parts of a case are
+`pyfric.claims.Claim`. A new case is a function under `@case` in a module of its own, with an import
+below.
 """
 
 from pyfric.paper.cases import chain_fronts as chain_fronts

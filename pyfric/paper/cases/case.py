@@ -1,4 +1,4 @@
-"""What a case is: a published result, what is measured of it, and what makes it miss."""
+"""A case: a published result, its measured values, and damages for which it must miss."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ if TYPE_CHECKING:
 
 
 class Runner(Protocol):
-    """Makes runs, as `pyfric.run_all` does with its other arguments given."""
+    """Function that makes runs: `pyfric.run_all` with its other arguments given."""
 
     def __call__(self, jobs: Sequence[Job], /) -> list[Record]: ...
 
 
 class Found(NamedTuple):
-    """What a case found.
+    """The result of a case.
 
     Attributes:
-        parts: what was measured; their damages give other keywords of the case (`damage.given`).
-        draw: draws the figure.
+        parts: the measured values. Damages of parts are other keywords of the case
+            (`damage.given`).
+        draw: function that draws the figure.
     """
 
     parts: Sequence[Claim]
@@ -33,7 +34,7 @@ class Found(NamedTuple):
 
 
 Find = Callable[..., Found]
-"""Function of a `Runner`; its keywords, all with defaults, are what damages and tests change."""
+"""Function of a `Runner`. Damages and tests change its keywords, which all have defaults."""
 
 
 @dataclass(frozen=True)
@@ -41,13 +42,13 @@ class Case:
     """A published result.
 
     Attributes:
-        name: its name, that of the function.
-        title: what was published, in short.
+        name: its name, which is the name of the function.
+        title: the published result, in short.
         source: authors, journal, DOI.
-        target: "number", or "trend" where the source gives a direction only, or numbers of
-            another system.
-        seen: parameter -> where in the source it was seen, or why it was chosen.
-        find: measures it.
+        target: "number", or "trend" if the source gives only a direction, or numbers for another
+            system.
+        seen: parameter -> its place in the source, or the reason for its value.
+        find: function that measures it.
     """
 
     name: str
@@ -58,7 +59,7 @@ class Case:
     find: Find
 
     def tried(self, run: Runner) -> tuple[list[Claim], DataFigure]:
-        """Return the parts as measured, with their values when damaged, and the figure.
+        """Return the measured parts, with their damaged values, and the figure.
 
         Raises:
             ValueError: a part has no damage.
@@ -78,7 +79,7 @@ CASES: dict[str, Case] = {}
 def case(
     title: str, source: str, target: Literal["number", "trend"], seen: Mapping[str, str]
 ) -> Callable[[Find], Find]:
-    """Enter the function below as a case, under its own name; see `Case` for the arguments."""
+    """Register the decorated function as a case, under its own name; see `Case` for arguments."""
 
     def enter(find: Find) -> Find:
         name = find.__name__

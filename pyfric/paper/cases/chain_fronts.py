@@ -22,7 +22,7 @@ TYPES = ("arrested", "alternating", "pulse", "crack", "slow", "sub-Rayleigh", "s
 ALPHA = (0.01, 0.1, 0.3, 0.5456, 1.0, 3.0)
 TAU_BAR = (0.003, 0.02, 0.05, 0.1111, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9)
 BOTTOM = 3e-4
-"""Where the figure shows fronts that arrest, v/c."""
+"""v/c at which the figure shows fronts that arrest."""
 STEADY = {"alpha": (0.3, 1.0), "tau_bar": (0.35, 0.5, 0.65, 0.8, 0.9)}
 """Points whose fronts are steady after 100 blocks."""
 
@@ -44,7 +44,7 @@ def chain_fronts(
     tau_bar: tuple[float, ...] = TAU_BAR,
     eta: float = 0.0,
 ) -> Found:
-    """Fronts over prestress and viscosity; eta is a bond viscosity in sqrt(k m)."""
+    """Fronts as functions of prestress and viscosity; eta is a bond viscosity in sqrt(k m)."""
     points = [(a, b) for a in alpha for b in tau_bar]
     jobs = [_with_eta(chain_job(a, b), eta) for a, b in points]
     rows = [
@@ -90,14 +90,14 @@ def _class(record: Record) -> dict[str, Any]:
 
 
 def _with_eta(job: Job, eta: float) -> Job:
-    """The job with a bond viscosity in sqrt(k m)."""
+    """The job with a bond viscosity eta, in sqrt(k m)."""
     scene = job.scene
     eta *= float(np.sqrt(scene.slider.k * scene.m))
     return Job(scene.replace({"slider.eta": eta}), job.t_end, job.options)
 
 
 def _drawn(table: pd.DataFrame) -> DataFigure:
-    """Speed over prestress: runs by kind, and the exact speed of steady fronts."""
+    """Draw speed over prestress: runs by kind, and the exact speed of steady fronts."""
     fig, (axes,) = panels(3.0)
     colours = (BLACK, ORANGE, BLUE, PURPLE, VERMILION, GREEN)
     symbols = {"crack": "o", "pulse": "^", "alternating": "s", "arrested": "x"}

@@ -1,4 +1,4 @@
-"""Cases run by name: verdicts, files, and a page made from a folder of them."""
+"""Cases run by name: verdicts, files, and a page made from a folder of cases."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Result:
     """A case as measured.
 
     Attributes:
-        case: which case.
-        parts: what was measured, with bands and damages.
+        case: the case.
+        parts: the measured values, with bands and damages.
         figure: its figure.
         seconds: processor time of the case, its runs and damages included, s.
     """
@@ -49,7 +49,7 @@ class Result:
         return "holds" if all(part.holds for part in self.parts) else "misses"
 
     def as_dict(self) -> dict[str, Any]:
-        """Case, verdict and parts as JSON can hold them."""
+        """Case, verdict and parts as plain values for JSON."""
         about = vars(self.case) | {"seen": dict(self.case.seen)}
         del about["find"]
         own = {"verdict": self.verdict, "seconds": round(self.seconds, 1)}
@@ -120,7 +120,7 @@ def _result(case: Case, workers: Any, cache: Any, progress: Any) -> Result:
 
 
 def write_page(folder: str | os.PathLike[str]) -> Path:
-    """Write index.html from the cases that a folder holds, misses first, and return its path.
+    """Write index.html from the cases in a folder, misses first, and return its path.
 
     Raises:
         OSError: a file cannot be read or written.

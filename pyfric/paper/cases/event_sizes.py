@@ -23,7 +23,7 @@ ALPHA = (1.0, 1.5, 2.5)
 SIGMA, STIFFER = 0.01, 100.0
 F_0, K_P, M, V = 10.0, 1e5, 1e-3, 1e-9
 PERIODS = 4.0
-"""Length of a run over F_0/(k_p V)."""
+"""Duration of a run over F_0/(k_p V)."""
 
 
 @case(
@@ -42,7 +42,7 @@ PERIODS = 4.0
 def event_sizes(
     run: Runner, *, alpha: tuple[float, ...] = ALPHA, N: int = 80, periods: float = PERIODS
 ) -> Found:
-    """Exponent of sizes over the weakening; events of one block have one size only."""
+    """Exponent of event sizes as a function of weakening, without events of one block."""
     t_end = periods * F_0 / (K_P * V)
     options = {"fidelity": "hybrid", "switching": "step_end", "t_gap": 1e-3}
     jobs = [Job(_weakening(a, N), t_end, options) for a in alpha]
@@ -69,7 +69,7 @@ def event_sizes(
 
 
 def _weakening(alpha: float, N: int) -> Scene:
-    """The chain, with random stress of 0.88 to 0.98 of the strength at first."""
+    """The chain, with random initial stress of 0.88 to 0.98 of the strength."""
     v_0 = F_0 / np.sqrt(K_P * M)
     v = np.concatenate([[0.0], np.geomspace(1e-3, 10, 40)])
     factor = 1 / (1 + 2 * alpha * v / (1 - SIGMA))
@@ -99,7 +99,7 @@ def _sizes(record: Record) -> np.ndarray:
 
 
 def _drawn(table: pd.DataFrame, sizes: dict[float, np.ndarray]) -> DataFigure:
-    """Number of events at least as large, over potency."""
+    """Draw the number of events at least as large over potency."""
     fig, (axes,) = panels(2.6)
     for (a, size), colour in zip(sizes.items(), (BLACK, BLUE, VERMILION), strict=False):
         number = np.arange(size.size, 0, -1)

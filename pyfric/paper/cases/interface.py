@@ -1,12 +1,11 @@
-"""Slip that weakens friction under a half space: when it loses stability, from static stiffness.
+"""Stability of slip weakening under a half space, from static stiffness.
 
-Blocks of an interface that slip by u and lose w u of their friction are stable while K - w is
-positive definite, with K the stiffness of the slider where all other blocks of the interface are
-stuck. With the compliance C of the slipping blocks, this is: all eigenvalues of
-sqrt(w) C sqrt(w) are below 1.
+Blocks that slip by u lose w u of their friction. K is the stiffness of the slider with all other
+blocks of the interface stuck. Slip is stable while K - w is positive definite. In terms of the
+compliance C of the slipping blocks, all eigenvalues of sqrt(w) C sqrt(w) must be below 1.
 
 Source: M. Campillo, I. R. Ionescu, J. Geophys. Res. 102, 20363 (1997), for the eigenvalue problem;
-K. Uenishi, J. R. Rice, J. Geophys. Res. 108, 2042 (2003), for shear in plane and in antiplane.
+K. Uenishi, J. R. Rice, J. Geophys. Res. 108, 2042 (2003), for in-plane and antiplane shear.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
 def half_space(N_x: int, N_z: int, **fields: Any) -> Scene:
     """Return a slab of N_x by N_z blocks with held top; l = 1 m, k = 1 N/m, m = 1 kg, p = 1 N.
 
-    Its modulus in plane is G/(1 - nu) = 2 k/(3 l) (per unit thickness).
+    Its in-plane modulus is G/(1 - nu) = 2 k/(3 l) (per unit thickness).
     """
     own = {"L": N_x - 1.0, "H": N_z - 1.0, "l": 1.0, "k": 1.0, "M": float(N_x * N_z), "p": 1.0}
     own |= {"walls": Walls(top="held"), "name": "half space"}
@@ -35,7 +34,8 @@ def half_space(N_x: int, N_z: int, **fields: Any) -> Scene:
 
 
 MODULUS = 2 / 3
-"""G/(1 - nu) of the lattice in plane, times the thickness, over k. nu = 1/3 in plane stress."""
+"""In-plane modulus G/(1 - nu) of the lattice times the thickness, over k; nu = 1/3 (plane
+stress)."""
 
 
 def stiffness_of(scene: Scene) -> np.ndarray:
@@ -54,7 +54,7 @@ def slipping(K: np.ndarray, blocks: slice | Sequence[int], w: np.ndarray | float
 
     Args:
         K: stiffness of the interface, N/m.
-        blocks: those that slip, from 0; all others are stuck.
+        blocks: indices of slipping blocks, from 0; all others are stuck.
         w: force that each block loses per slip, shape (N_x,) or a number, N/m.
     """
     root = np.sqrt(np.broadcast_to(np.asarray(w, float), len(K)))[blocks]
@@ -66,10 +66,10 @@ def slipping(K: np.ndarray, blocks: slice | Sequence[int], w: np.ndarray | float
 def strength(K: np.ndarray, tau_p: np.ndarray, w: float) -> tuple[float, int]:
     """Return the uniform shear at which slow slip loses stability, and the blocks that slip then.
 
-    Uniform shear rises from 0. A block slips when the shear on it reaches its strength tau_p, and
-    loses w of it per slip (no lower end). The slips u of the blocks that slip follow from
-    (K - w) u = tau - tau_p, as long as K - w is positive definite there; without that the slider is
-    no longer at rest.
+    Uniform shear rises from 0. A block slips when its shear reaches the strength tau_p, and then
+    loses w of strength per slip, without a lower limit. The slips u of the slipping blocks follow
+    from (K - w) u = tau - tau_p while K - w is positive definite. When it is not, the slider has no
+    state of rest.
 
     Args:
         K: stiffness of the interface, N/m, shape (N_x, N_x).

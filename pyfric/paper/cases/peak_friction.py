@@ -42,9 +42,9 @@ def peak_friction(
     N: int = 60,
     kept: float = 0.0,
 ) -> Found:
-    """First peak over steady friction.
+    """The ratio of the first peak to steady friction.
 
-    kept is the share of its strain that a spring keeps when it breaks.
+    `kept` is the share of strain that a spring keeps when it breaks.
     """
     period = MU_S * P / (K_P * V)
     options = {"fidelity": "hybrid", "dt": 1e-6, "sample": period / SAMPLES, "t_gap": 1e-5}
@@ -76,7 +76,7 @@ def peak_friction(
 
 
 def _springs(N: int, width: float, kept: float) -> Scene:
-    """Blocks that touch only through the plate: a block that slips passes on through mu_k."""
+    """Blocks coupled only by the plate; mu_k lets a block that slips keep the share `kept`."""
     mu_s = MU_S * (1 + width * np.linspace(-1, 1, N))
     return chain(
         L=(N - 1) * L,
@@ -94,7 +94,7 @@ def _springs(N: int, width: float, kept: float) -> Scene:
 
 
 def _forces(record: Record, period: float) -> dict[str, float]:
-    """First peak, and the mean force of the second ten periods, over the mean threshold."""
+    """First peak, and mean force of the second ten periods, over the mean threshold."""
     curve, events, whole = record.curve, record.events, record.scene.N_x * MU_S * P
     peak = float(events["F_T_start"][events["t_start"] < 1.5 * period].max()) / whole
     steady = curve["F_T"][(curve["t"] > 10.25 * period) & (curve["t"] <= 20.25 * period)]
@@ -102,7 +102,7 @@ def _forces(record: Record, period: float) -> dict[str, float]:
 
 
 def _drawn(table: pd.DataFrame, records: dict[float, Record], period: float) -> DataFigure:
-    """Force over time, and the ratio over the width."""
+    """Draw force over time, and the ratio over the width."""
     fig, (axes, right) = panels(4.2, (1, 1))
     for (width, record), colour in zip(records.items(), (BLACK, BLUE, VERMILION), strict=False):
         curve, whole = record.curve, record.scene.N_x * MU_S * P

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from pyfric.record import Record
 
 ROWS, COLUMNS, RATIO = 21, 320, 1.3
-"""Blocks of the strip; G_0 over the mean of Gamma, nearly."""
+"""Numbers of blocks of the strip; G_0 over the mean of Gamma, approximately."""
 PERIOD, CONTRAST = 24, 0.15
-"""Blocks in a period; half the difference of strengths over their mean."""
+"""Number of blocks in a period; half the difference of strengths over their mean."""
 
 
 @case(
@@ -71,7 +71,7 @@ def periodic_strength(
 
 
 def _speeds(record: Record, sign: np.ndarray) -> pd.DataFrame:
-    """Front speed at each block beyond the start, over c, from the passages of its neighbours."""
+    """Front speed over c at each block beyond the start, from passage times of its neighbours."""
     first = record.episodes.groupby("n")["t_start"].min().reindex(range(1, record.scene.N_x + 1))
     t = np.maximum.accumulate(first.to_numpy())
     known = np.flatnonzero(np.isfinite(t))

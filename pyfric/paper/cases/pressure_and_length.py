@@ -1,4 +1,4 @@
-"""W. Iwashita and others, 2023: static friction over pressure and length of the block."""
+"""W. Iwashita and others, 2023: static friction against pressure and length of the block."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def pressure_and_length(
     lengths: Sequence[float] = LENGTHS,
     pressures: Sequence[float] = PRESSURES,
 ) -> Found:
-    """Force at the first event over nine tenths of the interface."""
+    """Static friction: force at the first event over nine tenths of the interface."""
     jobs = [_job(L, 1.0) for L in lengths] + [_job(0.14, pressure) for pressure in pressures]
     forces = []
     for record in run(jobs):

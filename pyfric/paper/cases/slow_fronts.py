@@ -1,4 +1,4 @@
-"""J. K. Trømborg and others, 2014: fronts of junctions that turn from fast to slow."""
+"""J. K. Trømborg and others, 2014: fronts on junctions that change from fast to slow."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
 SHEAR = (0.12, 0.135, 0.17)
 """tau_0/p of the interfaces."""
 WIDTH = 0.2
-"""Half width of the stretches of junctions at the start over u_s."""
+"""Half width of the distribution of initial stretches of junctions, over u_s."""
 PUSHED, EXCESS = 5, 0.2
-"""Blocks pushed for ever, and how far beyond mu_s p, over mu_s p."""
+"""Number of permanently pushed blocks, and excess of their force over mu_s p, over mu_s p."""
 HEIGHT, T_END = 30e-3, 30e-3
 """Height of the slab (m), end of runs (s): 15 mean times t_R."""
 SLOW = 0.03
 """Front speed over c_S below which it counts as slow."""
 AVERAGED = 4
-"""Blocks over which a speed is taken."""
+"""Number of blocks over which a speed is averaged."""
 
 
 @case(
@@ -97,12 +97,12 @@ def _job(tau: float, t_R: float, t_end: float) -> Job:
 
 
 def prepared(tau: float, law: Law, name: str = "") -> Scene:
-    """Return a slab of the preset `slow` under uniform shear, its first blocks pushed for ever.
+    """Return a slab of the preset `slow` under uniform shear, with its first blocks pushed.
 
     Args:
         tau: shear tau_0/p.
-        law: its law of junctions.
-        name: of the scene.
+        law: law of its junctions.
+        name: name of the scene.
     """
     slow = preset("slow")
     slider, interface, p = slow.slider, slow.interface, slow.F_N / slow.N_x
@@ -124,7 +124,7 @@ def prepared(tau: float, law: Law, name: str = "") -> Scene:
 
 
 def passages(record: Record, event: int) -> np.ndarray:
-    """Return when the front passes each block, from the trailing edge on, (N_x,), s; NaN: never."""
+    """Return passage times of the front at blocks from the trailing edge, (N_x,), s, or NaN."""
     of_event = record.episodes[record.episodes["event"] == event]
     first = of_event.groupby("n")["t_start"].min()
     times = first.reindex(np.arange(1, record.scene.N_x + 1)).to_numpy()

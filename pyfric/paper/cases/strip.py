@@ -24,10 +24,10 @@ ROWS, COLUMNS = 21, 320
 STRENGTH, D_C = 0.25, 1.7
 """(mu_s - mu_k) p in p, and d_c in p/k: the cohesive zone at rest spans eight blocks."""
 START = 40
-"""Blocks that are as weak as their shear, which start the front without overstress."""
+"""Number of blocks with strength equal to their shear, which start the front without overstress."""
 MU_K = 0.45
 RATIOS = (0.8, 0.9, 0.97, 1.03, 1.1, 1.2, 1.35)
-"""G_0 over Gamma ahead of them."""
+"""G_0 over Gamma of the other blocks."""
 HIGHER = (0.4, 0.5, 0.6, 0.7)
 STEP = 0.3
 """Step in sqrt(m/k)."""
@@ -52,7 +52,7 @@ def strip(
     columns: int = COLUMNS,
     higher: int = 1,
 ) -> Found:
-    """Fronts over G_0/Gamma; in the damaged scene the top is held `higher` times as high."""
+    """Fronts as functions of G_0/Gamma; a damage holds the top `higher` times as high."""
     jobs = [job(ratio, rows, columns, higher) for ratio in ratios]
     H = rows - 1
     reached = [(_reached(record) - START) / H for record in run(jobs)]
@@ -81,12 +81,12 @@ def strip(
 def job(
     ratio: float, rows: int, columns: int, higher: int, strength: np.ndarray | float = STRENGTH
 ) -> Job:
-    """A strip whose first blocks are weaker than those ahead.
+    """A strip whose first blocks are weaker than the others.
 
     Args:
         ratio: G_0 over Gamma.
-        rows, columns: of blocks.
-        higher: how many times as high as `rows` the top is held.
+        rows, columns: numbers of rows and columns of blocks.
+        higher: height of the held top, over that of `rows`.
         strength: (mu_s - mu_k) p of each block, in p; Gamma is that of `STRENGTH`.
     """
     Gamma = STRENGTH * D_C / 2
@@ -110,7 +110,7 @@ def job(
 
 
 def _reached(record: Record) -> int:
-    """Blocks of the event that starts at the mirror."""
+    """Number of blocks of the event that starts at the mirror."""
     return int(record.events["last_block"].max())
 
 

@@ -1,4 +1,4 @@
-"""Y. Faure and E. Bayart, 2024: a weak patch on an interface starts its ruptures."""
+"""Y. Faure and E. Bayart, 2024: a weak patch on an interface nucleates ruptures."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 T_END = 0.8
 """End of runs, just after the second rupture of the interface without a patch, s."""
 HALF = 0.1
-"""Half the patch over L."""
+"""Half length of the patch over L."""
 WEAK = 0.4, 0.38
 """mu_s and mu_k of the patch."""
 
@@ -36,7 +36,7 @@ WEAK = 0.4, 0.38
     },
 )
 def weak_patch(run: Runner, *, weak: tuple[float, float] = WEAK, l: float = 2e-3) -> Found:
-    """An interface with a patch of these mu_s and mu_k, and without it."""
+    """Ruptures on an interface with a patch of these mu_s and mu_k, and without a patch."""
     without, with_patch = run([_job(None, l), _job(weak, l)])
     forces = [record.events["F_T_start"].max() for record in (without, with_patch)]
     N = with_patch.scene.N_x

@@ -3,10 +3,10 @@
     for claim in pyfric.claims.measure():
         print(claim.number, claim.verdict, claim.value, claim.text)
 
-Claims 1 to 16 are statements of the paper; E1 to E10 have exact answers. A claim that says several
-things is measured in several parts (1a, 1b ...). Each `Claim` says how its value was measured and
-where its band comes from: the paper's words, a convergence study, or the resolution of what is
-compared. A value outside its band is a miss, and stays one.
+Claims 1 to 16 are statements of the paper. Claims E1 to E10 have exact answers. A claim with
+several statements has several parts (1a, 1b ...). Each `Claim` says how its value was measured and
+where its band comes from: the paper's words, a convergence study, or the resolution of the compared
+values. A value outside its band is a miss.
 
 Runs are those behind the paper's figures (`pyfric.paper.runs`) and variations of the Fig. 1 scene.
 

@@ -1,4 +1,4 @@
-"""What a claim is: a statement, its band, its value, and what makes it miss."""
+"""A claim: a statement, its band, its value, and damages for which it must miss."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 
 Runs = Mapping[str, "Record"]
 Measure = Callable[..., "Iterator[Claim]"]
-"""Yields the parts of a claim from its runs; some take what they rely on as keywords."""
+"""Function that yields the parts of a claim from its runs. Damages may replace its keywords."""
 
 
 class Damage(NamedTuple):
-    """What is done to a claim so that it has to miss.
+    """A change of a claim's runs or measurement for which the claim must miss.
 
     Attributes:
-        what: in words.
-        change: of its runs.
-        given: what replaces that on which its measurement relies.
+        what: the change in words.
+        change: function that changes the runs.
+        given: other keywords of its measurement.
     """
 
     what: str
@@ -40,12 +40,12 @@ class Damage(NamedTuple):
 
 @dataclass(frozen=True)
 class Band:
-    """Where a value has to lie, ends included.
+    """The range in which a value has to lie, ends included.
 
     Attributes:
-        low, high: its ends; None where it has none.
-        source: where it comes from.
-        unit: that of the value, "" for a pure number; a difference in brackets.
+        low, high: its ends; None means no end.
+        source: origin of the band.
+        unit: unit of the value, "" for a pure number; a unit that is a difference is in brackets.
     """
 
     low: float | None
@@ -59,7 +59,7 @@ class Band:
         return f">= {self.low:.6g}" if self.high is None else f"{self.low:.6g} to {self.high:.6g}"
 
     def outside(self, value: float) -> float:
-        """How far a value lies outside; infinite for NaN."""
+        """Distance of a value from the band, 0 inside; infinite for NaN."""
         if math.isnan(value):
             return math.inf
         low = -math.inf if self.low is None else self.low
@@ -69,18 +69,18 @@ class Band:
 
 @dataclass(frozen=True)
 class Claim:
-    """One claim, or a part of one, as measured.
+    """A measured claim, or part of a claim.
 
     Attributes:
         number: "1" to "16" or "E1" to "E10", with a letter where a claim has several parts.
         text: the claim in short.
-        value: what was measured.
-        band: where it has to lie.
-        how: how the value was measured.
-        damages: what makes it miss; left out when it was tried.
-        note: what a reader has to know, such as why it misses.
-        damage: of the damages that were tried, the one whose value is nearest to the band.
-        damaged: the value then.
+        value: the measured value.
+        band: band of the value.
+        how: description of the measurement.
+        damages: damages for which it must miss; empty after they were tried.
+        note: remarks, such as why the claim misses.
+        damage: the tried damage whose value is nearest to the band.
+        damaged: the value with this damage.
         seconds: processor time of the claim, its runs included (shared by its parts, and with
             other claims that need the same runs), s.
     """
@@ -106,24 +106,24 @@ class Claim:
         return "holds" if self.holds else "misses"
 
     def as_dict(self) -> dict[str, Any]:
-        """Attributes, those of the band among them, and the verdict."""
+        """Attributes of the claim and of its band, and the verdict."""
         own = vars(self) | vars(self.band) | {"band": str(self.band), "verdict": self.verdict}
         return {name: value for name, value in own.items() if name != "damages"}
 
 
 class Measured(NamedTuple):
-    """A claim that can be measured: the names of its runs, and what measures its parts."""
+    """A claim before measurement: names of its runs, and the function that measures its parts."""
 
     runs: tuple[str, ...]
     measure: Measure
 
     def __call__(self, runs: Runs, **given: Any) -> list[Claim]:
-        """Return the parts of the claim as measured."""
+        """Return the measured parts of the claim."""
         found = self.measure(runs, **given)
         return [replace(claim, value=float(claim.value)) for claim in found]
 
     def tried(self, runs: Runs) -> list[Claim]:
-        """Return them with their values when damaged.
+        """Return the measured parts with their damaged values.
 
         Raises:
             ValueError: a part has no damage.
@@ -147,7 +147,7 @@ CLAIMS: dict[str, Measured] = {}
 
 
 def claim(number: str, *runs: str) -> Callable[[Measure], Measure]:
-    """Enter the function below as what measures a claim from runs of these names."""
+    """Register the decorated function: it measures a claim from runs of these names."""
 
     def enter(measure: Measure) -> Measure:
         CLAIMS[number] = Measured(runs, measure)
@@ -157,7 +157,7 @@ def claim(number: str, *runs: str) -> Callable[[Measure], Measure]:
 
 
 def measured(value: float | None, unit: str) -> str:
-    """Return a value in words; None and NaN stand for what was not measured.
+    """Return a value as text; None and NaN mean not measured.
 
     A unit that is a difference stands in brackets: 0.1 (mu_s - mu_k).
     """
@@ -185,7 +185,7 @@ def report(claims: Iterable[Claim]) -> str:
 def save(claims: Iterable[Claim], folder: str | os.PathLike[str]) -> list[Path]:
     """Write claims.json and claims.csv into a folder, which is made if it is missing.
 
-    Both hold every attribute of the claims, with band and verdict, and every digit.
+    Both files hold every attribute of the claims, with band and verdict, and every digit.
 
     Returns:
         The paths.
@@ -204,5 +204,5 @@ def save(claims: Iterable[Claim], folder: str | os.PathLike[str]) -> list[Path]:
 
 
 def table(claims: Iterable[Claim]) -> list[dict[str, Any]]:
-    """Return the claims as plain dicts; None stands for numbers that are not finite."""
+    """Return the claims as plain dicts; None replaces numbers that are not finite."""
     return plain([claim.as_dict() for claim in claims])

@@ -1,4 +1,4 @@
-"""Damage: runs shuffled, reversed, or with an effect taken out, on which claims have to miss."""
+"""Damages: runs shuffled, reversed or without an effect, for which claims must miss."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Change = Callable[["Record"], "Record"]
 
 
 def each(what: str, change: Change, names: Iterable[str] = ()) -> Damage:
-    """Return a damage: a change of every record, or of those named."""
+    """Return a damage that changes every record, or the named records."""
     chosen = set(names)
 
     def changed(runs: Runs) -> Runs:
@@ -31,22 +31,22 @@ def each(what: str, change: Change, names: Iterable[str] = ()) -> Damage:
 
 
 def exchanged(what: str, pairs: Mapping[str, str]) -> Damage:
-    """Return a damage: under each name, the run of another one."""
+    """Return a damage that replaces each named run by another run."""
     return Damage(what, lambda runs: {**runs, **{a: runs[b] for a, b in pairs.items()}})
 
 
 def given(what: str, **instead: Any) -> Damage:
-    """Return a damage: other keywords of what measures the claim."""
+    """Return a damage that gives other keywords to the measurement."""
     return Damage(what, given=instead)
 
 
 def with_events(record: Record, **columns: Any) -> Record:
-    """Return the record with other columns of its events."""
+    """Return the record with changed columns of its events."""
     return record.replace(events=record.events.assign(**columns))
 
 
 def with_force(function: Callable[[Record, np.ndarray], np.ndarray]) -> Change:
-    """Return a change of a record: static forces become a function of it and F_T/F_N."""
+    """Return a change that replaces static forces by a function of the record and F_T/F_N."""
 
     def changed(record: Record) -> Record:
         events, F_N = record.events, record.scene.F_N
@@ -58,27 +58,27 @@ def with_force(function: Callable[[Record, np.ndarray], np.ndarray]) -> Change:
 
 
 def drops_undone(record: Record) -> Record:
-    """Events start at the force at which they end, and end at that at which they start."""
+    """Start and arrest forces of events are exchanged."""
     events = record.events
     return with_events(record, F_T_start=events["F_T_arrest"], F_T_arrest=events["F_T_start"])
 
 
 def every_second(record: Record) -> Record:
-    """Only every second main event is finished."""
+    """Every other main event counts as unfinished."""
     events = record.events
     kept = events["is_main"].cumsum() % 2 == 1
     return with_events(record, finished=events["finished"] & kept)
 
 
 def without_long(record: Record) -> Record:
-    """Precursors beyond 0.8 L are not finished."""
+    """Precursors longer than 0.8 L count as unfinished."""
     events = record.events
     short = (events["L_p_over_L"] <= 0.8) | (events["L_p_over_L"] == 1)
     return with_events(record, finished=events["finished"] & short)
 
 
 def lengths_backwards(record: Record) -> Record:
-    """The precursors have their lengths in reverse order."""
+    """Lengths of precursors are in reverse order."""
     events = record.events
     chosen = (events["is_main"] & events["is_precursor"]).to_numpy()
     L_p = events["L_p_over_L"].to_numpy().copy()
@@ -87,7 +87,7 @@ def lengths_backwards(record: Record) -> Record:
 
 
 def turned(record: Record) -> Record:
-    """The curve of length over force, turned by half a turn."""
+    """The curve of length over force is rotated by half a turn."""
     events = record.events
     top = float(events["F_T_start"].max())
     chosen = (events["is_main"] & events["is_precursor"]).to_numpy()
@@ -98,24 +98,24 @@ def turned(record: Record) -> Record:
 
 
 def mirrored(record: Record) -> Record:
-    """Seen from the leading edge: stresses in reverse order, events start at the other end."""
+    """Left and right are exchanged: stresses are reversed, events start at the other end."""
     arrays = {name: getattr(record, name)[..., ::-1] for name in (*STATES, *INITIAL)}
     events = record.events.assign(at_trailing_edge=~record.events["at_trailing_edge"])
     return record.replace(**arrays, rupture_times=record.rupture_times[:, ::-1], events=events)
 
 
 def before_for_after(record: Record) -> Record:
-    """Stresses after events are those before them."""
+    """Stresses after events are replaced by those before."""
     return record.replace(tau_after=record.tau_before, p_after=record.p_before)
 
 
 def loaded_for_initial(record: Record) -> Record:
-    """Stresses at F_T = 0 are those before the first event."""
+    """Stresses at F_T = 0 are replaced by those before the first event."""
     return record.replace(tau_initial=record.tau_before[0], p_initial=record.p_before[0])
 
 
 def p_unchanged(record: Record) -> Record:
-    """After events, p is what it was at F_T = 0."""
+    """p after events is replaced by p at F_T = 0."""
     p = np.broadcast_to(record.p_initial, record.p_after.shape)
     return record.replace(p_after=np.array(p))
 
@@ -128,12 +128,12 @@ def p_shuffled(record: Record) -> Record:
 
 
 def fronts_backwards(record: Record) -> Record:
-    """The times from block to block are in reverse order along each front."""
+    """Times from block to block along each front are in reverse order."""
     return _with_intervals(record, lambda intervals: intervals[::-1])
 
 
 def fronts_slower(factor: float) -> Change:
-    """Return a change of a record: all fronts take so many times as long."""
+    """Return a change by which all fronts take `factor` times as long."""
     return lambda record: _with_intervals(record, lambda intervals: factor * intervals)
 
 
@@ -148,5 +148,5 @@ def _with_intervals(record: Record, change: Callable[[np.ndarray], np.ndarray]) 
 
 
 def in_scene(**changes: float) -> Change:
-    """Return a change of a record: its scene has other values."""
+    """Return a change by which the scene of a record has other values."""
     return lambda record: record.replace(scene=record.scene.replace(**changes))

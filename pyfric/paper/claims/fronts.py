@@ -1,4 +1,4 @@
-"""Claims 12 to 16: speeds of fronts and waves, and what results hardly depend on."""
+"""Claims 12 to 16: speeds of fronts and waves, and insensitive parameters."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pyfric.record import Record
 
 Speeds = Callable[[pd.DataFrame], pd.DataFrame]
-"""Changes the speeds of points on fronts."""
+"""Function that changes the speeds of points on fronts."""
 ABOUT = "about: to the nearest hundred, like the paper's digits"
 OVER_FRONTS = "the interval of 95 % of a bootstrap over fronts"
 LEFT = "the share that {} explains of what the position along the front leaves"
@@ -76,7 +76,7 @@ def _front_of_fig4a(runs: Runs, speeds: Speeds = lambda points: points) -> Itera
         _described(found, "beyond", LEFT.format("tau/p"), points),
         _without_prestress(
             scatter=("shuffled",)
-        ),  # random signs, which it is like, are in the band
+        ),  # data with random signs resemble these, and are in the band
         "along the one front of the paper's Fig. 4(a) tau/p and position fall together, which "
         "cannot tell them apart: here are all fronts of its scene up to the first event over the "
         "whole interface",
@@ -89,7 +89,7 @@ def _eleventh(record: Record) -> pd.DataFrame:
 
 
 def _points(record: Record) -> pd.DataFrame:
-    """Speeds of all fronts of a run, each with its place along its front."""
+    """Speeds of all fronts of a run, with their positions along the front."""
     table, friction = analysis.fronts(record), record.scene.interface
     n = table.groupby("event")["n"]
     first, last = n.transform("min"), n.transform("max")
@@ -107,7 +107,7 @@ def _up_to_sliding(record: Record) -> pd.DataFrame:
 
 
 def _shuffled(points: pd.DataFrame) -> pd.DataFrame:
-    """The points with v_c shuffled along each front."""
+    """The points, with v_c shuffled along each front."""
     rng = np.random.default_rng(0)
     v_c = points.groupby("front")["v_c"].transform(
         lambda speeds: rng.permutation(speeds.to_numpy())
@@ -116,7 +116,7 @@ def _shuffled(points: pd.DataFrame) -> pd.DataFrame:
 
 
 def _without_prestress(by: str = "", scatter: Sequence[str] = SCATTER) -> list[Damage]:
-    """What makes claims miss that prestress sets the speed."""
+    """Damages for claims that prestress sets the speed."""
     what = "v_c that depends on the position along the front alone, the rest "
     words = {"signs": "with a random sign for each front", "shuffled": "shuffled"}
     alone = [
@@ -127,7 +127,7 @@ def _without_prestress(by: str = "", scatter: Sequence[str] = SCATTER) -> list[D
 
 
 def _above_position(found: pd.DataFrame, share: str, least: float, source: str) -> Band:
-    """The band of a share: from the least on, and above what the position alone reaches."""
+    """The band of a share: at least `least`, and above the share in data of position alone."""
     null = math.ceil(100 * found.loc["null", share]) / 100
     alone = f"and no less than the {null:.2f} of data that depend on the position alone"
     return Band(max(least, null), None, f"{source}; {alone}")

@@ -204,10 +204,10 @@ def _steps_over_h(runs: Runs) -> Iterator[Claim]:
 
 
 def _steps(runs: Runs, name: str, L: int) -> tuple[np.ndarray, np.ndarray]:
-    """Mean steps below L/2 for small h, of L_p in mm or of F_T in F_N, and their resolution.
+    """Mean steps of L_p (mm) or F_T (F_N) below L/2 for small h, and their resolution.
 
-    A mean of n steps is known to the n-th part of a block; that of the force to what it takes to
-    advance by that.
+    The error of a mean of n steps of L_p is 1/n of a block. The error of the mean step of force is
+    the change of force while L_p grows by the error of its step.
     """
     tables = [short(growing(runs[name])) for name in SMALL[L]]
     ends = [table.iloc[-1] - table.iloc[0] for table in tables]

@@ -1,4 +1,4 @@
-"""What several claims measure: lengths over forces, and what precursors leave behind."""
+"""Quantities of several claims: lengths over forces, and stresses after precursors."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 
 def growing(record: Record) -> pd.DataFrame:
-    """Precursors of the first loading that reach further than all before."""
+    """Precursors of the first loading that reach further than all earlier ones."""
     table = analysis.precursor_lengths(record)
     before = table["L_p_over_L"].cummax().shift(fill_value=0.0)
     return table[table["L_p_over_L"] > before].reset_index(drop=True)
 
 
 def short(table: pd.DataFrame) -> pd.DataFrame:
-    """The precursors below half the length."""
+    """The precursors shorter than L/2."""
     return table[table["L_p_over_L"] < 0.5]
 
 
@@ -44,7 +44,7 @@ def force_at(table: pd.DataFrame, lengths: Iterable[float]) -> np.ndarray:
 
 
 def furthest(tables: Iterable[pd.DataFrame], base: pd.DataFrame) -> tuple[float, list[float]]:
-    """Largest distance in force from a base at equal length, over its mean step; each over F_N."""
+    """Largest difference of force from a base at equal L_p, over its mean step, and all of them."""
     apart = [
         float(np.abs(table["force"] - force_at(base, table["L_p_over_L"])).max())
         for table in tables
@@ -53,13 +53,13 @@ def furthest(tables: Iterable[pd.DataFrame], base: pd.DataFrame) -> tuple[float,
 
 
 def straight(table: pd.DataFrame, N_x: int) -> float:
-    """RMS distance in blocks of the lengths from a straight line over the force."""
+    """RMS deviation of lengths, in blocks, from a straight line over force."""
     force, L_p = table["force"].to_numpy(), table["L_p_over_L"].to_numpy()
     return rms(L_p - np.polyval(np.polyfit(force, L_p, 1), force)) * N_x
 
 
 def prediction_error(record: Record) -> np.ndarray:
-    """Force after each precursor minus that at which its last block slips with mu_s = mu_k."""
+    """Force after each precursor minus the force at which its last block slips if mu_s = mu_k."""
     curve = _prediction(record.scene)
     L_p, F_T = curve["L_p_over_L"].to_numpy(), curve["F_T"].to_numpy() / record.scene.F_N
     table = growing(record)
@@ -87,10 +87,10 @@ def corner(record: Record) -> int:
 
 
 def left_behind(record: Record, events: Iterable[int] | None = None) -> pd.DataFrame:
-    """What precursors leave on their slipped, closed blocks, tip block excluded.
+    """Stresses after precursors on slipped, closed blocks, without the tip block.
 
     Args:
-        events: numbers of its events; None means the precursors of the first loading.
+        events: numbers of events; None means the precursors of the first loading.
 
     Returns:
         Rows of `analysis.stress_profile`; ``inner`` says whether x > h + l.
@@ -108,12 +108,12 @@ def left_behind(record: Record, events: Iterable[int] | None = None) -> pd.DataF
 
 
 def size(left: pd.DataFrame) -> float:
-    """RMS of the scaled prestress that is left behind; NaN where there are no blocks."""
+    """RMS of the scaled prestress after precursors; NaN without blocks."""
     return rms(left["scaled"]) if len(left) else np.nan
 
 
 def weighted(left: pd.DataFrame) -> str:
-    """The same without the corner and weighted by force, in words."""
+    """The RMS without the corner, and weighted by p, as text."""
     if left.empty:
         return "no such blocks left behind"
     inner = size(left[left["inner"]])
@@ -130,10 +130,10 @@ def rms(x: Iterable[float]) -> float:
 
 
 def stated(number: float, digits: str = ".3f") -> str:
-    """A number in a sentence; NaN, which stands for what there is none of, is "none"."""
+    """A number as text; NaN is "none"."""
     return "none" if np.isnan(number) else format(number, digits)
 
 
 def listed(numbers: dict[str, float], digits: str = ".3f") -> str:
-    """Numbers by name, in a sentence."""
+    """Numbers by name, as text."""
     return ", ".join(f"{name}: {stated(value, digits)}" for name, value in numbers.items())

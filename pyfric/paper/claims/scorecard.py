@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterable
 
 from pyfric.display import jobs_bar
-from pyfric.paper.claims import exact, fronts, lengths, stresses  # noqa: F401 they enter claims
+from pyfric.paper.claims import exact, fronts, lengths, stresses  # noqa: F401 they register claims
 from pyfric.paper.claims.claim import CLAIMS, Claim, Runs
 from pyfric.paper.runs import jobs
 from pyfric.signals import at_once
@@ -31,12 +31,12 @@ def measure(
     """Measure claims, with all the runs they need.
 
     Args:
-        numbers: which claims, of `NUMBERS`, or which parts, such as "3a"; None means all.
+        numbers: claims of `NUMBERS`, or parts, such as "3a"; None means all.
         workers, cache: as in `pyfric.run_all`.
-        progress: the same, where a claim counts like a run.
+        progress: as in `pyfric.run_all`; a claim counts like a run.
 
     Returns:
-        The claims, in order; a claim with several parts gives several.
+        The claims, in order. A claim with several parts gives one entry for each part.
 
     Raises:
         SceneError: there is no claim of that number, or no such part of it.

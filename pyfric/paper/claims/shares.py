@@ -1,22 +1,24 @@
-"""What explains the speed of fronts: the prestress, or the position along the front.
+"""How much prestress and position along the front explain of front speeds.
 
-Each is taken as a curve of y = ln v_c, constant in bins of equal numbers of points and fitted by
-least squares, and both together as the sum of two curves. A fit explains the share
+y = ln v_c is fitted by least squares: by a curve of prestress, by a curve of position, or by the
+sum of both curves. Curves are constant in bins with equal numbers of points. A fit explains the
+share
 
     R^2 = 1 - sum (y - fit)^2 / sum (y - mean)^2,
 
-and the prestress s explains, of what the position x leaves, the partial share
+Of the variance that the position x leaves, the prestress s explains the partial share
 
     (R^2(s and x) - R^2(x)) / (1 - R^2(x)).
 
-This is more than what a curve of s alone explains of y less the curve of x: where s and x fall
-together, that curve has taken from y what both explain.
+The share is larger than what a curve of s explains of y minus the curve of x. If s and x are
+correlated, the curve of x has already taken the part that both explain.
 
-Speeds along a front resemble each other, so that intervals are those of a bootstrap over fronts.
+Speeds along a front are correlated. Intervals are therefore from a bootstrap over fronts.
 
-Data that know the position alone keep its curve and scatter what that leaves, in one of two ways:
-shuffled over all points, or with one random sign for each front, which keeps the likeness of
-speeds along a front. They say what a prestress that falls with the position explains by that alone.
+Null data depend on the position alone. Null data keep the curve of the position and scatter its
+residuals in one of two ways. Residuals are shuffled over all points, or get one random sign for
+each front, which keeps the correlation along a front. Null data show how much a prestress explains
+only because it varies with the position.
 
 Sources: B. Efron, Ann. Statist. 7, 1 (1979), the bootstrap; A. C. Cameron, J. B. Gelbach and
 D. L. Miller, Rev. Econ. Stat. 90, 414 (2008), signs by groups of dependent points.
@@ -32,33 +34,34 @@ import pandas as pd
 BINS = 10
 """Bins of a curve."""
 DRAWS = 999
-"""Draws of the bootstrap, and of data that know the position alone."""
+"""Number of draws of the bootstrap and of null data."""
 INTERVAL = 0.025, 0.975
 """Ends of the interval that holds 95 % of the draws."""
 SCATTER = ("shuffled", "signs")
-"""Ways to scatter what the curve over the position leaves."""
+"""Ways to scatter the residuals of the curve over the position."""
 ZERO = 1e-10
-"""Eigenvalues below this share of the largest are 0: two curves have a constant in common."""
+"""Eigenvalues below this share of the largest count as 0; one is, because two curves share a
+constant."""
 Groups = list[tuple[np.ndarray, np.ndarray, np.ndarray]]
-"""Points with curves of their own: their rows, and which bin of s and of x each lies in. Bins are
+"""Groups of points with curves of their own: their rows, their bins of s, their bins of x. Bins are
 columns that are 1 in the bin and 0 elsewhere."""
 
 
 def shares(points: pd.DataFrame, prestress: str, by: str = "") -> pd.DataFrame:
-    """Return what prestress and position explain of ln v_c.
+    """Return the shares of ln v_c that prestress and position explain.
 
     Args:
-        points: one row for each block of a front: v_c; the prestress; place, the position along
-            the front, over its length; front, which front it is.
+        points: one row for each block of a front: v_c; the prestress; place, the position along the
+            front over its length; front, the front.
         prestress: the column of the prestress.
         by: column by which the points are divided; each group has curves of its own.
 
     Returns:
-        Columns: prestress and position, what each explains; beyond, the partial share of the
-        prestress; after, what it explains of y less the curve of the position; more, what the
-        prestress explains more than the position. Rows: value; low and high, ends of its 95 %
-        interval; shuffled and signs, the upper ends of the intervals of data that know the position
-        alone; null, the larger of these two.
+        Columns: prestress and position, the share of each; beyond, the partial share of the
+        prestress; after, its share of y minus the curve of the position; more, share of the
+        prestress minus share of the position. Rows: value; low and high, ends of its 95 % interval;
+        shuffled and signs, the upper ends of the intervals of null data; null, the larger of these
+        two.
     """
     y, front, groups = _prepared(points, prestress, by)
     rng, once, count = np.random.default_rng(0), np.ones((1, y.size)), front.max() + 1
@@ -79,16 +82,16 @@ def shares(points: pd.DataFrame, prestress: str, by: str = "") -> pd.DataFrame:
 
 
 def told(found: pd.DataFrame, share: str) -> str:
-    """Return a share in words: value and interval."""
+    """Return a share as text: value and interval."""
     return "{value:.2f} ({low:.2f} to {high:.2f})".format(**found[share])
 
 
 def position_alone(points: pd.DataFrame, by: str = "", scatter: str = "signs") -> pd.DataFrame:
-    """Return points whose speeds know the position along the front, nothing of the prestress.
+    """Return null data: points whose speeds depend on the position along the front alone.
 
     Args:
         points, by: as for `shares`.
-        scatter: of `SCATTER`.
+        scatter: one of `SCATTER`.
     """
     y, front, groups = _prepared(points, "place", by)
     alone = _alone(y, front, groups, scatter, 1)[0]
@@ -115,7 +118,7 @@ def _bins(x: np.ndarray) -> np.ndarray:
 def _alone(
     y: np.ndarray, front: np.ndarray, groups: Groups, scatter: str, draws: int
 ) -> np.ndarray:
-    """The curve over the position, and what it leaves, scattered; shape (draws, points)."""
+    """The curve over the position plus its scattered residuals, shape (draws, points)."""
     rng, made = np.random.default_rng(0), np.empty((draws, y.size))
     signs = rng.choice([-1.0, 1.0], (draws, front.max() + 1))
     for rows, _, x in groups:
@@ -130,8 +133,8 @@ def _explained(y: np.ndarray, groups: Groups, weight: np.ndarray) -> pd.DataFram
     """Shares for each row of y or of the weights, shape (draws or 1, points).
 
     With weights W, bins A and c = A'W1, a curve has the values A'Wy/c and explains (A'Wy)^2/c of
-    y'Wy. What the curve of x leaves is explained by a curve of s, or by what x leaves of the bins
-    of s (the theorem of Frisch and Waugh).
+    y'Wy. The residuals of the curve of x are explained by a curve of s, or by the residuals of the
+    bins of s over x (theorem of Frisch and Waugh).
     """
     weighted = weight * y
     squares = (weighted * y).sum(axis=1)

@@ -1,4 +1,4 @@
-"""Claims 7 to 11: stresses on the interface, and the force they add up to."""
+"""Claims 7 to 11: stresses on the interface, and their sum, the force."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _decay_length(record: Record) -> float:
 
 
 def _other_h(runs: Runs) -> Runs:
-    """Each run of Fig. 2(a) as if h were that of the run in its place in reverse order."""
+    """Each run of Fig. 2(a) with the h of another run, in reverse order."""
     changed = dict(runs)
     for name, other in HEIGHTS_BACKWARDS.items():
         changed[name] = to.in_scene(h=runs[other].scene.driver.h)(runs[name])
@@ -224,7 +224,7 @@ def _force_at_sliding(runs: Runs) -> Iterator[Claim]:
 
 
 def _largest(record: Record) -> float:
-    """R of the largest static force at the start of an event up to the first system-size event."""
+    """`Law.scaled` of the largest start force of events up to the first system-size event."""
     sliding = analysis.system_size_events(record)["event"]
     if not len(sliding):
         return np.nan
@@ -278,7 +278,7 @@ def _normal_force(runs: Runs) -> Iterator[Claim]:
 
 
 def _falls(record: Record) -> tuple[list[float], list[np.ndarray]]:
-    """Of each precursor: the largest fall of p/p_initial behind it, and p/p_initial - 1 ahead."""
+    """For each precursor, the largest fall of p/p_initial behind it, and p/p_initial - 1 ahead."""
     falls, ahead = [], []
     for event in analysis.precursor_lengths(record)["event"]:
         table, tip = analysis.stress_profile(record, event, "after"), reach(record, event)

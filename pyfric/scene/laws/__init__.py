@@ -52,5 +52,5 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Say which law is meant by what no law is called."""
+    """Refuse a name that no law has, and suggest one."""
     raise no_attribute("laws", name, sys.modules[__name__], known=__all__)

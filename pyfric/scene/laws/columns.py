@@ -37,7 +37,7 @@ TWO_COLUMNS = "two columns, separated by semicolons or tabs where numbers have d
 PASSES = 4
 """Number of iterations that space knots evenly along the curve."""
 ROUNDED = 1e-12
-"""A curve whose mu falls by less than this share is flat: least squares round so."""
+"""Relative fall of mu below which a curve counts as flat, due to rounding of least squares."""
 
 
 @dataclass(frozen=True)
@@ -95,9 +95,9 @@ def from_csv(path: str | os.PathLike[str], name: str, unit: str) -> Table:
 
     Empty lines and lines that start with # are ignored. The first line, or a line with # above the
     numbers, may name the columns with their units: "slip (um),mu", "slip [um],mu", "slip/um,mu",
-    "slip_um,mu" or "um,-". Without units, numbers are in SI units. Then the first head may have no
-    digit, and neither head a factor such as 10^-6. Commas, semicolons, tabs or blanks separate the
-    columns; numbers may have decimal commas where these do not.
+    "slip_um,mu" or "um,-". Without units, numbers are in SI units. Without units, the first head
+    may have no digit, and no head a factor such as 10^-6. Commas, semicolons, tabs or blanks
+    separate the columns. Numbers may have decimal commas if commas do not separate the columns.
 
     Args:
         path: the file, in UTF-8.
@@ -169,7 +169,7 @@ def _lines(path: str | os.PathLike[str], name: str) -> tuple[list[Line], Line | 
 
 def _cause(cells: list[str], heads: Line | None) -> str:
     """Return why a row may not be two numbers, and what to do; "" if it is not known."""
-    if len(cells) == 4:  # decimal commas, see what is allowed
+    if len(cells) == 4:  # probably decimal commas
         return ""
     if heads is not None and not any(map(is_number, cells)):
         return "; if this row has units, write them in the heads, such as 'slip (um)'"

@@ -14,8 +14,8 @@ MOST = 1_000_000
 PARTS = 512
 """Number of parts of equal probability in a table of quantiles."""
 TAIL = 1e-6
-"""Probability beyond the last knots of such a table; its first and last parts are halved down to
-it.
+"""Probability beyond the last knots of a table of quantiles. The first and last parts of the table
+are halved down to this probability.
 """
 
 
@@ -23,12 +23,12 @@ it.
 class Junctions(FrictionLaw):
     """Each block has n_s junctions, which carry equal shares of its normal force p.
 
-    A pinned junction is a spring of stiffness k_j = sqrt(C p/n_s) to its anchor. It breaks at a
-    stretch u_s = mu_s sqrt(p/(n_s C)). For a time t_R it then slips and carries at most mu_k p/n_s.
-    Afterwards it pins at the position of the block, without force. The junctions of an open block
-    slip, and pin when the block touches again. A block is ruptured while less than a share
-    `ruptured` of its junctions is pinned. Episodes, events and fronts are those of ruptured blocks.
-    The sign of their slip is that of the block's velocity when it ruptured.
+    A pinned junction is a spring of stiffness k_j = sqrt(C p/n_s) to its anchor. A pinned junction
+    breaks at a stretch u_s = mu_s sqrt(p/(n_s C)). For a time t_R it then slips and carries at most
+    mu_k p/n_s. Afterwards it pins at the position of the block, without force. The junctions of an
+    open block slip, and pin when the block touches again. A block is ruptured while less than a
+    share `ruptured` of its junctions is pinned. Episodes, events and fronts consist of ruptured
+    blocks. The velocity of the block at its rupture sets the sign of slip.
 
     With constant C, u_s falls as 1/sqrt(n_s), so that n_s would change the physics. Therefore u_s
     is given, at the mean load p = F_N/N_x, and C = mu_s^2 p/(n_s u_s^2) follows. If F_N changes

@@ -94,9 +94,9 @@ class Table:
 def sampled(function: Callable[[float], float], end: float, unit: str = "") -> Table:
     """Return a table that follows a function on [0, end].
 
-    Intervals are halved until the chord is close to the function at their quarters, and at those of
-    17 points of the whole range that lie inside. The allowed error is `CLOSE` times the range of
-    the function on these points.
+    Intervals are halved until the chord is close to the function. The chord is compared at the
+    quarters of an interval, and at those of 17 points of the whole range that lie inside it. The
+    allowed error is `CLOSE` times the range of the function on these points.
 
     Args:
         function: a function of one number.
@@ -104,8 +104,8 @@ def sampled(function: Callable[[float], float], end: float, unit: str = "") -> T
         unit: this unit, for messages.
 
     Raises:
-        SceneError: a value is not a finite number, or more than `MAX_KNOTS` would be needed. It
-            does not name the field.
+        SceneError: a value is not a finite number, or more than `MAX_KNOTS` would be needed. The
+            error does not name the field.
     """
     end = check_number("end", end, "", gt=0.0)
 
@@ -154,11 +154,11 @@ class Tables(NamedTuple):
 
 
 class Variable(NamedTuple):
-    """What a law has for each block: a field, a state variable, or what a run records of these.
+    """A quantity of each block under a law: a field, a state variable, or a recorded quantity.
 
     Attributes:
         name, unit: its name, and its SI unit, "1" without one.
-        meaning: for whoever reads it in a file.
+        meaning: its meaning, as written to files.
         dtype: type in records.
     """
 
@@ -290,8 +290,8 @@ class Ageing(FrictionLaw):
         B: gain of mu_s for each decade of time, >= 0.
         t_c: time at which the gain begins, s, > 0.
 
-    The table has 32 knots for each decade, so that the gain in a decade is right within 3e-4 B. It
-    ends at t = 1e9 t_c.
+    The table has 32 knots for each decade, so that the gain in a decade is right within 3e-4 B. The
+    table ends at t = 1e9 t_c.
 
     Source: J. H. Dieterich, J. Geophys. Res. 77, 3690 (1972), time-dependent friction.
     """
@@ -314,7 +314,7 @@ class Ageing(FrictionLaw):
 class ExponentialHealing(FrictionLaw):
     """mu_s + gain (1 - exp(-t/t_c)) after a block has stuck for t, within 1e-3 gain.
 
-    It slips like `LinearWeakening`.
+    A block then slips as in `LinearWeakening`.
 
     Args:
         gain: gain of mu_s after a long contact time, >= 0.

@@ -14,8 +14,8 @@ GROUP = "pyfric.laws"
 def named(name: str) -> TabulatedLaw:
     """Return the law that an installed package offers under this name.
 
-    The package has an entry point of this name in the group `pyfric.laws`. It leads to a
-    `TabulatedLaw`, or to its columns in SI units: {"slip": [...], "mu": [...]}.
+    The package has an entry point of this name in the group `pyfric.laws`. The entry point leads to
+    a `TabulatedLaw`, or to its columns in SI units: {"slip": [...], "mu": [...]}.
 
     Raises:
         SceneError: no package, or more than one, offers this name; or what it offers cannot be

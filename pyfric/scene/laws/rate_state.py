@@ -10,21 +10,21 @@ from pyfric.scene.spread import FIELD, Field
 from pyfric.values import Positive, Quantity, SceneError
 
 LARGEST = 1.0
-"""Largest a and b. Measured ones are about 0.01."""
+"""Largest a and b. Measured values are about 0.01."""
 LONGEST = 0.1
-"""Largest D_c, in m. A larger one is most probably in um."""
+"""Largest D_c, in m. A larger number is most probably in um."""
 
 MOST = 100.0
-"""Largest c. The measured one is 2."""
+"""Largest c. The measured value is 2."""
 
 
 class Evolution(NamedTuple):
-    """A law of evolution; its functions in the core stand in fortran/evolution.f90.
+    """A law of evolution; fortran/evolution.f90 has its functions in the core.
 
     Attributes:
-        code: its number there.
-        weakening: -d(ln theta)/d|u|, in 1/D_c, by a wave of speed, over |v| theta/D_c; it takes the
-            law (`pyfric.scene.RateStateLaw`), too.
+        code: its number in the core.
+        weakening: -d(ln theta)/d|u| at a change of speed, in 1/D_c, as a function of |v| theta/D_c
+            and of the law (`pyfric.scene.RateStateLaw`).
         steady: |v| theta/D_c of steady slip.
     """
 
@@ -58,14 +58,14 @@ class RateAndState(FrictionLaw):
         "nagata"   dtheta/dt = 1 - |v| theta/D_c - (c/b) theta dmu/dt ,
 
     where mu = (|f| - alpha |v|)/p. At a steady speed theta = D_c/v, and the friction coefficient is
-    f* + (a - b) ln(v/V*); with "prz" theta = 2 D_c/v, and friction is b ln 2 higher. It weakens
-    with speed if a < b. With a cut-off speed V_c, ln(V* theta/D_c + V*/V_c) replaces the
-    logarithm, and steady friction rises above V_c. alpha is that of the interface. theta of an open
-    block evolves with its speed.
+    f* + (a - b) ln(v/V*). With "prz" theta = 2 D_c/v, and the coefficient is higher by b ln 2.
+    Steady friction weakens with speed if a < b. With a cut-off speed V_c, ln(V* theta/D_c + V*/V_c)
+    replaces the logarithm, and steady friction rises above V_c. alpha is a field of the interface.
+    theta of an open block evolves with its speed.
 
-    A block counts as slipping while |v| >= v_slip: contact states, episodes, events and fronts are
-    those of such blocks. The interface needs no mu_s and mu_k, which are both f*. With f* p the
-    slider holds while it is loaded, before t = 0.
+    A block counts as slipping while |v| >= v_slip: contact states, episodes, events and fronts
+    follow from such blocks. The interface needs no mu_s and mu_k, which are both f*. While the
+    slider is loaded, before t = 0, each block holds up to f* p.
 
     Args:
         a: direct effect, in (0, 1], and at least 1/550 of the friction coefficient at rest.
@@ -88,8 +88,8 @@ class RateAndState(FrictionLaw):
     Sources: J. H. Dieterich, J. Geophys. Res. 84, 2161 (1979); A. L. Ruina, J. Geophys. Res. 88,
     10359 (1983); regularised by asinh: J. R. Rice, N. Lapusta, K. Ranjith, J. Mech. Phys. Solids
     49, 1865 (2001); prz: G. Perrin, J. R. Rice, G. Zheng, J. Mech. Phys. Solids 43, 1461 (1995);
-    K. Nagata, M. Nakatani, S. Yoshida, J. Geophys. Res. 117, B02314 (2012). With changing p, that
-    the rate is that of mu, and not of |f|, is a choice made here.
+    K. Nagata, M. Nakatani, S. Yoshida, J. Geophys. Res. 117, B02314 (2012). For changing p, the use
+    of dmu/dt is a choice made here.
     """
 
     a: Annotated[Field, Quantity("", gt=0.0, le=LARGEST, **FIELD)]

@@ -30,9 +30,9 @@ COLUMNS = {
     "speed": ("v", "speed_factor"),
     "age": ("age_time", "age_factor"),
 }
-"""Table -> its two lists."""
+"""Table -> names of its two lists."""
 IN_UNITS = UNITS._replace(slide="m")
-"""SI units of the first lists."""
+"""SI units of the first list of each table."""
 
 Source = str | Path | Measured | tuple[Callable[[float], float], float | str]
 """A CSV file, a measured curve, or a pair of a function and the end of its table."""
@@ -95,9 +95,9 @@ class TabulatedLaw(FrictionLaw):
         """Return a law with tables from files or functions.
 
         Args:
-            tables: hold, slide, speed or age. Each is the path of a CSV file of two columns (see
-                `from_csv`), or a pair of a function and the end of its table, a number in SI units
-                or text such as "3 um". slide may also be a `Measured` curve.
+            tables: hold, slide, speed or age. Each table is the path of a CSV file of two columns
+                (see `from_csv`), or a pair of a function and the end of its table, a number in SI
+                units or text such as "3 um". slide may also be a `Measured` curve.
 
         Raises:
             SceneError: a table is unknown, a file cannot be used, or a function is not a valid law.
@@ -142,7 +142,7 @@ class TabulatedLaw(FrictionLaw):
         for name, table in tables.items():
             lists |= zip(COLUMNS[name], (table.x, table.y), strict=True)
         made = from_entries(cls, entries, None, **lists)
-        made._tables.update(tables)  # whose knots have places
+        made._tables.update(tables)  # with the places of their knots
         return made
 
     def text(self) -> str:

@@ -166,7 +166,7 @@ def test_open_blocks_are_not_fast(every):
 
 
 def test_slow_events_are_found_as_roots_of_slip_without_inertia(rated):
-    """Passages in the slow phase, beside the points of the curve, `APART` apart."""
+    """Points of the curve are `APART` apart. Passages in the slow phase lie between them."""
     assert rated.counts["slow_steps"] > 100
     other = rated.with_events(1.0000001 * rated.method.threshold)
     assert any(SAMPLED in note for note in other.notes)

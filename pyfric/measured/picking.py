@@ -67,7 +67,7 @@ OF_SLIP = {
     "rate": ("m/s", "creep since the event before"),
     "recurrence": ("s", "time since the start of the event before"),
 }
-"""The same of a table of steps of slip."""
+"""Columns of a table of steps of slip: unit and meaning."""
 _OF_FORCE, _OF_SLIP = pd.Index(list(COLUMNS)), pd.Index(list(OF_SLIP))
 NAMES = {"peak": "before", "valley": "after", "drop": "slip"}
 """Names of columns of falls -> names for steps of slip."""

@@ -48,9 +48,9 @@ def burridge_knopoff(**changes):
 
 def test_jumps_make_the_events_of_full_dynamics():
     """The first thirty events agree block by block."""
-    scene = burridge_knopoff(tau=0.499 * 3500 / 20)
+    scene = burridge_knopoff(tau=0.499 * 3500 / 20, V=8e-5)
     runs = [
-        pyfric.simulate(scene, 0.25, fidelity=fidelity, t_gap=1e-5, dt=4e-7, energies=False)
+        pyfric.simulate(scene, 0.025, fidelity=fidelity, t_gap=1e-5, dt=4e-7, energies=False)
         for fidelity in ("dynamic", "hybrid")
     ]
     a, b = (run.events.iloc[:30] for run in runs)

@@ -42,7 +42,7 @@ def test_both_builds_make_the_same_runs(table):
 
 
 def test_errors_are_those_beside_full_dynamics(monkeypatch):
-    case = fine.Case("fig1", {"l": 5e-3}, 0.22, accuracy=1e-4)
+    case = fine.Case("fig1", {"l": 5e-3, "V": 8e-3}, 0.022, accuracy=1e-4)
     monkeypatch.setattr(fine, "CASES", {"rough": case})
     (row,) = fine.finer(["rough"], commits=[], repeats=1, errors=True).to_dict("records")
     assert row["events"] > 0

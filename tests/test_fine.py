@@ -31,6 +31,7 @@ def table():
     return frame
 
 
+@pytest.mark.slow
 def test_both_builds_make_the_same_runs(table):
     assert table["build"].tolist() == ["this", "older"] * 2
     one, other = (part.reset_index() for _, part in table.groupby("build"))
@@ -41,6 +42,7 @@ def test_both_builds_make_the_same_runs(table):
     assert "processor time of older over" in fine.report(table)
 
 
+@pytest.mark.slow
 def test_errors_are_those_beside_full_dynamics(monkeypatch):
     case = fine.Case("fig1", {"l": 5e-3, "V": 8e-3}, 0.022, accuracy=1e-4)
     monkeypatch.setattr(fine, "CASES", {"rough": case})
@@ -56,6 +58,7 @@ def test_other_events_have_no_error():
     assert fine._error(np.array([1.0, 2.0]), case, known) == 0.5
 
 
+@pytest.mark.slow
 def test_steps_of_all_kinds_are_those_of_the_run(table):
     row = table.iloc[0]
     record = pyfric.simulate(

@@ -14,6 +14,7 @@ import pyfric
 from pyfric.record import Outline
 
 
+@pytest.mark.slow
 def test_both_builds_make_the_same_cases(monkeypatch):
     asked = []
 

@@ -441,12 +441,12 @@ def cycles(accuracy, evolution="ageing"):
 @functools.cache
 def _cycles(accuracy, evolution):
     """Return a run of some stick-slip cycles; accuracy 0 means full dynamics."""
-    law = {"D_c": 1e-6, "v_0": 2e-3, "evolution": evolution}
+    law, t_end = {"D_c": 1e-6, "v_0": 2e-3, "evolution": evolution}, 9e-2
     if evolution == "nagata":  # a/(1 + c) and b/(1 + c) act
-        law |= {"a": 3 * LAW["a"], "b": 3 * LAW["b"]}
+        law, t_end = law | {"a": 3 * LAW["a"], "b": 3 * LAW["b"]}, 6e-2
     scene = chain(L=0.02, V=2e-3, K=1e6, p=20.0, tau=0.0, interface=rated(**law))
     how = {"accuracy": accuracy, "fidelity": "hybrid"} if accuracy else {"fidelity": "dynamic"}
-    return pyfric.simulate(scene, 9e-2, sample=1e-3, progress=False, **how)
+    return pyfric.simulate(scene, t_end, sample=1e-3, progress=False, **how)
 
 
 SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("slip", "prz")]

@@ -16,6 +16,7 @@ import click
 from click.testing import CliRunner
 
 from pyfric import core
+from pyfric.figures import style
 
 GIVEN = {"fronts": ["--collapse", "5 mm"], "collapse": ["{out}/fronts/fronts_fronts.csv"]}
 """Arguments of commands besides folders; `fronts` has made the file before."""

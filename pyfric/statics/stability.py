@@ -82,8 +82,8 @@ def least_limit(stepper: Stepper, eigenvalues: np.ndarray) -> tuple[float, int]:
     def stable(s: np.ndarray, which: np.ndarray) -> np.ndarray:
         z = s * ray[which]
         R = np.full(z.shape, complex(last))
-        for one in reversed(others):  # Horner's rule
-            R = one + R * z
+        for term in reversed(others):  # Horner's rule
+            R = term + R * z
         return np.abs(R) <= 1 + GROWN
 
     low = np.where(stable(np.full(ray.shape, 2.0), np.arange(len(ray))), 2.0, 0.0)

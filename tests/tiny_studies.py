@@ -36,6 +36,7 @@ def words(folder, name, command):
 
 def main(folder, *chosen):
     core.processors = lambda: 1  # workers would import all modules again
+    style.PNG_DPI = 30
     studies = runpy.run_path(str(Path(__file__).parents[1] / "studies"))["main"]
     rows = []
     for name, command in sorted(studies.commands.items(), key=lambda one: one[0] == "collapse"):

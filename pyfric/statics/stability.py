@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
     from pyfric.core import Stepper
     from pyfric.scene import SceneLike
-    from pyfric.scene.parts import Top
 
 ROUNDED = 1e-7
 """Growth in one step that rounding can cause. Rounding splits double eigenvalues on the unit circle
@@ -156,7 +155,9 @@ limit is local, so that larger lattices have the same limit within 5 % (`tests/t
 """
 
 
-def _unloaded_top(scene: Scene, mass: float, mattress: float) -> Top:
+def _unloaded_top(
+    scene: Scene, mass: float, mattress: float
+) -> Rod | DistributedLoad | PrescribedLoad:
     """Return the top of a scene under a load of 1 N, with this rod (kg, N/m) if it has one."""
     if scene.rigid:
         return Rod(F_N=1.0, mass=mass, mattress=mattress)

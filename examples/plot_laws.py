@@ -51,7 +51,7 @@ for law, colour, label in (
     age = events["t_start"].to_numpy()[first] - events["t_stop"].to_numpy()[first - 1]
     F_T = events["F_T_start"].to_numpy()[first]
     right.semilogx(age * 1e3, F_T / p, "o", ms=4, color=colour, label=label)
-    right.semilogx(ages * 1e3, one.law.hold(np.ones(len(ages)), ages), lw=1, color=colour)
+    right.semilogx(ages * 1e3, one.law.static.hold(np.ones(len(ages)), ages), lw=1, color=colour)
 right.set(
     xlabel="time of contact (ms)", ylabel="$F_T/p$ at which the block starts", ylim=(0.69, 0.82)
 )

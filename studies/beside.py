@@ -178,7 +178,7 @@ def _slider_row(
 def _ivp(scene: Scene, rtol: float) -> tuple[list[tuple], float, int]:
     """Return the switches (t, block, old, new) by SciPy, seconds, and the number of evaluations."""
     N, m, eta = scene.N_x, scene.m, scene.eta
-    law = scene.law
+    law = scene.law.static
     p, k, driver = scene.load, scene.slider.k, scene.driver
     bond = np.eye(N, k=1) + np.eye(N, k=-1) - np.diag([1.0, *((N - 2) * [2.0]), 1.0])
     stiff = k * bond - scene.k_top * np.eye(N)

@@ -83,7 +83,7 @@ def held(record: Record, event: int, scene: Scene) -> Callable[[float], Equilibr
         raise SceneError("slider.L", scene.slider.L, "m", allowed)
     t = float(record.events["t_start"].loc[event])
     ratio, open_ = tractions(record, event, scene.x)
-    most = (1 - BELOW) * scene.law.hold(1.0)
+    most = (1 - BELOW) * scene.law.static.hold(1.0)
     solver = StaticSolver(scene)
     drive = scene.drive(t) + scene.d * float(np.mean(solver.u_drv0))
     u_x, open_ = _displacements(scene, np.clip(ratio, -most, most), open_, drive)

@@ -97,8 +97,11 @@ def _benchmark() -> list[tuple[str, Any, Any]]:
     """TPV3, whose barriers cannot rupture; X_c0 = (3 pi/4) k G/(drop of mu p)^2 in blocks."""
     scene = preset("tpv3")
     inside = scene.N_x // 4
-    drop = float(np.broadcast_to(scene.law.drop, scene.N_x)[inside]) * scene.p_prescribed[inside]
-    energy = drop * float(np.broadcast_to(scene.law.d_c, scene.N_x)[inside]) / 2
+    drop = (
+        float(np.broadcast_to(scene.law.static.drop, scene.N_x)[inside])
+        * scene.p_prescribed[inside]
+    )
+    energy = drop * float(np.broadcast_to(scene.law.static.d_c, scene.N_x)[inside]) / 2
     return [("X_c0/l", zone_of_scene(scene), 0.75 * math.pi * scene.slider.k * energy / drop**2)]
 
 

@@ -183,7 +183,7 @@ def front(
     table = _places(passed, reached, l)
     x, own = table["x"].to_numpy(), np.arange(scene.N_x) * l
     pressed = np.where(before.p > 0, before.p, np.nan)
-    ratio = (scene.d * before.tau / pressed - scene.law.slide(1.0)) / scene.law.drop
+    ratio = (scene.d * before.tau / pressed - scene.law.static.slide(1.0)) / scene.law.static.drop
     G, coarse = event.G, event.G["n"].to_numpy() * L - L
     return table.assign(
         scaled=np.interp(x, own, ratio),

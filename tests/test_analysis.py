@@ -20,7 +20,7 @@ from pyfric.record import (
     held_in,
 )
 from pyfric.record.zones import zone_at_rest, zone_moving
-from pyfric.scene import setup1
+from pyfric.scene import LAWS, setup1
 
 F_N, N, L_BLOCK = 1000.0, 11, 2.5e-3
 MU_S, MU_K = 0.75, 0.5
@@ -305,6 +305,11 @@ def test_every_energy_counts_in_the_budget():
     for name in end:
         wrong = curve.assign(**{name: [start[name], end[name] + 0.125]})
         np.testing.assert_allclose(abs(analysis.budget_left(wrong)), [0.0, 0.125], atol=1e-15)
+    for term in {term.name: term for law in LAWS for term in law.terms}.values():
+        more = curve.get(term.name, 0.0) + np.array([0.0, 0.125])
+        left = analysis.budget_left(curve.assign(**{term.name: more}))
+        way = {"stored": 0.125, "lost": 0.125, "given": -0.125, "part": 0.0}[term.counts]
+        np.testing.assert_allclose(left, [0.0, way], atol=1e-15)
     still = 1e4 * pd.DataFrame([start, start])
     still.loc[1, stored[0]] *= 1 + 2**-50  # rounding of 1e4 J of each kind
     assert 0 < analysis.budget_error(still) < 1e-8

@@ -12,7 +12,7 @@ from pyfric.record.episodes import QUIET_COLUMNS, SWITCH_COLUMNS
 from pyfric.record.held import found_arrays, held_in
 from pyfric.record.rupture import five_known, longest_link, rupture_front
 from pyfric.scene import setup1
-from pyfric.scene.friction import Law
+from pyfric.scene.friction import CoulombLaw
 from pyfric.statics import EquilibriumError
 
 MS = 1e-3
@@ -32,7 +32,7 @@ def make_scene(N_x=8, d=1, j_h=2, l=2.5e-3):
         ahead=d,
         j_h=j_h,
         m=4e-5,
-        law=Law(0.7, 0.45),
+        law=CoulombLaw(0.7, 0.45),
         n_of_i=i + 1 if d == 1 else N_x - i,
         slider=SimpleNamespace(l=l, k=1.35e7),
         driver=SimpleNamespace(V=1e-3, side="left" if d == 1 else "right"),

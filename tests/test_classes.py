@@ -13,8 +13,10 @@ from click.testing import CliRunner
 from helpers import refused, small
 
 import pyfric
+from pyfric import loaded_state, step_size
 from pyfric.cli.commands import main
 from pyfric.figures import phase_map, save_figure
+from pyfric.record import creeps_to_rest
 from pyfric.scene import Scene, chain, preset
 from pyfric.sweeps import Job, chain_job, phase_diagram, phases
 from pyfric.theory import chain_prestress, chain_speed
@@ -323,3 +325,13 @@ def test_the_command(tmp_path, monkeypatch):
         done = CliRunner().invoke(main, ["phase-diagram", *option, "--out", tmp_path])
         assert done.exit_code == 2
         assert "need a SCENE" in done.output  # options without a SCENE would have no effect
+
+
+@pytest.mark.parametrize(
+    ("name", "known"), [("chain", True), ("slow", False), ("rate_and_state", False)]
+)
+def test_only_a_margin_that_is_a_force_says_that_slip_creeps_to_rest(name, known):
+    scene = preset(name)
+    state = loaded_state(scene).state(scene, step_size(scene))
+    assert state.margin.min() > 0
+    assert creeps_to_rest(scene, state, lambda: np.zeros((scene.N_z, 2, scene.N_x))) is known

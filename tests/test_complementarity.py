@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pyfric.core import OPEN, STUCK
-from pyfric.scene import Law, Scene, chain, preset, setup2
+from pyfric.scene import CoulombLaw, Scene, chain, preset, setup2
 from pyfric.statics import Contact, ContactProblem, StaticSolver, loaded_state
 from pyfric.statics.contact import LEAST_DEFINITENESS, definiteness
 
@@ -135,7 +135,7 @@ def test_the_next_change_is_the_first(name):
     """On a fine scan no condition is violated before the change, and one is just beyond it."""
     i = interface(name)
     contact, unit, seen = i.loaded(), i.unit, 0
-    contact.law = Law(*2 * [contact.law.mu_k])  # releases then do not change the state
+    contact.law = CoulombLaw(*2 * [contact.law.mu_k])  # releases then do not change the state
     for n in range(12):
         X, b, what = contact.next_change()
         if not np.isfinite(X):
@@ -174,7 +174,7 @@ def test_the_slip_operator_loses_definiteness_near_mu_1():
     alternating = np.resize(np.array([1, -1], dtype=np.int8), contact.N_x)
     patterns = [alternating, *(rng.choice([-1, 1], contact.N_x) for _ in range(10))]
     for mu in found:
-        contact.law = Law(mu, mu)
+        contact.law = CoulombLaw(mu, mu)
         for pattern in patterns:
             contact.enter(slice(None), pattern)
             contact.renew()
@@ -188,7 +188,7 @@ def test_definiteness_falls_linearly_with_friction():
     contact = interface("rod").loaded()
     found = []
     for mu in (0.0, 0.5, 1.0):
-        contact.law = Law(mu, mu)
+        contact.law = CoulombLaw(mu, mu)
         found.append(contact.definiteness_of_sliding())
         for number in range(contact.N_x + 1):
             slip = (np.arange(contact.N_x) < number).astype(np.int8)
@@ -198,7 +198,7 @@ def test_definiteness_falls_linearly_with_friction():
     assert found[1] == pytest.approx((found[0] + found[2]) / 2, abs=1e-12)
     limit = 1 / (1 - found[2])
     for mu, definite in ((0.98 * limit, True), (0.995 * limit, False)):  # 0.99 limit: 0.01
-        contact.law = Law(mu, mu)
+        contact.law = CoulombLaw(mu, mu)
         assert (contact.definiteness_of_sliding() > LEAST_DEFINITENESS) == definite
         operators = [contact.slip_operator(np.full(contact.N_x, way)) for way in (1, -1)]
         assert all(definiteness(*one) > LEAST_DEFINITENESS for one in operators) == definite

@@ -12,7 +12,7 @@ from helpers import mirrored_scene, scaled, small_free, small_rod
 from scipy.sparse.linalg import spsolve
 
 from pyfric import core
-from pyfric.scene import Law, Scene, preset, setup1, setup2
+from pyfric.scene import CoulombLaw, Scene, preset, setup1, setup2
 from pyfric.statics import (
     ContactProblem,
     EquilibriumError,
@@ -581,7 +581,7 @@ def test_strong_friction_warns_where_the_slip_operator_is_indefinite():
     few = np.where(scene.n_of_i == scene.N_x, alternating, 0)
 
     def check(mu, slip):
-        contact.law = Law(mu, mu)
+        contact.law = CoulombLaw(mu, mu)
         contact.enter(slice(None), slip)
         _warn_if_ambiguous(contact)
 

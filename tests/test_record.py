@@ -181,6 +181,22 @@ def test_a_tree_holds_all_of_a_record(n_events, tmp_path):
             assert (again["events/t_start"] == record.events["t_start"]).all()
 
 
+@pytest.mark.parametrize("name", ["chain", "slow", "rate_and_state"])
+def test_a_record_says_what_the_law_of_its_scene_names(name):
+    how = {"fidelity": "dynamic", "energies": True, "progress": False}
+    record = pyfric.simulate(pyfric.preset(name), 2e-5, **how)
+    tree, law = record.to_datatree(), record.scene.law
+    for one in (*law.state, law.margin):
+        attributes = tree["final_state"][one.name].attrs
+        assert attributes["units"] == one.unit
+        assert attributes["long_name"].startswith(one.meaning)
+    terms = {term.name: term for term in law.terms}
+    assert law.budget().keys() <= terms.keys() & set(record.curve)
+    for one in law.budget():
+        attributes = tree["curve"][one].attrs
+        assert (attributes["units"], attributes["long_name"]) == ("J", terms[one].meaning)
+
+
 def test_a_dataset_is_lean_and_says_what_is_in_it():
     record = make_record()
     dataset = record.to_xarray()

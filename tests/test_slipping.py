@@ -11,7 +11,6 @@ from pyfric.engines.jump import Jump, Wait
 from pyfric.engines.path import Outside, path_from, rest
 from pyfric.engines.rests import RestStates
 from pyfric.engines.schedule import SPENT
-from pyfric.engines.slipping import slides
 from pyfric.scene import setup1, setup2
 from pyfric.scene.laws import Ageing, ExponentialWeakening, SpeedDependent
 from pyfric.statics import StaticSolver, Weakening, damping, mass
@@ -186,14 +185,14 @@ def test_no_jump_over_slip_that_goes_on_without_the_driver():
 def test_where_slip_is_left_to_dynamics():
     scene = rod()
     change = scene.replace
-    assert slides(scene.law)
-    assert slides(change({"alpha": 0.1}).law)
-    assert slides(change({"d_c": 0.0}).law)
-    assert not slides(change({"law": SpeedDependent(v=(0.0, 0.1), factor=(1.0, 0.8))}).law)
+    assert scene.law.slides
+    assert change({"alpha": 0.1}).law.slides
+    assert change({"d_c": 0.0}).law.slides
+    assert not change({"law": SpeedDependent(v=(0.0, 0.1), factor=(1.0, 0.8))}).law.slides
     by_time = pyfric.laws.TabulatedLaw(age_time=(0.0, 1e-3), age_factor=(1.0, 0.9))
-    assert not slides(change({"law": by_time}).law)
-    assert not slides(pyfric.preset("slow").law)
-    assert not slides(pyfric.preset("rate_and_state").law)
+    assert not change({"law": by_time}).law.slides
+    assert not pyfric.preset("slow").law.slides
+    assert not pyfric.preset("rate_and_state").law.slides
 
 
 @pytest.mark.usefixtures("cheap_attempts")

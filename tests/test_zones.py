@@ -40,6 +40,9 @@ def test_the_zone_of_the_paper_s_slider():
     assert np.isnan(zone_moving(scene, p, np.nan)).all()
     np.testing.assert_array_equal(zone_at_rest(preset("fig1"), p[2:]), 0.0)
     assert np.isnan(zone_at_rest(preset("fig1", mu_k=0.7), p)).all()
+    for other in ("slow", "rate_and_state"):  # friction does not fall to mu_k p
+        assert np.isnan(zone_at_rest(preset(other), p)).all()
+        assert np.isnan(preset(other).law.fracture_energy(p)).all()
 
 
 @pytest.mark.parametrize("v", [0.0, 0.6])

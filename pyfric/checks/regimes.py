@@ -215,7 +215,7 @@ def _at_once(scene: Callable[[], Scene]) -> Observed:
     and stops at 2 u_e - u_0 after half a period.
     """
     what = scene()
-    top, law = what.top, what.law
+    top, law = what.top, what.law.static
     omega = math.sqrt(what.k_top / what.m)
     half = math.pi / omega
     dt, u_0 = half / 4000, -0.4 * top.p / what.k_top

@@ -230,7 +230,7 @@ def loading_curve(known: Reference, made: Record, within: Tolerances) -> list[Ch
 def stresses(known: Reference, made: Record, within: Tolerances) -> list[Check]:
     """Compare tau and p of the main events of a run with those of a set."""
     unit, order = known.scene.F_N / known.scene.N_x, np.argsort(known.scene.n_of_i)
-    law = known.scene.law.mean
+    law = known.scene.law.static.mean
     errors: dict[str, list[float]] = {"before": [], "after": []}
     behind = []
     for event, other in _main(known, made, within):
@@ -281,7 +281,7 @@ def crack_speeds(known: Reference, made: Record, within: Tolerances) -> list[Che
         ("rupture times in events", largest(np.concatenate([*times, []])), within.rupture, "s"),
     )
     if sum(map(len, theirs)) >= MANY:
-        law = known.scene.law.mean
+        law = known.scene.law.static.mean
         stored = pd.concat(theirs)
         scaled = law.scaled(stored["tau_over_p"])
         curve = collapse_spread(scaled, stored["v_c"], bins=BINS)

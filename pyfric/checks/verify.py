@@ -236,7 +236,7 @@ def _weakening() -> float:
     """Return the relative error of the heat by which friction weakens, over three events."""
     scene = chain(L=0.02, d_c=1e-6, V=0.05)
     run = simulate(scene, 12e-3, fidelity="dynamic", switching="located", progress=False)
-    mean, episodes = scene.law.mean, run.episodes
+    mean, episodes = scene.law.static.mean, run.episodes
     left = 1 - np.minimum(np.abs(episodes["slip"]) / mean.d_c, 1.0)
     heat = (mean.mu_s - mean.mu_k) * episodes["p_start"] * mean.d_c * (1 - left**2) / 2
     return abs(run.curve["weakening_heat"].iloc[-1] / heat.sum() - 1)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pyfric.scene import Geometry, JunctionLaw, Law, RateStateLaw, check_geometry
+from pyfric.scene import CoulombLaw, Geometry, JunctionLaw, RateStateLaw, check_geometry
 
 if TYPE_CHECKING:
     from pyfric.scene import OnDriven, Scene
@@ -80,7 +80,7 @@ OF_BLOCKS = (
     *("mu_s", "mu_k", "d_c", "alpha", "bare", "limit", "limit_rate"),
 )
 """Numbers that a `Model` has for each block of the interface, in order. The fields of friction are
-those of `Law`; other laws have their own."""
+those of `CoulombLaw`; other laws have their own."""
 
 
 class Model(NamedTuple):
@@ -223,8 +223,7 @@ def _interface(
 ) -> tuple[list[np.ndarray], dict[str, int], list[np.ndarray]]:
     """Return the fields of the interface, the numbers of knots of its law, and the knots."""
     law, N_x = scene.law, scene.N_x
-    limits = scene.limit_at(t, begin) if law.rests else ()
-    fields = (scene.k_f, scene.gap, *law.core_fields, *limits)
+    fields = (scene.k_f, scene.gap, *law.core_fields(scene.limit_at(t, begin)))
     rows = [np.broadcast_to(np.asarray(field, dtype=float), (N_x,)) for field in fields]
     tables = {name: table for name, table in law.core_tables._asdict().items() if table is not None}
     n_knots = {f"n_{name}": len(table.x) for name, table in tables.items()}
@@ -251,7 +250,7 @@ def springs(
     )
     free = {"rigid": 0, "prescribed": 0, "left": 0, "right": 0, "top": 0}
     counts = _counts(scene, geometry)._replace(
-        law=Law.code, n_memory=Law.memory.itemsize // 8, **free
+        law=CoulombLaw.code, n_memory=CoulombLaw.memory.itemsize // 8, **free
     )
     none = np.zeros(scene.n_driven)
     return _packed(counts, constants, none, scene.x, np.zeros((len(OF_BLOCKS) - 1) * scene.N_x))

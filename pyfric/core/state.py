@@ -56,9 +56,8 @@ class State:
         mode: contact states of the bottom blocks, shape (N_x,), int32: 0 stuck, +1 or -1 slip in
             that direction, 2 open.
         corner: 1 if the present or last slip is a corner episode, shape (N_x,), int32.
-        margin: mu_s p - |force other than friction| at the last step, shape (N_x,), in N. On
-            junctions: number of junctions that may break before the block is ruptured. With
-            rate-and-state friction: `v_slip` minus the speed of the block, in m/s.
+        margin: what a block lacks before it slips, at the last step, shape (N_x,), in the unit and
+            with the meaning of `scene.law.margin`: a force in N if blocks can rest.
         memory: state variables of the friction law for each bottom block, shape (N_x,), a
             structured array with the names of the law; `state.s_0` is `memory["s_0"]`.
         loss: kinetic energy removed when a switch stopped a block, shape (N_x,), in J. On

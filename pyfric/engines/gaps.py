@@ -33,7 +33,7 @@ class GapFunctions:
 
     def __init__(self, space: Space) -> None:
         scene = space.solver.scene
-        self.space, self.law, held = space, scene.law, space.held
+        self.space, self.law, held = space, scene.law.static, space.held
         self.open = up = space.open[scene.touches[space.open]]
         k_f, mu_s = (np.broadcast_to(a, scene.N_x) for a in (scene.k_f, self.law.hold(1.0)))
         self._mu_s, self._k_f = mu_s[held], k_f[held]

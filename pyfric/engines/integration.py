@@ -107,7 +107,7 @@ def integrate(
         if stopping is not None and before is None:
             stopping.begin(state)
         model = core.model(scene, method.geometry, state.u_drv0, just_after(state))
-        recorder = Recorder(scene, method, solver, state, model, before, stopping)
+        recorder = Recorder(scene, method, solver, state, before, stopping)
         run = Run(GuardedSteps(recorder, state, model), skip_of)
         recorder.timings["set-up"] = time.perf_counter() - start
         last = last_of_run(scene, state, t_end)

@@ -36,7 +36,7 @@ class Limits:
             now: present time, in s.
             slips: whether blocks slip, which excludes jumps under a limit below mu_s.
         """
-        scene, hold = self.known.scene, self.known.scene.law.tables.hold
+        scene, hold = self.known.scene, self.known.scene.law.static.tables.hold
         if not scene.interface.limit:
             return self.known
         limit, rate = scene.limit_at(t, now)

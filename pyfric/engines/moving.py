@@ -43,7 +43,7 @@ def has_parts(scene: Scene) -> bool:
     if scene.N_x < LEAST:
         return False
     steady = not (scene.corners or scene.top.push or scene.interface.limit)
-    return scene.N_z == 1 and scene.law.rests and scene.law.tables.hold is None and steady
+    return scene.N_z == 1 and scene.law.bears_mu_s and steady
 
 
 def may_slip(scene: Scene, space: Space, state: State, n_steps: int) -> np.ndarray:
@@ -70,8 +70,9 @@ def may_slip(scene: Scene, space: Space, state: State, n_steps: int) -> np.ndarr
     if scene.load_at(begin) is not None:
         loads = (space.solver.under(scene.load_at(t)).load for t in (end, begin))
         later += np.subtract(*loads)
+    law = scene.law.static
     for forces in (f, later):
-        moves |= scene.law.margin(p, forces[at.u_x]) <= small
+        moves |= law.remaining(p, forces[at.u_x]) <= small
     return moves
 
 

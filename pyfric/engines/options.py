@@ -334,8 +334,8 @@ class Options:
         """
         switching = self.switching or default_switching(scene, self.method)
         stepper = self.stepper or default_stepper(scene, switching)
-        if STEPPERS[stepper].implicit is not scene.law.flows:
-            allowed = "'imex'" if scene.law.flows else "another one"
+        if STEPPERS[stepper].implicit is not (flows := scene.law.flows):
+            allowed = "'imex'" if flows else "another one"
             law = scene.interface.law.kind
             raise SceneError("stepper", stepper, "", f"{allowed} with this law", f"law = {law!r}")
         return stepper

@@ -140,7 +140,7 @@ def why_not(
 def _check_slip(scene: Scene, contact: Contact) -> None:
     """Refuse an initial slip under which a block exceeds its strength."""
     now = contact.values()
-    excess = np.where(contact.stuck, -contact.law.margin(now.p, now.f), -np.inf)
+    excess = np.where(contact.stuck, -contact.law.remaining(now.p, now.f), -np.inf)
     i = int(np.argmax(excess))
     if scene.interface.slip is not None and excess[i] > contact.tol:
         n, slip = scene.n_of_i[i], float(scene.field("slip")[i])

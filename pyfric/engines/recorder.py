@@ -29,6 +29,7 @@ from pyfric.record import (
     versions,
     zone_notes,
 )
+from pyfric.scene import Sums
 from pyfric.statics import RememberedStates
 
 if TYPE_CHECKING:
@@ -58,7 +59,6 @@ class Recorder:
         method: how it is run.
         known: static states of the scene in its geometry.
         state: its state at the beginning.
-        model: the scene in the form that the core takes.
         before: record that the run continues.
         stopping: conditions that end the run.
 
@@ -80,7 +80,6 @@ class Recorder:
         method: Method,
         known: StaticSolver,
         state: State,
-        model: Model,
         before: Record | None,
         stopping: Stopping | None,
     ) -> None:
@@ -96,7 +95,7 @@ class Recorder:
         self.made = {"steps": 0, "block_evaluations": 0}
         self.events, self.last_slip = 0, -math.inf
         self.t_begin = state.t
-        self.history = History(self._columns(state, model))
+        self.history = History(self._columns())
         self.log = self.new_log(state)
         if before is not None:
             self.t_begin = before.curve["t"].iloc[0]
@@ -117,12 +116,12 @@ class Recorder:
 
     # --- the curve, and motion at its points -----------------------------------------------------
 
-    def _columns(self, state: State, model: Model) -> list[str]:
+    def _columns(self) -> list[str]:
         """Return the names of the columns of the curve."""
         names = ["t", "F_T"]
         if self.method.budget:
-            names += [*core.energies(model, state, state.t)]
-            names += ["work_driver", "work_load", "dissipated_bonds", *self.scene.law.budget()]
+            names += [*core.ENERGIES, "work_driver", "work_load", "dissipated_bonds"]
+            names += self.scene.law.budget()
             names += ["radiated"] * self.scene.walls.absorb
         return names
 
@@ -153,10 +152,10 @@ class Recorder:
         """Return the columns of the energy budget from points of the core, shape (16, n)."""
         if not self.method.budget:
             return []
-        energies = points[1 : 7 + bool(self.scene.law.junctions)]
-        *before, heat, loss, above, viscous, radiated = points[8:]
-        interface = self.scene.law.budget(heat, loss, (above, viscous))
-        columns = [*energies, *before, *interface.values()]
+        _, *energies, elastic, driver, load, bonds = points[:11]
+        *of_interface, radiated = points[11:]
+        interface = self.scene.law.budget(Sums(elastic, *of_interface))
+        columns = [*energies, driver, load, bonds, *interface.values()]
         return [*columns, radiated] if self.scene.walls.absorb else columns
 
     def add_span(self, span: Span, state: State) -> None:

@@ -38,13 +38,7 @@ from pyfric.scene import of
 from pyfric.statics import extended
 
 if TYPE_CHECKING:
-    from pyfric.scene import Law
     from pyfric.statics import Weakening
-
-
-def slides(law: Law) -> bool:
-    """Whether friction depends on slip alone, apart from a viscous part."""
-    return law.rests and not law.junctions and law.tables.speed is None and law.tables.age is None
 
 
 class Stiffer(NamedTuple):

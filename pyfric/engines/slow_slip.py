@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import math
 import sys
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
@@ -33,6 +33,7 @@ from pyfric.engines.grid import just_after, piece_ends
 from pyfric.engines.linearised import Interface, Linearised, after
 from pyfric.engines.path import Outside
 from pyfric.engines.skip import Prices, Span, mostly_stepped
+from pyfric.scene import RateStateLaw
 from pyfric.statics import Memory, Values
 from pyfric.values import SceneError
 
@@ -101,6 +102,7 @@ class SlowSlip:
     def __init__(self, steps: GuardedSteps) -> None:
         self.steps, self.recorder = steps, steps.recorder
         self.scene, self.method, self.known = steps.scene, steps.method, self.recorder.known
+        self.law = cast(RateStateLaw, self.scene.law)
         self.recorder.made |= {"jumps": 0, "steps_spared": 0, "slow_steps": 0}
         self.limit = self.method.accuracy * self.scene.F_N
         prices, state = Prices(self.scene, self.method), steps.state
@@ -117,7 +119,7 @@ class SlowSlip:
     @staticmethod
     def fits(scene: Scene) -> bool:
         """Return whether friction of a scene is a function of speed and state."""
-        return scene.law.flows
+        return isinstance(scene.law, RateStateLaw)
 
     @staticmethod
     def check(scene: Scene) -> None:
@@ -183,7 +185,7 @@ class SlowSlip:
         at = known.coordinates(state.y[:, :2], state.rod[:3])
         rates = known.coordinates(state.y[:, 2:], state.rod[3:])
         p = core.evaluate(self.steps.model, state, state.t).p
-        waves = about.waves(at, rates, outside, p, self.scene.law)
+        waves = about.waves(at, rates, outside, p, self.law)
         left, allowed = waves.largest / (WAVES * self.limit), SLIPPED * self.limit
         if not waves.effect(v) <= allowed or (left > 1 and not waves.decay > 0):
             return None
@@ -200,7 +202,7 @@ class SlowSlip:
         faster = np.maximum(np.abs(found.v), np.abs(first))
         if not waves.effect(faster, second - first) <= allowed:
             return None
-        slip, weakens = waves.slip(np.abs(first)), self.scene.law.weakening(first, state.theta)
+        slip, weakens = waves.slip(np.abs(first)), self.law.weakening(first, state.theta)
         return np.array([slip, -slip * np.sign(first) * weakens])
 
     def slip(self, last: int, moved: np.ndarray) -> Span | None:
@@ -329,12 +331,12 @@ class SlowSlip:
         load, p, _ = interface.at(s, found.u)
         off = load - interface.load[0][:, 0] + (end.f - at.f)
         pressed = np.where(free, 0.0, p - interface.p[0][:, 0] - (end.p - at.p))
-        error = np.abs(off) + self.scene.law.mu_s * np.abs(pressed)
+        error = np.abs(off) + self.law.mu_s * np.abs(pressed)
         return float(error.sum()) > BENT * self.limit
 
     def limits(self, interface: Interface, end: float, last: float = math.inf) -> core.SlowLimits:
         """Return limits that end slow slip, and its allowed errors; times in s."""
-        scene, law, N_x = self.scene, self.scene.law, self.scene.N_x
+        scene, law, N_x = self.scene, self.law, self.scene.N_x
         tolerance, unit = OF_STEP * self.method.accuracy, scene.F_N / N_x
         return core.SlowLimits(
             end=end,
@@ -343,7 +345,7 @@ class SlowSlip:
             u=tolerance * unit / float(np.abs(np.diag(interface.load[1])).max()),
             log_theta=tolerance / float(np.max(law.b + law.a)),
             inertia=INERTIA * self.limit,
-            speed=law.kind.v_slip,
+            speed=law.v_slip,
             least=self.least,
             last=last,
             steps=int(min(max(SLOW_WORK / N_x**3, 10), SLOW_STEPS)),
@@ -425,5 +427,5 @@ class SlowSlip:
         state.y[:, 2:], state.rod[3:] = known.displacements(rates)
         state.y[0, 0, closed], state.y[0, 2, closed] = u_x[closed], v[closed]
         state.theta[:] = np.exp(found.log_theta)
-        state.margin[:] = self.scene.law.kind.v_slip - np.abs(v)
+        state.margin[:] = self.law.v_slip - np.abs(v)
         self.recorder.log.speeds[: self.scene.N_x] = v

@@ -10,7 +10,6 @@ import numpy as np
 from pyfric.engines.grid import just_after
 from pyfric.engines.path import Outside, rest
 from pyfric.engines.ring_down import RingDown
-from pyfric.engines.slipping import slides
 from pyfric.statics import EquilibriumError, Weakening
 
 if TYPE_CHECKING:
@@ -31,7 +30,7 @@ class StableSlip(RingDown):
     @staticmethod
     def fits(scene: Scene) -> bool:
         """Return whether friction of a scene depends on slip alone, apart from a viscous part."""
-        return slides(scene.law)
+        return scene.law.slides
 
     def _slips_for(self, state: State) -> int:
         """Return the number of steps during which slip prevents a jump.
@@ -62,7 +61,7 @@ class StableSlip(RingDown):
         q, _ = self._coordinates(state)
         self.recorder.made["slides"] += 1
         way = np.where(slips, state.mode, 0)
-        weakening = Weakening(self.scene.law, way, state.s_0, state.y[0, 0])
+        weakening = Weakening(self.scene.law.static, way, state.s_0, state.y[0, 0])
         try:
             modes = self.rests.slipping(closed, weakening, q)
         except EquilibriumError:

@@ -47,8 +47,7 @@ def check_steps(t_begin: float, t_end: float, dt: float) -> None:
 
 def default_switching(scene: Scene, method: str | None = None) -> Switching:
     """Return the default of the option `switching`; see `Options`."""
-    ends = scene.law.apart or scene.law.flows
-    return "located" if method is None and not ends else "step_end"
+    return "located" if method is None and not scene.law.at_step_end else "step_end"
 
 
 def is_auto(dt: Any) -> bool:

@@ -292,8 +292,11 @@ class Stopping:
         return min(self.quiet(self.t_rest), self.t_rest + pause_of_waves(self.scene))
 
     def weakest(self) -> float:
-        """Return the smallest additional force (N) that makes a block in contact slip."""
-        if self.state is None:
+        """Return the smallest additional force (N) that makes a block in contact slip.
+
+        It is -inf if none is known: without a state, or where margins (`Law.margin`) are no forces.
+        """
+        if self.state is None or self.scene.law.margin.unit != "N":
             return -math.inf
         return float(self.state.margin[self.mode != OPEN].min(initial=math.inf))
 

@@ -187,7 +187,7 @@ class _Together:
         known = self.known.get(key) if scene.interface.slip is None else None
         if known is not None and known.held is not None:
             stuck, p, f, tol = known.held
-            if not (scene.law.margin(p, f)[stuck] < -tol).any():
+            if not (scene.law.static.remaining(p, f)[stuck] < -tol).any():
                 return known, known.start._replace(scene=scene)
         with one_thread() if scene.N_x <= SMALL else nullcontext():
             run = QuasistaticRun(scene, longest_pause(scene) if known is None else known.t_gap)

@@ -155,7 +155,7 @@ def _foundation(axes: Axes, x: np.ndarray, scene: Scene) -> None:
         springs = [_zigzag((at, -0.3), (at, -depth), 0.7, 3).T for at in x]
         axes.add_collection(LineCollection(springs, colors=GREEN, linewidths=0.5))
     _wall(axes, -2, 102, -depth, -1)
-    friction = scene.law.mean
+    friction = scene.law.static.mean
     means = {"mu_s": friction.mu_s, "mu_k": friction.mu_k}
     if scene.N_z > 1 and not scene.prescribed:
         means = {"k_f": np.mean(scene.k_f)} | means

@@ -259,7 +259,7 @@ def scene_text(scenes: Sequence[Scene]) -> str:
     else:
         friction = "mu_s/mu_k = " + ", ".join(f"{s:g}/{k:g}" for s, k in pairs)
     if any(scene.interface.d_c for scene in scenes):
-        friction += f", d_c = {of(lambda s: s.law.mean.d_c, 'm', -2)}"
+        friction += f", d_c = {of(lambda s: s.law.static.mean.d_c, 'm', -2)}"
     if any(scene.law.mean.alpha for scene in scenes):
         friction += f", alpha = {of(lambda s: s.law.mean.alpha, 'N s/m')}"
     used = [scene.interface.law for scene in scenes]

@@ -239,7 +239,7 @@ def _lattice(scene: Scene, options: Options, seconds: float) -> str:
 
     Half the lattice constant takes 8 times as long: 4 times the blocks, twice the steps.
     """
-    if options.want != "front_speed" or not scene.law.rests:
+    if options.want != "front_speed":
         return ""
     blocks, moving = zone_of_scene(scene), zone_of_scene(scene, MOVING)
     little, need = blocks_needed(scene, options.tolerance)

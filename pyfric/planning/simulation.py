@@ -487,7 +487,8 @@ def released(scene: SceneLike, blocks: int) -> State:
     check_whole("blocks", blocks, 1, scene.N_x, note=" = N_x")
     state, first = loaded_state(scene).state(scene, step_size(scene)), scene.n_of_i <= blocks
     state.mode[first] = scene.d
-    slide, d_c = scene.law.tables.slide, np.broadcast_to(scene.law.d_c, first.shape)
+    law = scene.law.static
+    slide, d_c = law.tables.slide, np.broadcast_to(law.d_c, first.shape)
     weakened = d_c[first] * (1.0 if slide is None else slide.x[-1])
     state.s_0[first] = weakened - scene.d * state.y[0, 0][first]
     return state

@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 from pyfric.record.balance import extent, potency_history
 from pyfric.record.data import RecordData
 from pyfric.record.growth import energy_release, griffith_length, nucleations
-from pyfric.record.held import of_record
+from pyfric.record.held import counted, of_record
 from pyfric.record.recurrence import Sizes, b_value, sizes
 from pyfric.record.rupture import front_speed
 from pyfric.scene import Scene
@@ -125,10 +125,11 @@ def _moved(curve: pd.DataFrame | RecordData) -> tuple[pd.Series, pd.Series, pd.S
     if "work_driver" not in curve:
         raise SceneError("curve", ", ".join(curve), "", "that of a run with energies = True")
     stored = curve[_energies(curve)].sum(axis=1)
-    work = curve["work_driver"] + curve["work_load"]
-    if "stiffness_work" in curve:
-        work = work + curve["stiffness_work"]
-    lost = curve["dissipated_bonds"] + curve["friction_heat"] + curve["switching_loss"]
+    work, lost = curve["work_driver"] + curve["work_load"], curve["dissipated_bonds"]
+    for name in (name for name in counted("given") if name in curve):
+        work = work + curve[name]
+    for name in (name for name in counted("lost") if name in curve):
+        lost = lost + curve[name]
     return stored - stored.iloc[0], work - work.iloc[0], lost - lost.iloc[0]
 
 
@@ -427,7 +428,7 @@ def friction_coefficients(record: RecordData) -> FrictionCoefficients:
         if min([*speeds, *(scene.piece("V", t).at(t) for t in (begin, end))]) >= 0:
             F_N, T = (_mean_load(scene, what, begin, end) for what in ("F_N", "T"))
             mean = (mean_force(record, begin, end) + T) / F_N
-    return FrictionCoefficients(mu_s_macro, mean, float(scene.law.mean.scaled(mu_s_macro)))
+    return FrictionCoefficients(mu_s_macro, mean, float(scene.law.static.mean.scaled(mu_s_macro)))
 
 
 def _over_load(scene: Scene, t: pd.Series, F_T: pd.Series) -> pd.Series:
@@ -557,4 +558,4 @@ def _ratio(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _scaled(record: RecordData, tau_over_p: np.ndarray) -> np.ndarray:
-    return record.scene.law.at(np.argsort(record.scene.n_of_i)).scaled(tau_over_p)
+    return record.scene.law.static.at(np.argsort(record.scene.n_of_i)).scaled(tau_over_p)

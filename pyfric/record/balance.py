@@ -35,7 +35,7 @@ import pandas as pd
 import pyfric.record.catalogue  # noqa: F401  its columns come first
 from pyfric.record.classes import SLOW
 from pyfric.record.data import RecordData
-from pyfric.record.held import ENERGIES, event_column
+from pyfric.record.held import ENERGIES, counted, event_column
 from pyfric.record.rupture import AVERAGED
 from pyfric.record.zones import pace_limits
 from pyfric.values import SceneError
@@ -218,7 +218,7 @@ def _largest(events: Mapping[str, np.ndarray], t: np.ndarray, values: np.ndarray
 
 @event_column("J", f"work of driver and loads. {NOT_MEASURED}", required=False)
 def work(record: RecordData) -> np.ndarray:
-    return _moved(record, "work_driver", "work_load", "stiffness_work")
+    return _moved(record, "work_driver", "work_load", *counted("given"))
 
 
 @event_column("J", f"what elastic energy gained, left as stress. {NOT_MEASURED}", required=False)

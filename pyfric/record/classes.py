@@ -68,11 +68,15 @@ def creeps_to_rest(
     lacks to slip. These forces are viscous friction alpha v, inertia m a, and sqrt(12 k E): the
     most that the kinetic energy E can add on a block held by a stiffness of 6 k.
 
+    It is False under a law whose margins (`Law.margin`) are no forces.
+
     Args:
         state: state with blocks in motion.
         accelerations: function that returns accelerations of blocks, (N_z, 2, N_x), in m/s^2.
         more: force that the driver adds, in N.
     """
+    if scene.law.margin.unit != "N":  # no force says how near to slip blocks are
+        return False
     weakest = float(state.margin[state.mode != OPEN].min(initial=math.inf))
     v, slips = np.abs(state.y[0, 2]), np.abs(state.mode) == 1
     held = float(np.broadcast_to(scene.law.alpha, v.shape)[slips] @ v[slips])

@@ -39,7 +39,6 @@ from pyfric.statics import (
     ContactProblem,
     Creep,
     EquilibriumError,
-    creeps,
     loaded_state,
 )
 from pyfric.theory import g_II
@@ -79,7 +78,7 @@ def nucleations(record: RecordData) -> pd.DataFrame:
             gaps or blocks without friction.
     """
     scene = record.scene
-    if not creeps(scene.law):
+    if not scene.law.creeps:
         raise SceneError(
             "interface.d_c", scene.interface.d_c, "m", "> 0, and a law of slip alone",
             "slip does not lose stability",
@@ -106,7 +105,7 @@ def nucleation_lengths(record: RecordData) -> np.ndarray | None:
     lattices of more than `LARGE` unknowns it takes too long, so None is returned, too.
     """
     scene = record.scene
-    known = creeps(scene.law) and scene.has_rests and scene.whole
+    known = scene.law.creeps and scene.has_rests and scene.whole
     if not known or 2 * scene.N_x * scene.N_z > LARGE:
         return None
     lengths = np.full(len(record.events), np.nan)
@@ -165,11 +164,9 @@ def energy_release(record: RecordData, event: int) -> pd.DataFrame:
         SceneError: no such event; the record holds no state just before the event; or no block
             rests under the law of friction, so that the fracture energy is not defined.
     """
-    if not record.scene.law.rests:
-        kind, reason = record.scene.interface.law.kind, "its fracture energy is not defined"
-        raise SceneError("interface.law", kind, "", "a law under which blocks rest", reason)
-    contact, scene = _before(record, event), record.scene
-    law, order = scene.law, np.argsort(scene.n_of_i)
+    scene, reason = record.scene, "its fracture energy is not defined"
+    law = scene.resting_law(reason, "a law under which blocks rest")
+    contact, order = _before(record, event), np.argsort(scene.n_of_i)
     G, Gamma = np.full(scene.N_x, np.nan), np.full(scene.N_x, np.nan)
     for n, i in enumerate(order):
         if contact.free[i]:

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, ParamSpec, TypeVar
 import numpy as np
 import pandas as pd
 
-from pyfric.scene import LAWS, laws
+from pyfric.scene import LAWS, Term, laws
 from pyfric.values import SceneError, usage
 
 P = ParamSpec("P")
@@ -212,17 +212,33 @@ def _enter(held: Held) -> None:
     _held[held.group][held.name] = held
 
 
-def _rows(group: str, dims: str, variables: Iterable[laws.Variable], drawn: bool = False) -> str:
-    """Return rows of `TABLE` for variables of laws of friction."""
+def counted(*how: str) -> tuple[str, ...]:
+    """Return the names of the terms of the interface that a budget counts so; see `Term`."""
+    return tuple(name for name, term in TERMS.items() if term.counts in how)
+
+
+def _rows(
+    group: str, dims: str, variables: Iterable[laws.Variable | Term], drawn: bool = False
+) -> str:
+    """Return rows of `TABLE` for variables and terms of laws of friction."""
     begin, end = ("drawn_", ", as drawn") if drawn else ("", "")
     return "\n".join(
-        f"{group} {dims} {begin}{name}? {dtype} {unit.replace('^', '')} {meaning}{end}"
-        for name, unit, meaning, dtype in variables
+        f"{group} {dims} {begin}{v.name}? {v.dtype} {v.unit.replace('^', '')} {v.meaning}{end}"
+        for v in variables
     )
 
 
 DRAWN = _rows("interface", "x", (v for law in laws.KINDS.values() for v in law.variables()), True)
 MOTION = _rows("motion", "t,x", (v for law in LAWS for v in law.motion))
+TERMS: dict[str, Term] = {}
+"""Terms of the interface in the energy budget by name; a name of several laws as its first says."""
+for _law in LAWS:
+    for _term in _law.terms:
+        TERMS.setdefault(_term.name, _term)
+STORED, MOVED = (
+    _rows("curve", "t", (TERMS[name] for name in counted(*how)))
+    for how in (["stored"], ["given", "lost", "part"])
+)
 TABLE = f"""
 curve     t       t                   f8 s   time
 curve     t       F_T                 f8 N   tangential force of the driver
@@ -232,16 +248,12 @@ curve     t       elastic_bonds?      f8 J   elastic energy of the bonds
 curve     t       elastic_foundation? f8 J   elastic energy of the foundation
 curve     t       elastic_mattress?   f8 J   elastic energy of the mattress, in a chain of k_top
 curve     t       elastic_driver?     f8 J   elastic energy of the driver's spring
-curve     t       elastic_junctions?  f8 J   elastic energy of the junctions of the interface
+{STORED}
 curve     t       work_driver?        f8 J   work of the driver's motion
 curve     t       work_load?          f8 J   work of the forces on the top, of weights and of pushes
 curve     t       dissipated_bonds?   f8 J   heat of the dashpots of the bonds, and radiated
-curve     t       friction_heat?      f8 J   heat of friction
-curve     t       switching_loss?     f8 J   kinetic energy removed where a switch stops a block
-curve     t       weakening_heat?     f8 J   heat of friction above mu_k p
-curve     t       viscous_heat?       f8 J   heat of the viscosity of slip
+{MOVED}
 curve     t       radiated?           f8 J   of the heat of bonds, what absorbing walls took
-curve     t       stiffness_work?     f8 J   work of the stiffness of junctions, which follows p
 curve     t       drive?              f8 m   displacement of the driver
 curve     t       L_p_over_L?         f8 1   length slipped or open from the trailing edge, over L
 episodes  episode n                   i8 1   number of the block, 1 at the trailing edge

@@ -62,6 +62,8 @@ SEAL = "pyfric_seal"
 """Attribute with the SHA-256 of the content of a file."""
 DRAWN = "drawn_"
 """Prefix of the names of random fields of the interface, as they were drawn, on x."""
+BUDGETS = "curve", "quiet", "bursts"
+"""Groups with the energy budget, whose terms mean what the law of the scene says."""
 SHOWN = ("curve", "events", "interface", "motion")
 """Groups of a Dataset: all except logs."""
 CSV = {
@@ -102,15 +104,21 @@ def held_by(record: RecordData) -> Iterator[tuple[Held, np.ndarray]]:
     edges = {name: getattr(record, name) for name in EDGES}
     groups: dict[str, Mapping[str, Any]] = {n: getattr(record, n) for n in (*TABLES, *LOGS)}
     groups["interface"] = coordinates | edges | _drawn(scene) | record.arrays
+    terms = {term.name: term for term in scene.law.terms}
     for group in GROUPS:
         for name, held in held_in(group).items():
             if name in groups[group]:
+                if held.group in BUDGETS and name in terms:
+                    held = held._replace(meaning=terms[name].meaning)
                 yield held, np.asarray(groups[group][name])
-    state = record.final_state
+    state, law = record.final_state, scene.law
+    own = {variable.name: variable for variable in (*law.state, law.margin)}
     for name, value in ({} if state is None else state.values()).items():  # `State` describes it
-        values, said = np.asarray(value), f"{name} of the final state"
+        values, unit, said = np.asarray(value), "SI", f"{name} of the final state"
+        if name in own:
+            unit, said = own[name].unit, f"{own[name].meaning}, in the final state"
         dims = tuple(f"final_{name}_{axis}" for axis in range(values.ndim))
-        yield Held("final_state", name, dims, values.dtype, "SI", said), values
+        yield Held("final_state", name, dims, values.dtype, unit, said), values
 
 
 # --- out -----------------------------------------------------------------------------------------

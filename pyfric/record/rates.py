@@ -69,7 +69,7 @@ def fast_slip(record: RecordData, threshold: Any) -> Fast:
     if v == record.method.threshold:
         crossings = dict(record.crossings)
         return Fast(crossings, dict(record.bursts), _last(record, crossings, v))
-    if law.flows and v == law.kind.v_slip and record.final_state is not None:
+    if v == law.v_slip and record.final_state is not None:
         switches = {name: record.switches[name] for name in SWITCH_COLUMNS}
         state = record.final_state
         return Fast(switches, dict(record.quiet), LastSlip(state.mode, state.corner))

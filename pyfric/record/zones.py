@@ -64,6 +64,8 @@ def pace_limits(scene: Scene) -> tuple[float, float]:
 def zone_at_rest(scene: Scene, p: np.ndarray) -> np.ndarray:
     """Return X_c0/l at each block: 0 without weakening, NaN where p is 0 or NaN.
 
+    It is NaN, too, under a law whose fracture energy is not defined.
+
     Args:
         p: normal forces on the blocks from left to right, shape (..., N_x), N. A prescribed normal
             force replaces NaN.
@@ -75,7 +77,7 @@ def zone_at_rest(scene: Scene, p: np.ndarray) -> np.ndarray:
         given = scene.p_prescribed if scene.prescribed else scene.load
         p = np.where(np.isnan(p), given, p) / scene.shares[1]
     with np.errstate(divide="ignore", invalid="ignore"):
-        drop, energy = law.drop * p, law.fracture_energy(p)
+        drop, energy = law.static.drop * p, law.fracture_energy(p)
         if scene.N_z == 1:
             return math.pi / 2 * np.sqrt(2 * scene.slider.k * energy) / drop
         return 0.75 * math.pi * scene.slider.k * energy / drop**2
@@ -110,7 +112,7 @@ def can_rupture(scene: Scene) -> np.ndarray:
     if not isinstance(scene.top, PrescribedLoad) or scene.driver.K * scene.driver.fastest > 0:
         return np.ones(scene.N_x, dtype=bool)
     p = scene.p_prescribed if scene.prescribed else scene.load
-    return np.abs(scene.shear) > scene.law.slide(p)
+    return np.abs(scene.shear) > scene.law.static.slide(p)
 
 
 def _mean_p(scene: Scene) -> np.ndarray:
@@ -222,8 +224,9 @@ def chain_notes(scene: Scene, engine: str, catalogue: Slipped) -> tuple[str, ...
     if scene.N_z > 1 or not alone or top.k_top or not (scene.law.rests and slipped.size):
         return ()
     order = np.argsort(scene.n_of_i)
-    rest = (scene.d * scene.shear - scene.law.slide(scene.load))[order]
-    drop = (scene.law.drop * scene.load)[order]
+    law = scene.law.static
+    rest = (scene.d * scene.shear - law.slide(scene.load))[order]
+    drop = (law.drop * scene.load)[order]
     carried, m = np.cumsum(rest), int(slipped.max())
     if m >= scene.N_x or carried[m] >= drop[m]:
         return ()

@@ -6,7 +6,7 @@ from pyfric.scene import laws
 from pyfric.scene.change import followed_by, full_name, once, scene_fields
 from pyfric.scene.consistency import Geometry, check_geometry, check_push, default_geometry
 from pyfric.scene.ends import Conditions, condition
-from pyfric.scene.friction import FRICTIONLESS, Law, of, slipped
+from pyfric.scene.friction import FRICTIONLESS, CoulombLaw, Law, Sums, Term, of, slipped
 from pyfric.scene.lattice import OnDriven
 from pyfric.scene.loads import NO_LIMIT
 from pyfric.scene.materials import MATERIALS, Material

@@ -4,10 +4,10 @@ import functools
 
 import numpy as np
 
-from pyfric.scene.friction import Law
+from pyfric.scene.friction import CoulombLaw, Law
 from pyfric.scene.loads import Loads
 from pyfric.scene.restless import WITHOUT_REST
-from pyfric.values import part
+from pyfric.values import SceneError, part
 
 
 @part
@@ -26,7 +26,17 @@ class Composed(Loads):
             alpha = alpha * self.shares[1]
         if tables.slide is not None and not np.any(d_c):
             d_c = 1.0  # the table is over slip in m
-        return Law(mu_s, mu_k, d_c, alpha, tables)
+        return CoulombLaw(mu_s, mu_k, d_c, tables, alpha=alpha)
+
+    def resting_law(self, reason: str, allowed: str = "another law") -> CoulombLaw:
+        """Return the friction law if blocks can rest under it.
+
+        Raises:
+            SceneError: they cannot; it says what is allowed, and the reason.
+        """
+        if isinstance(self.law, CoulombLaw):
+            return self.law
+        raise SceneError("interface.law", self.interface.law.kind, "", allowed, reason)
 
     @functools.cached_property
     def bare(self) -> np.ndarray:

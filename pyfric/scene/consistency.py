@@ -108,11 +108,11 @@ def _check_prescribed(scene: Composed) -> None:
         _check_length(scene, f"top.{name}", getattr(scene.top, name), mark)
     if scene.law.rests:
         for push in scene.top.push:
-            check_push(scene, push, -scene.shear, scene.law.hold(scene.p_prescribed))
+            check_push(scene, push, -scene.shear, scene.law.static.hold(scene.p_prescribed))
     if scene.prescribed:  # blocks that carry more than mu_s p slip from t = 0 on
         return
     p, tau = np.atleast_1d(scene.top.p), np.atleast_1d(scene.top.tau)
-    strength, tau = np.broadcast_arrays(scene.law.hold(p), tau)
+    strength, tau = np.broadcast_arrays(scene.law.static.hold(p), tau)
     margin = strength - np.abs(tau)
     if (margin < 0).any():
         i = int(np.argmax(margin < 0))
@@ -148,7 +148,7 @@ def _check_starts(scene: Composed) -> None:
             reason = f"of a law whose blocks can rest, not of {interface.law.kind!r}"
             mark = annotations(type(interface))[name]
             raise SceneError(f"interface.{name}", given, mark.unit, "none", reason)
-    if interface.slip_since == "start" and not (scene.law.rests and scene.law.weakens):
+    if interface.slip_since == "start" and not scene.law.weakens:
         reason = "friction does not depend on slip: a law with d_c > 0, or a table over slip"
         raise SceneError("interface.slip_since", "start", "", "'stick'", reason)
     if interface.limit_from is not None and not interface.limit:

@@ -1,14 +1,15 @@
-"""The friction law of a scene whose blocks can rest. No other Python module evaluates mu.
+"""What every friction law says, and the law of a scene whose blocks can rest.
 
-A block that has slipped by s since it last stuck, at speed v, resists with mu p + alpha v:
+No other Python module evaluates mu. Under `CoulombLaw` a block that has slipped by s since it last
+stuck, at speed v, resists with mu p + alpha v:
 
-    stuck       |f| <= mu_s p                                            `Law.hold`
+    stuck       |f| <= mu_s p                                            `CoulombLaw.hold`
     slips       mu = mu_k + (mu_s - mu_k) slide(s/d_c), times factors
     open        no friction
 
 Static states, the quasi-static sequence and the prediction curve do not resolve slip weakening: a
-slipping block has mu_k, which is Amontons-Coulomb friction (`Law.slide`). The core evaluates the
-whole law, in Fortran.
+slipping block has mu_k, which is Amontons-Coulomb friction (`CoulombLaw.slide`). The core evaluates
+the whole law, in Fortran.
 
 The slip path needs only one stored number, s_0. The path is s = s_0 + mode u_x while a block slips,
 and s_0 otherwise.
@@ -20,13 +21,17 @@ Source: PRL 107, 074301 (2011), interface law, and its remark on slip weakening.
 
 from __future__ import annotations
 
+import abc
 import math
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 
 from pyfric.scene.laws import Tables, Variable
+
+NO_TABLES = Tables()
 
 
 def memory_of(state: tuple[Variable, ...], shape: tuple[int, ...] = ()) -> np.dtype:
@@ -34,43 +39,74 @@ def memory_of(state: tuple[Variable, ...], shape: tuple[int, ...] = ()) -> np.dt
     return np.dtype([(variable.name, float, shape) for variable in state])
 
 
-CLOCKS = (
-    Variable("s_0", "m", "slip since the last stick, minus mode u_x while the block slips"),
-    Variable("t_0", "s", "time at which the block stuck or began to slip"),
-)
-NO_TABLES = Tables()
 GRADUAL = 0.01
 """Largest (mu_s - mu_k)/mu_s for which quasi-static slip is continuous, with friction mu_s."""
 
 
-@dataclass(frozen=True)
-class Law:
-    """Strength of the interface under a load p.
+class Sums(NamedTuple):
+    """What the core adds up of the interface, in J, by the names that it has there.
 
-    Strength is linear in p, so that p may also be a stiffness. Each of the first four attributes is
-    a number, or an array with one number for each column, shape (N_x,).
+    Attributes:
+        elastic: energy that junctions store.
+        heat, loss: those of `State`, over all blocks.
+        above, viscous: both rows of `State.parts`, over all blocks.
+    """
+
+    elastic: Any = 0.0
+    heat: Any = 0.0
+    loss: Any = 0.0
+    above: Any = 0.0
+    viscous: Any = 0.0
+
+
+class Term(NamedTuple):
+    """A term of the interface in the energy budget.
+
+    Attributes:
+        name, unit, meaning, dtype: as those of a `Variable`.
+        sum: the entry of `Sums` that it is.
+        counts: how it enters the total: "stored", "given" or "lost"; "part": of the heat of
+            friction, with which it is counted.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    sum: str
+    counts: Literal["stored", "given", "lost", "part"]
+    dtype: str = "f8"
+
+
+NO_SUMS = Sums()
+
+
+@dataclass(frozen=True)
+class Law(abc.ABC):
+    """What every friction law says. Each field is a number, or an array of shape (N_x,).
 
     Attributes:
         mu_s: static friction coefficient.
         mu_k: kinetic friction coefficient.
-        d_c: slip over which friction weakens, in m; 0 means at once.
         alpha: viscosity of slip, in N s/m.
-        tables: tables of the law; see `pyfric.laws`.
     """
 
     mu_s: Any
     mu_k: Any
-    d_c: Any = 0.0
-    alpha: Any = 0.0
-    tables: Tables = NO_TABLES
+    alpha: Any = field(default=0.0, kw_only=True)
 
-    state: ClassVar[tuple[Variable, ...]] = CLOCKS
+    fields: ClassVar[tuple[str, ...]] = ("mu_s", "mu_k", "alpha")
+    """Names of what has one number for each column."""
+    state: ClassVar[tuple[Variable, ...]]
     """State variables of a block; all are numbers."""
     motion: ClassVar[tuple[Variable, ...]] = ()
     """What a run records of the state variables at points of the loading curve."""
-    memory: ClassVar[np.dtype] = memory_of(CLOCKS)
+    margin: ClassVar[Variable]
+    """What a block lacks before it slips, `State.margin`."""
+    terms: ClassVar[tuple[Term, ...]]
+    """Terms of the interface in the energy budget."""
+    memory: ClassVar[np.dtype]
     """Names and shapes of the state variables."""
-    code: ClassVar[int] = 1
+    code: ClassVar[int]
     """Number of the law in the core (pyfric_law)."""
     restless: ClassVar[str] = ""
     """Reason why no block rests; "" if blocks can rest."""
@@ -78,37 +114,49 @@ class Law:
     """Whether friction depends on speed in such a way that steps have to be implicit."""
     junctions: ClassVar[int] = 0
     """Number of junctions of each block; 0 without junctions."""
-    apart: ClassVar[bool] = False
-    """Whether the junctions of a block break or pin one by one: many switches in each step."""
+    at_step_end: ClassVar[bool] = False
+    """Whether blocks switch at the ends of steps where nothing else is asked for."""
     slowest: ClassVar[float] = 0.0
     """Longest mean time scale of the law itself, in s; 0 if it has none."""
+    v_slip: ClassVar[float | None] = None
+    """Speed from which a block counts as slipping, in m/s; None if its contact tells."""
+    weakens: ClassVar[bool] = False
+    """Whether friction depends on slip."""
+    slides: ClassVar[bool] = False
+    """Whether friction depends on slip alone, apart from a viscous part."""
+    creeps: ClassVar[bool] = False
+    """Whether friction depends on slip alone and falls, so that blocks can slip stably."""
+    bears_mu_s: ClassVar[bool] = False
+    """Whether a stuck block bears mu_s p at any time."""
+    parted: ClassVar[bool] = False
+    """Whether the heat of friction has parts."""
+    bare: ClassVar[Any] = False
+    """Whether blocks have no friction, mu_s = alpha = 0, although others have some."""
 
     @property
     def rests(self) -> bool:
         """Whether a block can stick, with constant u_x."""
         return not self.restless
 
-    def hold(self, p: Any, age: Any = 0.0) -> Any:
-        """Return the strength of blocks that have been stuck for `age` (s), in units of p."""
-        gain = self.tables.hold
-        return self.mu_s * p if gain is None else (self.mu_s + gain(age)) * p
+    @property
+    def static(self) -> CoulombLaw:
+        """The law that static states obey: Amontons-Coulomb friction."""
+        return CoulombLaw(self.mu_s, self.mu_k, alpha=self.alpha)
 
-    def slide(self, p: Any) -> Any:
-        """Return the strength of slipping blocks after any weakening with slip, in units of p.
-
-        Factors of speed and of time, and alpha, are left out.
-        """
-        return self.mu_k * p
-
-    def at(self, which: Any) -> Law:
+    def at(self, which: Any) -> Self:
         """Return the law of some columns."""
-        fields = {name: of(getattr(self, name), which) for name in ("mu_s", "mu_k", "d_c", "alpha")}
-        return replace(self, **fields)
+        return replace(self, **{name: of(getattr(self, name), which) for name in self.fields})
+
+    @property
+    def mean(self) -> Self:
+        """The law with each field replaced by its mean."""
+        return replace(self, **{n: float(np.mean(getattr(self, n))) for n in self.fields})
 
     def in_motion(self, memory: np.ndarray) -> dict[str, np.ndarray]:
         """Return the values of `motion`, each of shape (N_x,)."""
         return {variable.name: memory[variable.name].copy() for variable in self.motion}
 
+    @abc.abstractmethod
     def begin(
         self, t: float, u_x: np.ndarray, p: np.ndarray, f: np.ndarray, d: int
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -121,58 +169,36 @@ class Law:
             f: friction forces on the blocks, along +x, shape (N_x,), in N.
             d: direction of the drive.
         """
-        memory = np.zeros(len(p), self.memory)
-        memory["t_0"] = t
-        return self.margin(p, f), memory
 
-    @property
-    def bare(self) -> Any:
-        """Whether blocks have no friction, mu_s = alpha = 0, although others have some."""
-        if not self.rests:
-            return False
-        none = np.equal(self.mu_s, 0) & np.equal(self.alpha, 0)
-        return none & ~np.all(none)
+    @abc.abstractmethod
+    def core_fields(self, limits: Iterable[Any] = ()) -> tuple[Any, ...]:
+        """Return fields for the core: numbers, or arrays with one number for each column.
 
-    @property
-    def core_fields(self) -> tuple[Any, ...]:
-        """Fields for the core: numbers, or arrays with one number for each column."""
-        return self.mu_s, self.mu_k, self.d_c, self.alpha, self.bare
+        Args:
+            limits: of mu, and their rates (1/s), for laws that have them.
+        """
 
     @property
     def core_tables(self) -> Tables:
         """Tables for the core."""
-        return self.tables
+        return NO_TABLES
 
     @property
     def core_numbers(self) -> dict[str, float]:
         """Numbers of the law for the core by name, in the order of `numbers_t` in the core."""
         return {}
 
-    def budget(self, heat: Any = 0.0, loss: Any = 0.0, parts: Any = (0.0, 0.0)) -> dict[str, Any]:
-        """Return the terms of the interface in the energy budget by name, from those of `State`.
+    def budget(self, sums: Sums = NO_SUMS) -> dict[str, Any]:
+        """Return the terms of the interface in the energy budget by name, in J.
 
-        With Amontons-Coulomb friction the heat has no parts.
+        Parts of the heat are left out where friction has none.
         """
-        terms = {"friction_heat": heat, "switching_loss": loss}
-        if self.tables == NO_TABLES and not np.any(self.alpha):
-            return terms
-        return terms | {"weakening_heat": parts[0], "viscous_heat": parts[1]}
+        kept = (term for term in self.terms if term.counts != "part" or self.parted)
+        return {term.name: getattr(sums, term.sum) for term in kept}
 
-    @property
-    def drop(self) -> Any:
-        """Loss of strength in a slip, over p."""
-        return self.mu_s - self.mu_k
-
-    @property
-    def mean(self) -> Law:
-        """The law with each field replaced by its mean."""
-        means = {n: float(np.mean(getattr(self, n))) for n in ("mu_s", "mu_k", "d_c", "alpha")}
-        return replace(self, **means)
-
-    @property
-    def weakens(self) -> bool:
-        """Whether friction depends on slip."""
-        return self.tables.slide is not None and bool(np.any(np.greater(self.drop, 0)))
+    def stiffness(self, p: Any) -> Any:
+        """Return the stiffness of the interface along x under blocks that rest, in N/m."""
+        return 0.0 * p
 
     def blocks_in_L_b(self, p: float, k: float) -> float:
         """Return L_b/l, over which rate-and-state friction weakens; inf for other laws.
@@ -186,13 +212,130 @@ class Law:
     def fracture_energy(self, p: Any) -> Any:
         """Return the work against friction above mu_k p during a slip, in J.
 
+        It is NaN where mu_k is not what friction falls to.
+        """
+        return np.full(np.shape(p), math.nan)
+
+    def resolving_step(self, p: float, m: float) -> float:
+        """Return the longest step (s) that resolves weakening under a load p (N); inf without any.
+
+        The step is 1 over the largest growth rate of slip of a free block of mass m (kg).
+        """
+        return math.inf
+
+
+@dataclass(frozen=True)
+class CoulombLaw(Law):
+    """Strength of the interface under a load p.
+
+    Strength is linear in p, so that p may also be a stiffness. mu_s, mu_k, d_c and alpha are
+    numbers, or arrays with one number for each column, shape (N_x,).
+
+    Attributes:
+        d_c: slip over which friction weakens, in m; 0 means at once.
+        tables: tables of the law; see `pyfric.laws`.
+    """
+
+    d_c: Any = 0.0
+    tables: Tables = NO_TABLES
+
+    fields: ClassVar[tuple[str, ...]] = ("mu_s", "mu_k", "d_c", "alpha")
+    state: ClassVar[tuple[Variable, ...]] = (
+        Variable("s_0", "m", "slip since the last stick, minus mode u_x while the block slips"),
+        Variable("t_0", "s", "time at which the block stuck or began to slip"),
+    )
+    margin: ClassVar[Variable] = Variable(
+        "margin", "N", "mu_s p - |force other than friction| at the last step"
+    )
+    terms: ClassVar[tuple[Term, ...]] = (
+        Term("friction_heat", "J", "heat of friction", "heat", "lost"),
+        Term(
+            "switching_loss",
+            "J",
+            "kinetic energy removed where a switch stops a block",
+            "loss",
+            "lost",
+        ),
+        Term("weakening_heat", "J", "heat of friction above mu_k p", "above", "part"),
+        Term("viscous_heat", "J", "heat of the viscosity of slip", "viscous", "part"),
+    )
+    memory: ClassVar[np.dtype] = memory_of(state)
+    code: ClassVar[int] = 1
+
+    @property
+    def static(self) -> CoulombLaw:
+        """The law itself."""
+        return self
+
+    def hold(self, p: Any, age: Any = 0.0) -> Any:
+        """Return the strength of blocks that have been stuck for `age` (s), in units of p."""
+        gain = self.tables.hold
+        return self.mu_s * p if gain is None else (self.mu_s + gain(age)) * p
+
+    def slide(self, p: Any) -> Any:
+        """Return the strength of slipping blocks after any weakening with slip, in units of p.
+
+        Factors of speed and of time, and alpha, are left out.
+        """
+        return self.mu_k * p
+
+    def begin(
+        self, t: float, u_x: np.ndarray, p: np.ndarray, f: np.ndarray, d: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return margins and state variables; see `Law.begin`."""
+        memory = np.zeros(len(p), self.memory)
+        memory["t_0"] = t
+        return self.remaining(p, f), memory
+
+    @property
+    def bare(self) -> Any:
+        none = np.equal(self.mu_s, 0) & np.equal(self.alpha, 0)
+        return none & ~np.all(none)
+
+    def core_fields(self, limits: Iterable[Any] = ()) -> tuple[Any, ...]:
+        """Return fields for the core; see `Law.core_fields`."""
+        return self.mu_s, self.mu_k, self.d_c, self.alpha, self.bare, *limits
+
+    @property
+    def core_tables(self) -> Tables:
+        return self.tables
+
+    @property
+    def parted(self) -> bool:
+        return self.tables != NO_TABLES or bool(np.any(self.alpha))
+
+    @property
+    def drop(self) -> Any:
+        """Loss of strength in a slip, over p."""
+        return self.mu_s - self.mu_k
+
+    @property
+    def weakens(self) -> bool:
+        return self.tables.slide is not None and bool(np.any(np.greater(self.drop, 0)))
+
+    @property
+    def slides(self) -> bool:
+        return self.tables.speed is None and self.tables.age is None
+
+    @property
+    def creeps(self) -> bool:
+        plain = self.slides and self.bears_mu_s
+        return plain and self.weakens and not np.any(self.alpha)
+
+    @property
+    def bears_mu_s(self) -> bool:
+        return self.tables.hold is None
+
+    def fracture_energy(self, p: Any) -> Any:
+        """Return the work against friction above mu_k p during a slip, in J.
+
         The work is (mu_s - mu_k) p d_c/2 for linear weakening. For any other table, the area of the
         table replaces 1/2.
         """
         left = self.tables.slide
         return self.drop * self.d_c * (0.0 if left is None else left.area) * p
 
-    def margin(self, p: np.ndarray, f: np.ndarray) -> np.ndarray:
+    def remaining(self, p: np.ndarray, f: np.ndarray) -> np.ndarray:
         """Return the strength minus |f| of stuck blocks, in N."""
         return self.hold(p) - np.abs(f)
 
@@ -211,9 +354,9 @@ class Law:
         """Whether quasi-static slip is treated as continuous."""
         return bool(np.all(self.drop <= GRADUAL * np.asarray(self.mu_s)))
 
-    def continuous(self) -> Law:
+    def continuous(self) -> CoulombLaw:
         """Return the law with mu_k = mu_s, for continuous slip."""
-        return Law(self.mu_s, self.mu_s)
+        return CoulombLaw(self.mu_s, self.mu_s)
 
     def steepness(self, p: float) -> float:
         """Return the steepest weakening slope -df/ds under a load p (N), in N/m.
@@ -228,10 +371,9 @@ class Law:
         return max(0.0, falls) * p * float(np.nanmax(self.drop / d_c))
 
     def resolving_step(self, p: float, m: float) -> float:
-        """Return the longest step (s) that resolves weakening under a load p (N); inf without any.
+        """Return the longest step (s) that resolves weakening; see `Law.resolving_step`.
 
-        The step is 1 over the largest growth rate of slip of a free block of mass m (kg). Weakening
-        with slip alone gives the rate sqrt(steepness/m), weakening with speed alone mu p
+        Weakening with slip alone gives the rate sqrt(steepness/m), weakening with speed alone mu p
         |dfactor/dv|/m. Friction that falls at once, with d_c = 0, has no weakening to resolve.
         """
         if not self.weakens and self.tables.speed is None:
@@ -242,7 +384,7 @@ class Law:
         return 1 / rate if rate > 0 else math.inf
 
 
-FRICTIONLESS = Law(0.0, 0.0)
+FRICTIONLESS = CoulombLaw(0.0, 0.0)
 
 
 def of(field: Any, which: Any) -> Any:

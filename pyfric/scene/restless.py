@@ -11,13 +11,13 @@ Source: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014), junctions;
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from pyfric.scene.friction import Law, memory_of
+from pyfric.scene.friction import CoulombLaw, Law, Term, memory_of
 from pyfric.scene.laws import (
     EVOLUTIONS,
     FrictionLaw,
@@ -58,8 +58,30 @@ class JunctionLaw(Law):
         Variable("release", "s", "time at which each junction pins or pinned"),
         Variable("breaks", "1", "number of breaks of each junction"),
     )
+    fields: ClassVar[tuple[str, ...]] = (*Law.fields, "C", "t_R", "t_R_std")
     motion: ClassVar[tuple[Variable, ...]] = (
         Variable("pinned", "1", "share of the junctions of a block that is pinned", "f4"),
+    )
+    margin: ClassVar[Variable] = Variable(
+        "margin", "1", "number of junctions that may break before the block is ruptured"
+    )
+    terms: ClassVar[tuple[Term, ...]] = (
+        Term(
+            "elastic_junctions",
+            "J",
+            "elastic energy of the junctions of the interface",
+            "elastic",
+            "stored",
+        ),
+        Term("friction_heat", "J", "heat of junctions that are dragged along", "above", "lost"),
+        Term("switching_loss", "J", "heat of breaks and of pinning of junctions", "loss", "lost"),
+        Term(
+            "stiffness_work",
+            "J",
+            "work of the stiffness of junctions, which follows p",
+            "viscous",
+            "given",
+        ),
     )
     code: ClassVar[int] = 2
     restless: ClassVar[str] = (
@@ -106,8 +128,11 @@ class JunctionLaw(Law):
         return self.kind.n_s
 
     @property
-    def apart(self) -> bool:
-        """Whether stretches, strengths or slip times of junctions differ."""
+    def at_step_end(self) -> bool:
+        """Whether stretches, strengths or slip times of junctions differ.
+
+        Then the junctions of a block break or pin one by one: many switches in each step.
+        """
         return bool(np.any(self.t_R_std) or self.kind.stretch or self.kind.u_s_spread)
 
     @property
@@ -153,8 +178,8 @@ class JunctionLaw(Law):
         memory["release"] = t
         return n * (closed - self.kind.ruptured), memory
 
-    @property
-    def core_fields(self) -> tuple[Any, ...]:
+    def core_fields(self, limits: Iterable[Any] = ()) -> tuple[Any, ...]:
+        """Return fields for the core; see `Law.core_fields`. Junctions have no limits of mu."""
         return self.mu_s, self.mu_k, self.C, self.t_R, self.t_R_std
 
     @property
@@ -172,10 +197,6 @@ class JunctionLaw(Law):
             numbers = tuple(range(1, self.kind.n_s + 1))
             strengths = Table(numbers, tuple(self.kind.factors.tolist()))
         return Tables(hold=self.kind.quantiles_of_t_R(cv), slide=strengths)
-
-    def budget(self, heat: Any = 0.0, loss: Any = 0.0, parts: Any = (0.0, 0.0)) -> dict[str, Any]:
-        """Return heat of dragging, heat of breaks and pinning, and work of stiffness changes."""
-        return {"friction_heat": parts[0], "switching_loss": loss, "stiffness_work": parts[1]}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,10 +219,18 @@ class RateStateLaw(Law):
     state: ClassVar[tuple[Variable, ...]] = (
         Variable("theta", "s", "state variable of rate-and-state friction"),
     )
+    fields: ClassVar[tuple[str, ...]] = (*Law.fields, "a", "b", "D_c", "theta")
     motion: ClassVar[tuple[Variable, ...]] = state
+    margin: ClassVar[Variable] = Variable(
+        "margin", "m/s", "speed that is missing before the block slips"
+    )
+    terms: ClassVar[tuple[Term, ...]] = tuple(
+        term for term in CoulombLaw.terms if term.name != "weakening_heat"
+    )
     code: ClassVar[int] = 3
     restless: ClassVar[str] = "with rate-and-state friction no block ever rests"
     flows: ClassVar[bool] = True
+    at_step_end: ClassVar[bool] = True
     memory: ClassVar[np.dtype] = memory_of(state)
 
     @classmethod
@@ -246,7 +275,7 @@ class RateStateLaw(Law):
             value = float(np.resize(a, too_small.size)[i])
             raise SceneError("interface.law.a", value, "", allowed, reason)
         more = {"kind": kind, "a": a, "b": b, "D_c": D_c, "theta": theta}
-        return cls(f, f, 0.0, given("alpha"), **more)
+        return cls(f, f, alpha=given("alpha"), **more)
 
     def begin(
         self, t: float, u_x: np.ndarray, p: np.ndarray, f: np.ndarray, d: int
@@ -254,10 +283,18 @@ class RateStateLaw(Law):
         """Return margins and state variables; see `Law.begin`."""
         memory = np.zeros(len(p), self.memory)
         memory["theta"] = self.theta
-        return np.full(len(p), self.kind.v_slip), memory
+        return np.full(len(p), self.v_slip), memory
 
     @property
-    def core_fields(self) -> tuple[Any, ...]:
+    def v_slip(self) -> float:
+        return self.kind.v_slip
+
+    @property
+    def parted(self) -> bool:
+        return bool(np.any(self.alpha))
+
+    def core_fields(self, limits: Iterable[Any] = ()) -> tuple[Any, ...]:
+        """Return fields for the core; see `Law.core_fields`. Speeds have no limits of mu."""
         return self.a, self.b, self.D_c, self.alpha, self.mu_k
 
     @property
@@ -265,17 +302,12 @@ class RateStateLaw(Law):
         kind = self.kind
         cut = 0.0 if kind.V_c is None else kind.V_star / kind.V_c
         law, speeds = EVOLUTIONS[kind.evolution].code, {"v_ref": kind.V_star, "cut": cut}
-        return {"law": law, **speeds, "v_slip": kind.v_slip, "c": self.c}
+        return {"law": law, **speeds, "v_slip": self.v_slip, "c": self.c}
 
     @property
     def c(self) -> float:
         """Share of stress in the evolution of the state."""
         return self.kind.c or 0.0
-
-    def budget(self, heat: Any = 0.0, loss: Any = 0.0, parts: Any = (0.0, 0.0)) -> dict[str, Any]:
-        """Return the heat of friction, and its part due to alpha; switches lose no energy."""
-        terms = {"friction_heat": heat, "switching_loss": loss}
-        return terms | {"viscous_heat": parts[1]} if np.any(self.alpha) else terms
 
     def weakening(self, v: np.ndarray, theta: np.ndarray) -> Any:
         """Return -d(ln theta)/d|u| by a wave, at speeds v (m/s) and states theta (s), in 1/m."""
@@ -301,5 +333,5 @@ WITHOUT_REST: dict[type[FrictionLaw], type[JunctionLaw | RateStateLaw]] = {
     RateAndState: RateStateLaw,
 }
 """Kinds of laws under which no block rests, and the classes of their laws."""
-LAWS: tuple[type[Law], ...] = (Law, *WITHOUT_REST.values())
+LAWS: tuple[type[Law], ...] = (CoulombLaw, *WITHOUT_REST.values())
 """The three types of law."""

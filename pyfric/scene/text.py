@@ -61,9 +61,9 @@ def law_notes(scene: Composed, t_end: float, dt: float | None = None) -> tuple[s
     """
     law, notes, least = scene.law, [], 0.0
     if law.weakens:
-        table = law.tables.slide
+        table = law.static.tables.slide
         fallen = np.append(np.flatnonzero(np.array(table.y) > LEFT) + 1, 0).max()
-        d_c, far = np.atleast_1d(law.d_c), table.x[min(fallen, len(table.x) - 1)]
+        d_c, far = np.atleast_1d(law.static.d_c), table.x[min(fallen, len(table.x) - 1)]
         slip, least, l = far * float(d_c.max()), far * float(d_c[d_c > 0].min()), scene.slider.l
         path = max(abs(x) for leg in scene.legs(t_end) for x in (leg.first, leg.last))
         falls = f"friction falls until a slip of {with_prefix(slip, 'm')}"
@@ -75,7 +75,7 @@ def law_notes(scene: Composed, t_end: float, dt: float | None = None) -> tuple[s
         elif table_of_mu and slip > l:
             notes.append(f"{falls}, more than the block size l = {with_prefix(l, 'm')}")
     if dt is not None and dt > (resolves := scene.resolving_step):
-        steepness = law.steepness(scene.F_N / scene.N_x)
+        steepness = law.static.steepness(scene.F_N / scene.N_x)
         by_slip = law.weakens and steepness > 0.25 / resolves**2 * scene.m_interface
         over = f"over {with_prefix(least, 'm')} of slip" if by_slip else "with speed"
         notes.append(

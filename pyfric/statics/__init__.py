@@ -4,7 +4,7 @@ from pyfric.statics.blas import SMALL, one_thread, one_thread_if_small
 from pyfric.statics.complementarity import Contact, ContactProblem, Route, Static
 from pyfric.statics.condensation import LARGE
 from pyfric.statics.contact import BARE, CONTACT_TOL, LEAST_DEFINITENESS, States, Values
-from pyfric.statics.creep import Creep, Point, creeps
+from pyfric.statics.creep import Creep, Point
 from pyfric.statics.equilibrium import RememberedStates, StaticSolver, loaded_state, solve_static
 from pyfric.statics.heights import pressed
 from pyfric.statics.lattice import bonds, spring_stiffness

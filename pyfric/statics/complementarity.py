@@ -39,7 +39,7 @@ from pyfric.statics.rows import ends, table_rows
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from pyfric.scene import Law, OnDriven, Scene
+    from pyfric.scene import CoulombLaw, OnDriven, Scene
 
 RATE_TOL = 1e-11
 """Rate of a force, over stiffness times rate of displacement, that counts as rounding."""
@@ -242,11 +242,11 @@ class Contact(States):
         drive: float,
         mode: np.ndarray,
         *,
-        law: Law | None = None,
+        law: CoulombLaw | None = None,
         driven: bool = True,
     ) -> None:
         scene = problem.scene
-        super().__init__(scene, mode, law or scene.law, driven=driven)
+        super().__init__(scene, mode, law or scene.law.static, driven=driven)
         self.problem, self.K, self.least = problem, scene.driver.K, LEAST * problem.unit
         self.way, self._now = 1, None
         self.at, self._lifts = table_rows(self.N_x), np.zeros(self.N_x, dtype=int)
@@ -392,7 +392,7 @@ class Contact(States):
         def unmet(now: Values) -> Unmet | None:
             rate, slip = self.rates(), self.slip
             back = -slip * rate.u_x * self.k
-            at = self.stuck & (self.law.margin(now.p, now.f) <= self.tol)
+            at = self.stuck & (self.law.remaining(now.p, now.f) <= self.tol)
             way = np.sign(np.where(np.abs(now.f) > self.tol, now.f, rate.f))
             over = np.where(at, way * rate.f - self.law.hold(rate.p), 0.0)
             worst, small = np.maximum(back, over), self.small_rate(rate)

@@ -33,7 +33,7 @@ from pyfric.core import OPEN, STUCK
 from pyfric.statics.rest import EquilibriumError
 
 if TYPE_CHECKING:
-    from pyfric.scene import Law, Scene
+    from pyfric.scene import CoulombLaw, Scene
 
 
 class Values(NamedTuple):
@@ -79,7 +79,9 @@ class States:
         tol: largest violation of conditions that counts as rounding, in N.
     """
 
-    def __init__(self, scene: Scene, mode: np.ndarray, law: Law, *, driven: bool = True) -> None:
+    def __init__(
+        self, scene: Scene, mode: np.ndarray, law: CoulombLaw, *, driven: bool = True
+    ) -> None:
         self.scene, self.law, self.driven, self.tol = scene, law, driven, 0.0
         self.N_x, self.k, self.k_f = scene.N_x, scene.slider.k, scene.k_f
         self.gap, self._gap_k = scene.gap, -np.minimum(self.k, self.k_f)
@@ -128,7 +130,7 @@ class States:
         the slider. In that case a slipping block sticks at `home` (m) again.
         """
         stuck, mode = self.stuck, -np.sign(now.f).astype(np.int8)
-        by = np.where(stuck, -self.law.margin(now.p, now.f), 0.0)
+        by = np.where(stuck, -self.law.remaining(now.p, now.f), 0.0)
         worst = float(by.max())
         if not worst > self.tol:
             return None

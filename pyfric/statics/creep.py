@@ -33,7 +33,6 @@ from pyfric.statics.rows import table_rows
 from pyfric.statics.weakening import Weakening
 
 if TYPE_CHECKING:
-    from pyfric.scene import Law
     from pyfric.statics.complementarity import ContactProblem
 
 ENOUGH = 1e-10
@@ -48,13 +47,6 @@ PAST = 1.01
 """Length of a step over the extrapolated distance of the next change, so that it ends beyond."""
 NEWTON, LOOKS, STEPS = 12, 200, 10_000
 """Largest numbers: Newton steps, states computed to find one change, steps of a path."""
-
-
-def creeps(law: Law) -> bool:
-    """Whether friction depends on slip alone and falls, so that blocks can slip stably."""
-    tables = law.tables
-    plain = tables.hold is None and tables.speed is None and tables.age is None
-    return plain and law.weakens and not np.any(law.alpha)
 
 
 class Point(NamedTuple):
@@ -105,7 +97,7 @@ class Creep(Weakening):
         clock: np.ndarray,
     ) -> None:
         self.problem, scene = problem, problem.scene
-        super().__init__(scene.law, way, clock, u_x)
+        super().__init__(scene.law.static, way, clock, u_x)
         self.k_f = np.broadcast_to(np.asarray(scene.k_f, float), self.N_x)
         self.closed, self.u_x = closed.copy(), u_x.copy()
         force = ROUNDED * problem.unit

@@ -167,7 +167,7 @@ class StaticSolver(System):
         if scene.law.junctions and not isinstance(scene.top, PrescribedLoad):
             return self._load_on_junctions()
         states, q = (
-            States(scene, np.zeros(scene.N_x), scene.law, driven=False),
+            States(scene, np.zeros(scene.N_x), scene.law.static, driven=False),
             np.zeros(len(self.arm)),
         )
         held = None if scene.interface.slip is None else np.zeros(scene.N_x, bool)
@@ -181,7 +181,7 @@ class StaticSolver(System):
         stiffness of the junctions at the last p.
         """
         scene, N_x, unit = self.scene, self.scene.N_x, self.scene.F_N / self.scene.N_x
-        at, states = ends(N_x), States(scene, np.zeros(N_x), scene.law, driven=False)
+        at, states = ends(N_x), States(scene, np.zeros(N_x), scene.law.static, driven=False)
         q, p, least = np.zeros(len(self.arm)), np.full(N_x, unit), np.inf
         of_bonds = self.bond_tangents(q)
         for step in range(JUNCTION_STEPS):

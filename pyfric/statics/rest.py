@@ -141,11 +141,8 @@ def check_rests(scene: Scene) -> None:
 
 def check_sticks(scene: Scene) -> None:
     """Raise SceneError for a scene whose blocks do not come to rest between events."""
-    if not scene.law.rests:
-        kind = scene.interface.law.kind
-        engines = "'hybrid', 'dynamic' or 'auto'" if scene.law.flows else "'dynamic' or 'auto'"
-        allowed = f"fidelity = {engines}, or another friction law"
-        raise SceneError("interface.law", kind, "", allowed, scene.law.restless)
+    engines = "'hybrid', 'dynamic' or 'auto'" if scene.law.flows else "'dynamic' or 'auto'"
+    scene.resting_law(scene.law.restless, f"fidelity = {engines}, or another friction law")
 
 
 def as_prescribed(scene: Scene) -> Equilibrium:

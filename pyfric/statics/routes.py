@@ -59,7 +59,8 @@ def beyond_ladder(scene: Scene) -> SceneError | None:
     In the sequence, slipping blocks have friction mu_k. Weakening over a slip length may be left
     out if it is so steep that no block slips stably meanwhile; `SOFTEST` is the limit.
     """
-    law, tables, instead = scene.law, scene.law.tables, "or fidelity = 'hybrid' or 'dynamic'"
+    law, instead = scene.law.static, "or fidelity = 'hybrid' or 'dynamic'"
+    tables = law.tables
     if tables.hold or tables.speed or tables.age:
         reason = "the quasi-static sequence cannot follow friction that depends on time or speed"
         kind, allowed = scene.interface.law.kind, f"a law of slip alone, {instead}"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 
 from pyfric.core import CORNER_SHARE, CondensedSlider, CoreLeg, Interfaces, Rules
-from pyfric.scene import Law
+from pyfric.scene import CoulombLaw
 from pyfric.statics.complementarity import CHANGES, LEAST, LOST, RATE_TOL
 from pyfric.statics.contact import CONTACT_TOL, LEAST_DEFINITENESS
 
@@ -40,7 +40,7 @@ class Start(NamedTuple):
 
 def follows(scene: Scene) -> bool:
     """Return whether the core follows sequences of a scene: strength mu_s p, friction mu_k p."""
-    return type(scene.law) is Law
+    return isinstance(scene.law, CoulombLaw)
 
 
 def slider_of(problem: ContactProblem, parts: Sequence[Stretch]) -> CondensedSlider:
@@ -92,12 +92,12 @@ def interfaces_of(
     Args:
         starts: start of each run, in its loaded state.
         parts: protocol of one of the runs.
-        grow: whether slip grows continuously where friction falls little (`Law.gradual`).
+        grow: whether slip grows continuously where friction falls little (`CoulombLaw.gradual`).
     """
     n, N_x = len(starts), starts[0].scene.N_x
     drive, shared = np.array([s.drive for s in starts]), any(part.route is None for part in parts)
     fields, kinds = np.empty((n, 4, N_x)), np.empty((n, N_x), dtype=np.int32)
-    gradual = np.array([start.scene.law.gradual and grow for start in starts])
+    gradual = np.array([start.scene.law.static.gradual and grow for start in starts])
     for row, kind, start, grows in zip(fields, kinds, starts, gradual, strict=True):
         scene, law = start.scene, start.scene.law
         mu_k = law.mu_s if grows else law.mu_k

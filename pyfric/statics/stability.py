@@ -261,8 +261,6 @@ def _on_springs(scene: Scene) -> float:
     The stiffness is 0 without junctions. Torque and friction make p vary along the interface, but p
     stays below twice the mean until a side lifts off.
     """
-    if not scene.law.junctions:
-        return 0.0
     loads = [scene.F_N, *(F_N for _, F_N in scene.top.protocol)]
     p = max(2 * max(loads) / scene.N_x, float(scene.p_prescribed.max()))
     return float(np.max(scene.law.stiffness(p)))

@@ -48,7 +48,7 @@ def _at_rest(
                 return None
         else:
             state = loaded
-        strength = np.where(state.open, 0.0, scene.law.hold(state.p))
+        strength = np.where(state.open, 0.0, scene.law.static.hold(state.p))
         if moved and (~state.open & (np.abs(state.f) > strength)).any():
             return None
     return state.f, strength
@@ -144,9 +144,7 @@ def _stressed(
     x, length = check_number("x", x, "m", ge=0.0), check_number("length", length, "m", ge=0.0)
     excess = check_number("excess", excess, "", gt=0.0)
     begin = check_number("begin", begin, "s", ge=0.0)
-    if not scene.law.rests:
-        reason = "its blocks have no threshold"
-        raise SceneError("interface.law", scene.interface.law.kind, "", "another law", reason)
+    scene.resting_law("its blocks have no threshold")
     found = _at_rest(scene, begin)
     if found is None:
         reason = "something slips before, or it is not known: there are no static states then"

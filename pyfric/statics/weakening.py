@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from pyfric.scene import Law
+    from pyfric.scene import CoulombLaw
 
 
 class Weakening:
@@ -30,7 +30,9 @@ class Weakening:
         cell: index of the piece of each block, shape (N_x,).
     """
 
-    def __init__(self, law: Law, way: np.ndarray, clock: np.ndarray, u_x: np.ndarray) -> None:
+    def __init__(
+        self, law: CoulombLaw, way: np.ndarray, clock: np.ndarray, u_x: np.ndarray
+    ) -> None:
         self.law, self.N_x = law, len(way)
         self.way, self.clock = way.astype(float), clock.copy()
         self.d_c = np.broadcast_to(np.asarray(law.d_c, float), self.N_x)

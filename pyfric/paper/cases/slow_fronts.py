@@ -20,7 +20,7 @@ from pyfric.sweeps import Job
 if TYPE_CHECKING:
     from pyfric.record import Record
     from pyfric.scene import Scene
-    from pyfric.scene.laws import Law
+    from pyfric.scene.laws import FrictionLaw
 
 SHEAR = (0.12, 0.135, 0.17)
 """tau_0/p of the interfaces."""
@@ -96,7 +96,7 @@ def _job(tau: float, t_R: float, t_end: float) -> Job:
     return Job(scene, t_end, how | {"stop_when": f"reached = {scene.slider.L!r} m"})
 
 
-def prepared(tau: float, law: Law, name: str = "") -> Scene:
+def prepared(tau: float, law: FrictionLaw, name: str = "") -> Scene:
     """Return a slab of the preset `slow` under uniform shear, with its first blocks pushed.
 
     Args:

@@ -199,7 +199,7 @@ def _force_at_sliding(runs: Runs) -> Iterator[Claim]:
     yield Claim(
         "10b",
         "it leaves a force of about mu_k F_N",
-        record.scene.law.scaled(last["force"]),
+        record.scene.law.static.scaled(last["force"]),
         Band(-0.1, 0.1, TENTH, "(mu_s - mu_k)"),
         "R = (F_T/F_N - mu_k)/(mu_s - mu_k) of the static force at arrest, "
         f"{last['force']:.4f} F_N",
@@ -229,7 +229,7 @@ def _largest(record: Record) -> float:
     if not len(sliding):
         return np.nan
     force = record.events["F_T_start"].loc[: sliding.iloc[0]].max() / record.scene.F_N
-    return float(record.scene.law.scaled(force))
+    return float(record.scene.law.static.scaled(force))
 
 
 @claim("11", "fig1", BASE, *MATTRESS)

@@ -9,7 +9,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK = 1
 # PYTHONSAFEPATH keeps the source tree, which has no compiled core, out of the way, in subprocesses too.
 PYTEST = PYTHONSAFEPATH=1 $(BIN)/python -m pytest -n auto --dist loadfile
 
-.PHONY: figures docs test test-broken test-faults test-slow test-oldest test-peers test-portable mutations mutations-random sanitize digests second-compiler findings lint format studies bench wheels conda \
+.PHONY: figures docs test test-broken test-faults test-slow test-studies test-oldest test-peers test-portable mutations mutations-random sanitize digests second-compiler findings lint format studies bench wheels conda \
 	setup clean
 
 # Draws the paper's figures into figures/ and measures its claims: open figures/index.html.
@@ -26,12 +26,16 @@ docs: setup .venv/docs
 
 # A part of them: make test ARGS="tests/test_core.py -k name"
 test: setup
-	$(PYTEST) -m "not slow and not site" $(ARGS)
+	$(PYTEST) -m "not slow and not site and not tiny" $(ARGS)
 
 # Broken scenes, options, calls and command lines, 10 000 in all: make test-broken SEED=1; minutes.
 SEED = 0
 test-broken: setup
 	PYFRIC_BROKEN=10000 $(PYTEST) tests/test_broken.py --dist load --hypothesis-seed=$(SEED) $(ARGS)
+
+# Every command of the studies at tiny sizes: a minute.
+test-studies: setup
+	$(PYTEST) -m tiny tests/test_studies.py $(ARGS)
 
 test-slow: setup
 	$(PYTEST) -m slow $(ARGS)

@@ -114,7 +114,10 @@ def test_loading_curve(name, geometry):
     assert_all(regression.loading_curve(reference(name, geometry), made, HYBRID[geometry]))
 
 
-@pytest.mark.parametrize(("name", "geometry"), [("fig1", "linear"), ("fig1", "finite")])
+@pytest.mark.parametrize(
+    ("name", "geometry"),
+    [("fig1", "linear"), pytest.param("fig1", "finite", marks=pytest.mark.slow)],
+)
 def test_default_steps_find_the_same_events(name, geometry):
     """The differences are errors of the stored runs, whose steps of rk4 are half of the limit."""
     known = reference(name, geometry)

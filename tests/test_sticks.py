@@ -35,6 +35,7 @@ def test_a_pulled_block_follows_the_closed_form(name, step, error):
     assert found["F_min"] == pytest.approx(arrest, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_ten_blocks_move_alike_in_pyfric_and_in_the_loop():
     peer = next(peer for peer in sticks.CHAINS if peer.name == "pyfric")
     assert sticks.chained(peer, 1e-3)["error"] < 1e-6

@@ -85,6 +85,7 @@ def tried(tmp_path_factory):
     return {row.pop("name"): row for row in json.loads(done.stdout)}, folder
 
 
+@pytest.mark.tiny
 @pytest.mark.parametrize("name", sorted(STUDIES.commands))
 def test_every_command_works_at_tiny_sizes(name, tried):
     rows, folder = tried

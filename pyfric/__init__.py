@@ -198,7 +198,7 @@ display.figures = _figures
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is used when it is first used, with the rooms it needs and no others."""
+    """Import a name when it is first used, with only the subpackages that it needs."""
     if name in ROOMS:
         return importlib.import_module(f"pyfric.{name}")
     for room in ROOMS if name in __all__ else ():

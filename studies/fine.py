@@ -5,8 +5,9 @@ turns, and the least time of each run counts. Other builds are builds of commits
 checked out into a temporary folder, installed there, and removed.
 
 Steps are counted by spells. A spell is the time from a first slip until no block slips, and its
-kind is the number of blocks that slip in it. If a run jumps over stable slip, or a build does not
-count such jumps, spells have an unknown number of steps and are not separated by kind.
+kind is the number of blocks that slip in it. If a run jumps over stable slip, the steps of a spell
+are unknown, and steps are not counted by spells. The same holds for runs with d_c in builds that do
+not count such jumps.
 """
 
 from __future__ import annotations

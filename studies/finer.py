@@ -100,7 +100,7 @@ def refined(record: Record, event: int, scene: Scene) -> State:
 
 
 def moved(at: Callable[[float], Equilibrium], scene: Scene, t: float, dt: float) -> State:
-    """Return the state of `held` at a time t, s, moving with the driver; steps are dt, s."""
+    """Return the static state at t (s), with its rates under the moving driver; steps are dt."""
     now, later = (at(time).state(scene, dt, t) for time in (t, t + AHEAD))
     now.y[:, 2:] = (later.y[:, :2] - now.y[:, :2]) / AHEAD
     now.rod[3:] = (later.rod[:3] - now.rod[:3]) / AHEAD

@@ -98,7 +98,7 @@ def slipping_share(t: float, t_p: float, t_R: float, std: float) -> float:
     """
 
     def ended(n: int, t: float) -> float:
-        """Return G_n(t): the probability that n times of mean + std (sum of 12 - 6) are over."""
+        """Return the probability that the sum of n random times of slip is at most t."""
         if n == 0:
             return float(t >= 0)
         x = (t - n * t_R) / std + 6 * n

@@ -428,7 +428,7 @@ def _siconos(dt: float, t_end: float, end: End, k: list[Any], eta: list[Any]) ->
 
 
 def lammps(dt: float, t_end: float, end: End, stiffness: float = 1e6) -> Any:
-    """A grain that does not turn on a wall; steps resolve its contact, which lasts 3 ms."""
+    """A grain on a wall, without rotation; steps resolve its contact, which lasts 3 ms."""
     import ctypes
     from importlib.metadata import files
 

@@ -123,7 +123,7 @@ def shares(case: Case, record: Record) -> np.ndarray:
 
 
 def measured(*, progress: bool = False) -> pd.DataFrame:
-    """Return the ratio of each price to the stored price, and its largest share of a run's time."""
+    """Return measured over stored prices, and the largest share of each in the time of a run."""
     rows, taken = [], []
     for case in cases()[::EVERY]:
         seconds = []

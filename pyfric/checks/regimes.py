@@ -128,7 +128,7 @@ def _stopped(scene: Callable[[], Scene], *, t_end: float) -> Observed:
 
 
 def _noted(scene: Callable[[], Scene], *, note: str, t_end: float = 1e-5, **how) -> Observed:
-    """A note in the record."""
+    """A run whose record has a note with this text."""
     notes = _run(scene(), t_end, **how).notes
     found = [text for text in notes if note in text]
     return Observed("warning", found[0]) if found else Observed("silence", f"notes: {notes}")

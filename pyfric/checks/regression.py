@@ -160,7 +160,7 @@ def load(name: str, folder: str | os.PathLike[str] = INSTALLED) -> Reference:
 
 
 def _run(known: Reference, t_end: float, **how: Any) -> Record:
-    """Return a run of a set, in its geometry, with its stepper, steps, samples and pauses."""
+    """Return a run of a stored set, with its geometry, stepper, steps, samples and pauses."""
     about = known.about
     how = {name: about[name] for name in ("stepper", "dt", "t_gap", "geometry")} | how
     sample = about["sample"] * about["dt"]
@@ -170,13 +170,13 @@ def _run(known: Reference, t_end: float, **how: Any) -> Record:
 def hybrid(
     known: Reference, t_end: float | None = None, switching: Switching = "located"
 ) -> Record:
-    """Return the hybrid run of a set, up to its first system-size event or t_end (s)."""
+    """Return a hybrid run of a stored scene, up to its first system-size event or t_end (s)."""
     t_end = known.whole["t_stop"] + AFTER if t_end is None else t_end
     return _run(known, t_end, fidelity="hybrid", switching=switching)
 
 
 def dynamic(known: Reference, event: int) -> Record:
-    """Return full dynamics of one event of a set, from a hybrid state shortly before it."""
+    """Return full dynamics of one stored event, from a hybrid state shortly before it."""
     about = known.events.loc[event]
     before = hybrid(known, about["t_start"] - BEFORE).final_state
     how = {"fidelity": "dynamic", "switching": "located", "energies": False, "threads": 1}
@@ -184,7 +184,7 @@ def dynamic(known: Reference, event: int) -> Record:
 
 
 def quasistatic(known: Reference) -> Record:
-    """Return the quasi-static run of a set; its system-size event may come later."""
+    """Return a quasi-static run of a stored scene; its system-size event may come later."""
     how = {"fidelity": "quasistatic", "t_gap": known.about["t_gap"], "progress": False}
     return simulate(known.scene, 1.2 * known.about["t_end"], **how)
 
@@ -193,13 +193,13 @@ def quasistatic(known: Reference) -> Record:
 
 
 def compare(known: Reference, made: Record, within: Tolerances) -> list[Check]:
-    """Return all checks of a run of the scene of a set, or of a part of such a run."""
+    """Return all checks of a run of a stored scene, or of a part of such a run."""
     each = (loading_curve, stresses, crack_speeds)
     return [check for comparison in each for check in comparison(known, made, within)]
 
 
 def loading_curve(known: Reference, made: Record, within: Tolerances) -> list[Check]:
-    """Compare the events of a run, and F_T(t) between them, with those of a set."""
+    """Compare the events of a run, and F_T(t) between them, with stored ones."""
     a, b = _events(known, made, within)
     n, F_N = min(len(a), len(b)), known.scene.F_N
     missing = abs(len(a) - len(b))
@@ -228,7 +228,7 @@ def loading_curve(known: Reference, made: Record, within: Tolerances) -> list[Ch
 
 
 def stresses(known: Reference, made: Record, within: Tolerances) -> list[Check]:
-    """Compare tau and p of the main events of a run with those of a set."""
+    """Compare tau and p of the main events of a run with stored ones."""
     unit, order = known.scene.F_N / known.scene.N_x, np.argsort(known.scene.n_of_i)
     law = known.scene.law.static.mean
     errors: dict[str, list[float]] = {"before": [], "after": []}
@@ -257,7 +257,7 @@ def stresses(known: Reference, made: Record, within: Tolerances) -> list[Check]:
 
 
 def crack_speeds(known: Reference, made: Record, within: Tolerances) -> list[Check]:
-    """Compare fronts of the main events of a run with those of a set.
+    """Compare fronts of the main events of a run with stored ones.
 
     The stored points have a binned median over the scaled prestress. The spreads of the run's and
     of the stored points about this median are compared, if each bin has at least 5 points.
@@ -309,10 +309,10 @@ def precursors(events: pd.DataFrame, scene: Scene) -> pd.DataFrame:
 
 
 def ladder(known: Reference, made: Record, blocks: int, last: int | None = None) -> list[Check]:
-    """Compare the precursors of a set with those of a quasi-static run, which may have one more.
+    """Compare stored precursors with those of a quasi-static run, which may have one more.
 
     Args:
-        known: the set, in the geometry of the run.
+        known: the stored set, which has the geometry of the run.
         made: the run.
         blocks: tolerance of lengths.
         last: tolerance of the last, longest precursor; None means `blocks`.
@@ -354,7 +354,7 @@ def _checks(within: Tolerances, *measured: tuple[Any, ...]) -> list[Check]:
 def _events(
     known: Reference, made: Record, within: Tolerances
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Events of the set that a run covers, and events of the run up to the last of these."""
+    """Stored events that a run covers, and events of the run up to the last of these."""
     begin, end = made.curve["t"].iloc[[0, -1]]
     a, b = known.events, made.events
     a = a[(a["t_start"] >= begin) & (a["t_stop"] + made.method.t_gap <= end)]
@@ -364,7 +364,7 @@ def _events(
 
 
 def _main(known: Reference, made: Record, within: Tolerances) -> list[tuple[int, int]]:
-    """Main events in the set, and the same events in the run, by their numbers."""
+    """Numbers of stored main events, and of the same events in the run."""
     a, b = _events(known, made, within)
     pairs = zip(a.index, b.index, strict=False)
     return [(event, other) for event, other in pairs if known.events.loc[event, "is_main"]]

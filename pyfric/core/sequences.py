@@ -59,9 +59,10 @@ class Rules(NamedTuple):
     """Limits of a sequence.
 
     Attributes:
-        changes: most changes of contact state in an event, over N_x.
-        idle: most successive changes without motion of the driver.
-        growth: most changes while slip grows in a leg, over N_x.
+        changes: largest number of changes of contact state in an event, over N_x.
+        idle: largest number of successive changes of contact state without motion of
+            the driver.
+        growth: largest number of changes while slip grows in a leg, over N_x.
         rate: rate of a force, over stiffness times rate of displacement, below which it is
             rounding.
         definite: definiteness below which slip may not be unique.

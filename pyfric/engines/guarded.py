@@ -52,7 +52,7 @@ class GuardedSteps:
 
     Attributes:
         good: the state to which a run that fails returns; None means the present state.
-        longest: most steps of one call.
+        longest: largest number of steps of one call.
         in_core: function of model, state, log and number of steps that makes steps in the core.
     """
 

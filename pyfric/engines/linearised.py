@@ -191,7 +191,7 @@ class Linearised:
         return -of_v - of_a
 
     def loads(self, q: np.ndarray, force: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
-        """Return loads and normal forces (N) under displacements (m), forces (N), (N_x, ...)."""
+        """Return loads on blocks and their p (N), (N_x, ...), at displacements and forces."""
         held, k_f = self.closed, self._k_f
         if q.ndim > 1:
             held, k_f = held[:, None], k_f[:, None]
@@ -228,7 +228,7 @@ class Linearised:
 
     @functools.cached_property
     def by_a(self) -> tuple[np.ndarray, np.ndarray]:
-        """The same by accelerations, in kg: to first order the load changes by -G' M G v'."""
+        """Derivatives by accelerations, in kg: to first order the load changes by -G' M G v'."""
         return self._resisted(lambda q: self.resistance(None, q))
 
     def _resisted(

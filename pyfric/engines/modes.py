@@ -261,7 +261,7 @@ class Modes:
 
 
 def modes_of(space: Space, dt: float | None = None, stepper: str = "rk4") -> Modes:
-    """Return the modes in a space at its factorised tangent.
+    """Return the damped modes of the slider at the state at which its stiffness was factorised.
 
     Args:
         space: the slider at its contact states.

@@ -49,8 +49,8 @@ BLOCKS, COLUMNS = 5_000, 250
 def longest_pause(scene: Scene) -> float:
     """Return the default of t_gap for a scene, in s.
 
-    A chain has no ring-down, because its stuck blocks cannot move. Without viscosity the relaxation
-    time is infinite.
+    The module says which times of the scene determine it. The ring-down does not count in a chain,
+    whose stuck blocks cannot move, or without viscosity, because then it never ends.
     """
     driver, transits = scene.driver, pause_of_waves(scene)
     if driver.K * driver.fastest == 0:

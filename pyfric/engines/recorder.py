@@ -300,7 +300,7 @@ class Recorder:
             state: the state.
             model: the scene at its time in the form that the core takes.
             notes: function that returns notes on the run, once the curve is complete.
-            late: whether to compute the slow columns of events.
+            late: whether to compute columns of the event table that take long.
         """
         scene, method, engine = self.scene, self.method, self.method.engine
         start = time.perf_counter()

@@ -27,7 +27,7 @@ def again(
     initial: State | None = None,
     dt: float | None = None,
 ) -> Iterator[tuple[Any, State]]:
-    """Yield the core's model, and its state at the first step end from each time on.
+    """Yield the core's model, and its state after the first step that reaches each time.
 
     The event is run again from a state shortly before it. The state comes from a run of the hybrid
     engine up to it. On junctions and on a prescribed interface this run needs full dynamics, and

@@ -106,8 +106,8 @@ def event_frames(
     Args:
         record: a run of the hybrid or the dynamic engine; its geometry and stepper are kept.
         event: its number, from 1.
-        times: increasing times in s, from the first slip of the event on. Each frame is at the next
-            step end.
+        times: increasing times in s, from the first slip of the event on. Each frame shows the
+            end of the first step that reaches its time.
         initial: the state from which the run began; None for the loaded slider.
 
     Raises:

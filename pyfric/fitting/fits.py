@@ -195,7 +195,7 @@ def _check_repeats(problem: Problem, seed: int) -> None:
 
 
 def _check_alike(problem: Problem, u: np.ndarray) -> None:
-    """Raise _Unlike if the best model does not fit and its large events scatter less."""
+    """Raise _Unlike if the best model does not fit and scatters less than measured large events."""
     found = list(problem.compared(u, Events))
     if not found or problem.fits(u, TOLERANCES[0]):
         return

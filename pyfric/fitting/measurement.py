@@ -2,7 +2,7 @@
 
 A measurement is one object. Measurements of one experiment are added: `Events(curve) +
 Lengths(table) + Known("mu_k", 0.45, 0.01)`. A fit uses only the methods of `Measurement`. A new
-kind is a class under `@measurement`.
+kind is a class with the decorator `@measurement`.
 """
 
 from __future__ import annotations

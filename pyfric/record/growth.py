@@ -16,9 +16,10 @@ excess force falls from f - mu_k p to 0 in proportion to the displacement. The e
 
     G_n = (f - mu_k p) du/2 .
 
-Over l B it is the energy release rate G(a) at a = n l. The front grows while G exceeds the fracture
-energy Gamma_n = (mu_s - mu_k) p d_c/2 (Griffith). With inertia, the speed of the front is the root
-of g_II(v) G = Gamma, if waves from the sides of the slider are neglected.
+Divided by the area l B of a block, it is the energy release rate G(a) at a = n l. The front grows
+while G exceeds the fracture energy Gamma_n = (mu_s - mu_k) p d_c/2 (Griffith). With inertia, the
+speed of the front is the root of g_II(v) G = Gamma, if waves from the sides of the slider are
+neglected.
 
 Source: K. Uenishi and J. R. Rice, J. Geophys. Res. 108, 2042 (2003); L. B. Freund, Dynamic Fracture
 Mechanics (1990), chapters 5 and 7; the virtual crack closure of E. F. Rybicki and M. F. Kanninen,

@@ -1,7 +1,7 @@
 """Numbers of runs, such as the number of precursors, for tables of many runs.
 
 An `Outline` gives numbers of a run without making tables, which saves time. Each number is one
-function of an `Outline` under `run_column`. Its decorator holds unit and meaning.
+function of an `Outline`. Its decorator, `run_column`, holds unit and meaning.
 
 Main events have at least four blocks. Precursors and system-size events are finished main events.
 Only precursors before the first system-size event count.

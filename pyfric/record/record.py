@@ -87,14 +87,14 @@ class Record(RecordData, Shown):
     def from_catalogue(cls, catalogue: Catalogue, *, late: bool = True, **rest: Any) -> Self:
         """Record of a run from its catalogue and the remaining attributes.
 
-        `late` adds slow columns of events, which reference runs do not need.
+        `late` adds columns of events that take long to compute; reference runs do not need them.
         """
         record = cls(**_tables(catalogue), **rest)
         record.__dict__["_late"] = late
         return record
 
     def with_late_columns(self) -> Self:
-        """Return the record with the slow columns of events.
+        """Return the record with those columns of events that take long to compute.
 
         They are computed at the first access to the table of events.
         """

@@ -113,10 +113,10 @@ def condense(scene: Scene) -> Condensed:
 
 
 def _inputs(scene: Scene) -> tuple[Hashable, ...]:
-    """Return all inputs of the elimination of bonds.
+    """Return all quantities on which the elimination of the upper rows depends.
 
     Scenes that differ only in interface, driver's spring and speed, protocols, size of loads, k and
-    mattress have the same inputs.
+    mattress agree in all of them.
     """
     slider, driver, top = scene.slider, scene.driver, scene.top
     lattice = scene.N_x, scene.N_z, slider.l, slider.edges, scene.walls

@@ -111,7 +111,7 @@ class States:
     def misplaced(self, now: Values, landed: np.ndarray | int, u_x: np.ndarray) -> Unmet | None:
         """Return closed blocks with z > 0, which open, and open ones with z < 0, which land.
 
-        Blocks that land get the state `landed`, at u_x (m).
+        Blocks that land get the state `landed`; those that stick are held at `u_x` (m).
         """
         depth = np.where(self.closed, self.k_f, self._gap_k) * (now.u_z + self.gap)
         if not depth.max() > self.tol:
@@ -127,7 +127,8 @@ class States:
         """Return blocks whose friction force exceeds their strength; they slip.
 
         Without a driver, the last stuck blocks cannot all be released, because nothing else holds
-        the slider. In that case a slipping block sticks at `home` (m) again.
+        the slider. If all of them would be released at once, a slipping block sticks again, at
+        `home` (m).
         """
         stuck, mode = self.stuck, -np.sign(now.f).astype(np.int8)
         by = np.where(stuck, -self.law.remaining(now.p, now.f), 0.0)

@@ -70,7 +70,7 @@ def least_limit(stepper: Stepper, eigenvalues: np.ndarray) -> tuple[float, int]:
 
     Args:
         stepper: a stepper with R(z) (`Stepper.growth`).
-        eigenvalues: eigenvalues in 1/s, for a limit in s, or in another unit.
+        eigenvalues: eigenvalues, in 1/s for a limit in s. The limit has the inverse of their unit.
     """
     z = np.minimum(eigenvalues.real, 0.0) + 1j * np.abs(eigenvalues.imag)
     moving = np.flatnonzero(z)
@@ -131,7 +131,7 @@ def _bulk_limit(scene: Scene, stepper: str, on: float) -> float:
 
 
 def _waves_limit(scene: Scene, ground: tuple[float, float], drag: float, stepper: str) -> float:
-    """Return `_bulk_limit` for blocks held by `ground` (`dispersion`) and by drag -m drag v.
+    """Return `_bulk_limit` with springs `ground` (`dispersion`) and a force -m drag v on blocks.
 
     The stiffness is even in q_x and q_z, so that q l in [0, pi]^2 suffices. The grid is refined
     16-fold around its best point, five times, to a resolution of 1.5e-6.

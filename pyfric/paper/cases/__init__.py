@@ -5,8 +5,8 @@
 
 A case has a source, a number or trend with its target band, and a figure. A case also has damages:
 changed scenes for which the number must be outside the band. Parts of a case are
-`pyfric.claims.Claim`. A new case is a function under `@case` in a module of its own, with an import
-below.
+`pyfric.claims.Claim`. A new case is a function with the decorator `@case`, in a module of its own
+that is imported below.
 """
 
 from pyfric.paper.cases import chain_fronts as chain_fronts

@@ -4,7 +4,7 @@ y = ln v_c is fitted by least squares: by a curve of prestress, by a curve of po
 sum of both curves. Curves are constant in bins with equal numbers of points. A fit explains the
 share
 
-    R^2 = 1 - sum (y - fit)^2 / sum (y - mean)^2,
+    R^2 = 1 - sum (y - fit)^2 / sum (y - mean)^2 .
 
 Of the variance that the position x leaves, the prestress s explains the partial share
 
@@ -118,7 +118,7 @@ def _bins(x: np.ndarray) -> np.ndarray:
 def _alone(
     y: np.ndarray, front: np.ndarray, groups: Groups, scatter: str, draws: int
 ) -> np.ndarray:
-    """The curve over the position plus its scattered residuals, shape (draws, points)."""
+    """Return null data, (draws, points): the curve over the position plus scattered residuals."""
     rng, made = np.random.default_rng(0), np.empty((draws, y.size))
     signs = rng.choice([-1.0, 1.0], (draws, front.max() + 1))
     for rows, _, x in groups:
@@ -130,7 +130,7 @@ def _alone(
 
 
 def _explained(y: np.ndarray, groups: Groups, weight: np.ndarray) -> pd.DataFrame:
-    """Shares for each row of y or of the weights, shape (draws or 1, points).
+    """Return shares explained, a row for each row of y or of weights, both (draws or 1, points).
 
     With weights W, bins A and c = A'W1, a curve has the values A'Wy/c and explains (A'Wy)^2/c of
     y'Wy. The residuals of the curve of x are explained by a curve of s, or by the residuals of the

@@ -1,7 +1,7 @@
 """Friction laws as up to four tables, the registry of their kinds, and laws of few parameters.
 
-Tables are linear between knots and constant beyond the last one. A kind is a frozen dataclass under
-`@law`. Its method `tables` returns the deviations from Amontons-Coulomb friction:
+Tables are linear between knots and constant beyond the last one. A kind is a frozen dataclass with
+the decorator `@law`. Its method `tables` returns the deviations from Amontons-Coulomb friction:
 
     hold    gain of mu_s                 over the time since the block stuck, s
     slide   share of mu_s - mu_k left    over slip/d_c

@@ -25,6 +25,7 @@ for cracks, `reference_data/fronts/viscosity.csv`.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping
 from typing import Protocol
@@ -47,9 +48,12 @@ VISCOUS = {"full": 0.136, "along": 0.05}
 dashpots, measured with cracks; see the module."""
 
 
+_of_lattice = functools.lru_cache(maxsize=64)(Material.of_lattice)
+
+
 def material_of(scene: Scene) -> Material:
     """Return the material of a lattice of width 1 m; speeds and g_II are those of any width."""
-    return Material.of_lattice(scene.slider.k, scene.m, scene.slider.l, 1.0)
+    return _of_lattice(scene.slider.k, scene.m, scene.slider.l, 1.0)
 
 
 def pace_limits(scene: Scene) -> tuple[float, float]:

@@ -32,8 +32,8 @@ class Policies:
             standard deviations. The next `points` points are twice as far apart, and so on.
         across: points are at most 1/across of the range between the bounds apart.
         wider: how often the distance of points doubles before a profile is given up.
-        beyond: number of consecutive points above the limit that end a profile. A single one may be
-            a jump.
+        beyond: number of consecutive points above the limit that end a profile. A single point may
+            be a jump of the model.
         rounds: largest number of times that profiles begin again from a lower minimum.
         misses, worth: an end of an interval is final after `misses` consecutive random steps that
             do not move it by `worth` standard deviations.
@@ -137,7 +137,7 @@ def profiled(
     say: Callable[[str], None],
     policies: Policies = POLICIES,
 ) -> tuple[np.ndarray, dict[str, pd.DataFrame], dict[str, tuple[float, float]]]:
-    """Return the best parameters, profiles, and intervals."""
+    """Return the best parameters, and profiles and intervals by name of a parameter."""
     quantile = float(scipy.stats.chi2.ppf(level, 1))
     u, made, limit = _made(problem, u, quantile, say, policies)
     least = problem.chi2(u)
@@ -157,8 +157,8 @@ def _made(
     """Return the best parameters, profiles up to the limit, and the limit above the least misfit.
 
     If a profile finds a misfit that is lower by more than the limit, profiles begin again from
-    there. After a smaller gain they need not, because they still reach above the new limit. If the
-    least misfit exceeds that of noise, the limit grows in proportion (Birge ratio).
+    there. After a smaller gain, profiles still reach above the new limit. If the least misfit
+    exceeds that of noise, the limit grows in proportion (Birge ratio).
     """
     made: Points = {}
     for _ in range(policies.rounds):
@@ -228,7 +228,7 @@ def _push(
     say: Callable[[str], None],
     policies: Policies,
 ) -> None:
-    """Push the ends of intervals outward by random steps, and add them to the profiles."""
+    """Add points to profiles by random steps that move the ends of intervals outward."""
     pool = [(u, problem.chi2(u)), *(point for points in made.values() for point in points)]
     highest = min(chi2 for _, chi2 in pool) + limit
     inside = [point for point in pool if point[1] <= highest]
@@ -279,7 +279,7 @@ def _pushed(
 
 
 def _along(points: list[tuple[np.ndarray, float]], k: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return values of a parameter, rising, and chi2 there."""
+    """Return the values of a parameter at the points, in rising order, and chi^2 at each value."""
     at, chi2 = np.array(sorted((float(place[k]), value) for place, value in points)).T
     return at, chi2
 

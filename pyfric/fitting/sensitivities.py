@@ -6,8 +6,8 @@ events jumps, and forces and lengths jump with it. Changes are therefore differe
 J is the matrix of changes of quantities, over their errors, with parameters, from half the
 difference of both ends. With independent errors, the standard error of parameter j is 1/|J_j| if
 all others are known. With the others free, the standard error is the root of the j-th diagonal
-entry of the inverse of J'J. The error is larger then, because changes of other parameters can
-compensate its change.
+entry of the inverse of J'J. This error is larger, because changes of other parameters can
+compensate a change of j.
 """
 
 from __future__ import annotations

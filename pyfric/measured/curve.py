@@ -140,7 +140,7 @@ class Curve(Shown):
     def over_F_N(self) -> np.ndarray:
         """F_T/F_N, shape (n,): mu, else F_T over F_N, else tau over sigma_n.
 
-        It is NaN, a gap, where F_N or sigma_n is not above 0.
+        The ratio is NaN, a gap, where F_N or sigma_n is not above 0.
 
         Raises:
             SceneError: both F_N and sigma_n are unknown, or the curve has no forces.
@@ -162,7 +162,7 @@ class Curve(Shown):
         """Return F_T, N, shape (n,).
 
         Args:
-            F_N: normal force, N; None means that of the curve.
+            F_N: normal force, N; None means the normal force of the curve.
 
         Raises:
             SceneError: the curve has no forces in N, and the normal force is unknown.
@@ -211,7 +211,7 @@ def _refuse_sign(name: str, value: float, wanted: str, reason: str) -> None:
 
 
 def _above_zero(values: pd.Series) -> np.ndarray:
-    """Return values, NaN where they are not above 0."""
+    """Return an array of the values, with NaN for values that are not above 0."""
     return values.where(values > 0).to_numpy()
 
 

@@ -44,7 +44,7 @@ def tdms(path: Any, asked: Asked) -> Found:
     try:
         file = TdmsFile.read(path)
         spans = _spans(path)
-    except Exception as error:  # libraries raise many kinds
+    except Exception as error:  # libraries raise many types of errors
         raise refused(path, "a TDMS file that can be read", type(error).__name__) from None
     for group in file.groups():
         waves: dict[Any, str] = {}
@@ -182,7 +182,7 @@ def mdf(path: Any, asked: Asked) -> Found:
                     clocks[clock] = "time" if len(file.groups) == 1 else f"time of group {g + 1}"
                     numbers = functools.partial(np.copy, times)
                     found.add(clocks[clock], Column(numbers, "time", "s", clock))
-    except Exception as error:  # libraries raise many kinds
+    except Exception as error:  # libraries raise many types of errors
         raise refused(path, "an MDF file that can be read", type(error).__name__) from None
     return found
 
@@ -200,7 +200,7 @@ def universal(path: Any, asked: Asked) -> Found:
         file = UFF(path)
         kinds = file.get_set_types()
         sets = [file.read_sets(n) for n, kind in enumerate(kinds) if int(kind) == 58]
-    except Exception as error:  # libraries raise many kinds
+    except Exception as error:  # libraries raise many types of errors
         raise refused(path, "a universal file that can be read", type(error).__name__) from None
     clocks: dict[Any, tuple[str, str, np.ndarray]] = {}
     for n, each in enumerate(sets, 1):
@@ -223,13 +223,13 @@ def universal(path: Any, asked: Asked) -> Found:
 
 
 def _said(dataset: Mapping[str, Any], key: str) -> str:
-    """Return a text of a universal file, "" if it is "NONE"."""
+    """Return the text of an entry of a universal file, "" for "NONE"."""
     text = str(dataset.get(key, "")).strip()
     return "" if text == "NONE" else text
 
 
 def _digits(name: str, step: float, size: int) -> list[str]:
-    """Return a note on an interval (s) that a file stores with six digits."""
+    """Return a list with a note if six digits in a file may round a time step (s)."""
     if not step or float(f"{step:.4g}") == step:  # a round number
         return []
     late = 0.5 * 10 ** (np.floor(np.log10(step)) - 5) * size
@@ -282,7 +282,7 @@ def _written(text: bytes) -> str:
 
 
 def _order(path: Any, content: bytes, size: int) -> str:
-    """Return the byte order, ">" or "<". In the wrong one, numbers are impossibly large."""
+    """Return the byte order, ">" or "<", in which all numbers have a possible size."""
 
     def usual(order: str) -> bool:
         values = np.abs(np.frombuffer(content, f"{order}f{size}").astype(float))

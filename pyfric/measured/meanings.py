@@ -11,7 +11,7 @@ from pyfric.values import SceneError, fits, parse_quantity, unit_in
 class Meaning(NamedTuple):
     """A meaning of columns: SI unit, text, and names for it, in lower case letters and digits.
 
-    With `sums`, the sum over samples of such a column is a column of the meaning `sums`.
+    If `sums` is given, the cumulative sum of such a column has the meaning `sums`.
     """
 
     unit: str

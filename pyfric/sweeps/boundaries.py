@@ -35,12 +35,12 @@ Label = Callable[[float, float], Hashable]
 Measure = Callable[[float, float], float]
 
 POINTS = 3
-"""Predictions are parabolas through the last points."""
+"""Number of last points of a line through which a parabola predicts the next point."""
 FIRST = 16.0
 """First step across the line from the second point on, over the width of the last bracket."""
 NEAR = 0.9
 """If a root is nearer to one end of its bracket than this share of the wanted width, the next run
-is on its other side."""
+is on the other side of the root."""
 FAINT = 1e-3
 """Weight of a cell whose corners have the same label, over that of a cell with different labels."""
 
@@ -91,9 +91,9 @@ def boundary(
 
     Args:
         f: a function of a value of `along` and a value of `over`. f returns a label that can be
-            compared, such as text or a truth value; NaN is a label, too. If it makes its runs with
-            `run_all`, they are kept, and a line that was stopped goes on. Its runs may share one
-            verification (`pyfric.Shared`).
+            compared, such as text or a truth value; NaN is a label, too. If f makes runs with
+            `run_all`, finished runs are stored, and a line that was stopped goes on. Runs of f may
+            share one verification (`pyfric.Shared`).
         along: ends of the searched range, the lower end first.
         over: values at which the line is wanted, rising or falling.
         scale: scale of the range, "log" or "linear".
@@ -135,8 +135,10 @@ def boundary(
 
 
 class _Line:
-    """The points of a line so far, and known labels at the next value of `over`; positions and
-    widths are shares of the range."""
+    """The points of a line, and the known labels at its next value of `over`.
+
+    Positions and widths are shares of the range.
+    """
 
     columns = ("over", "along", "low", "high", "below", "above", "runs")
 

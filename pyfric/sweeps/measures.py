@@ -84,7 +84,7 @@ class Ensemble:
 
     @property
     def columns(self) -> list[str]:
-        """The requested numbers."""
+        """Names of the requested numbers."""
         return [name for name in self.table if name in RUN_COLUMNS]
 
     @property
@@ -243,7 +243,7 @@ def _parts(
 
 
 def _made(sweep: Points, points: Sequence[int], threads: int | None) -> Iterator[Any]:
-    """Yield the outlines of some points."""
+    """Yield the outline of the run of each point, or the error of a refused point."""
     t_gap = sweep.options.t_gap
 
     def asked(n: int) -> Asked | Exception:
@@ -254,7 +254,7 @@ def _made(sweep: Points, points: Sequence[int], threads: int | None) -> Iterator
 
 
 def _row(outcome: Outline | Exception, columns: tuple[str, ...], events: tuple[str, ...]) -> Row:
-    """Return the requested numbers of a run."""
+    """Return status, reason, and the requested numbers and events of a run."""
     if isinstance(outcome, Exception):
         status = "refused" if isinstance(outcome, SceneError) else "failed"
         nothing = [np.zeros(0) for _ in events]
@@ -308,7 +308,7 @@ def _key(sweep: Points, about: list[Any], points: Sequence[int]) -> str:
 
 
 def _said(sweep: Points, n: int, row: Mapping[Any, Any]) -> Any:
-    """Return the values of a point as JSON; if JSON cannot hold them, the hash of the run."""
+    """Return the values of a point as lists for JSON; the hash of its run for other values."""
     if all(isinstance(value, PLAIN) for value in row.values()):
         return [[str(name), value] for name, value in row.items()]
     if all(isinstance(value, (Spread, *PLAIN)) for value in row.values()):

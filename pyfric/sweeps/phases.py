@@ -7,7 +7,7 @@
 
 Each point is one run. Lines are found between neighbouring points of the map (`pyfric.boundary`).
 Where the pace changes, a line is the root of a speed minus its limit. All other lines are found by
-bisection, and each point is predicted from the previous points. Finished runs are kept, so that a
+bisection, and each point is predicted from the previous points. Finished runs are stored, so that a
 diagram that was stopped goes on.
 
 Source: K. Thøgersen et al., Phys. Rev. E 100, 043004 (2019), for the chain and its two numbers.
@@ -47,7 +47,7 @@ TAU_BAR = np.logspace(-3, -0.01, 20)
 BLOCKS = 100
 """Number of blocks of the paper's chain."""
 STEP = 0.17
-"""Longest step of chains, in sqrt(m/k). Runs with half of it differ in speed by 2e-5."""
+"""Longest step of chains, in sqrt(m/k). Half of this step changes speeds by 2e-5."""
 MORE = 1e-9
 """Force by which the first block of a chain is pushed beyond its threshold, over the threshold."""
 
@@ -184,7 +184,8 @@ def phase_diagram(
         t_end: end of the runs of a scene, s; None for the chain and for a function.
         options: options of the runs of a scene, as in a `Sweep`; None for the chain and for a
             function.
-        changes: names of other fields of a scene to values; None for the chain and for a function.
+        changes: name of another field of a scene -> its value; None for the chain and for a
+            function.
         lines: whether to find the lines on which labels change, along y.
         tolerance: largest error of lines, in decades if y is spaced logarithmically, otherwise over
             the range of y.

@@ -113,7 +113,7 @@ class Point:
         return self.job.key
 
     def made(self, progress: Callable[..., None]) -> Record:
-        """Return the record of its run."""
+        """Return the record of a run of the job at its levels."""
         job, options = self.job, dataclasses.replace(self.job.options, threads=1)
         how = {"first": self.first, "count": self.count, "progress": progress}
         record = simulate_point(job.scene, job.t_end, options, **how)
@@ -203,7 +203,7 @@ class _Together:
 
 
 def lower_limit(kept: int, checks: int) -> float:
-    """Return the lower confidence limit of a share of which `kept` of `checks` were found."""
+    """Return the lower confidence limit of a share, if `kept` of `checks` keep the tolerance."""
     if kept == 0:
         return 0.0
     return float(scipy.stats.beta.ppf(1 - CONFIDENCE, kept, checks - kept + 1))
@@ -214,7 +214,7 @@ def _joined(parts: Iterable[dict[str, Point]]) -> dict[str, Point]:
 
 
 class Shared:
-    """Levels found by verified runs, for other runs; see the module.
+    """Levels chosen by verified runs for other runs; see the module.
 
     `run_all` makes a `Shared` for each call. If jobs come one by one, give `run_all` the same
     object each time:

@@ -69,7 +69,7 @@ ASKED = 5
 
 
 class Estimate(NamedTuple):
-    """Numbers of points, of refused and of finished ones, and the cost of the others."""
+    """Numbers of all, refused and finished points, and the cost of the other points."""
 
     points: int
     refused: int
@@ -298,7 +298,7 @@ class Sweep(Shown):
         progress: bool | Callable[[int, int], None] | None = None,
         **how: Any,
     ) -> Ensemble:
-        """Return numbers of all points, without records where no record is needed.
+        """Return numbers of the runs of all points in one table.
 
         Quasi-static sequences without conditions for their end run in the core, many at a time.
         Other runs are made as in `run`.

@@ -118,12 +118,12 @@ class InThisProcess(Executor):
 
 
 def _begin(hears: Connection) -> None:
-    """Prepare a worker process."""
+    """Limit a worker process to one thread, and end it when its parent ends."""
     threadpool_limits(1)
     threading.Thread(target=_leave, args=(hears,), daemon=True).start()
 
 
 def _leave(hears: Connection) -> None:
-    """End this process when its parent ends."""
+    """Wait for the end of the parent process, then end this process."""
     hears.poll(None)
     os._exit(1)

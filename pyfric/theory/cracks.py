@@ -314,7 +314,7 @@ def strength_excess(tau_p: ArrayLike, tau_0: ArrayLike, tau_r: ArrayLike) -> np.
 
 
 def _share(bodies: Bodies) -> float:
-    """Share of the two bodies' energy in the convention of `bodies`."""
+    """Return the share of the energy of two bodies that `bodies` of them have: 1/2 or 1."""
     return choice("bodies", bodies, (1, 2)) / 2
 
 
@@ -324,7 +324,7 @@ def _friction_drop(mu_s: float, mu_k: float, p: ArrayLike) -> np.ndarray:
 
 
 def _xi(material: Material, v: ArrayLike, top: float, open_: bool = False) -> np.ndarray:
-    """v/c_S, checked to lie between 0 and `top`."""
+    """Return v/c_S, after a check that v is between 0 and `top` (m/s)."""
     return checked_array("v", v, "m/s", ge=0, **{"lt" if open_ else "le": top}) / material.c_S
 
 

@@ -45,7 +45,8 @@ TRANSITS = 2.0
 """Default length of runs of a scene without a quasi-static sequence, in times of a shear wave along
 the slider."""
 FINEST = 1 / 16
-"""Step of the reference over the stability limit; larger if half of the budget requires it."""
+"""Smallest step of the reference, over the stability limit. Half of the budget may require a larger
+step."""
 
 
 class Method(NamedTuple):
@@ -261,7 +262,7 @@ LOOKS = {
     "dynamic symplectic_euler": ("<", "#CC79A7"),
     "dynamic adaptive": (">", "#56B4E9"),
 }
-"""Marker and colour of each engine and stepper; hollow for linear geometry."""
+"""Engine and stepper -> marker and colour. Markers of linear geometry are hollow."""
 
 
 def figure(table: pd.DataFrame) -> DataFigure:

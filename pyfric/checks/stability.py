@@ -163,7 +163,7 @@ def report(table: pd.DataFrame) -> str:
 
 
 def figure(table: pd.DataFrame) -> DataFigure:
-    """Return growth in a step over the step, one line for each stepper."""
+    """Draw growth in a step against the step, one line for each stepper."""
     fig = DataFigure(figsize=(4.6, 3.2))
     axes, colours = fig.subplots(), ("#0072B2", "#009E73", "#D55E00")
     for (stepper, rows), colour in zip(table.groupby("stepper", sort=False), colours, strict=True):

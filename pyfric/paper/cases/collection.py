@@ -1,4 +1,4 @@
-"""Cases run by name: verdicts, files, and a page made from a folder of cases."""
+"""Runs of cases by name; their verdicts, files, and page."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Result:
         return "holds" if all(part.holds for part in self.parts) else "misses"
 
     def as_dict(self) -> dict[str, Any]:
-        """Case, verdict and parts as plain values for JSON."""
+        """Return case, verdict and parts as plain values for JSON."""
         about = vars(self.case) | {"seen": dict(self.case.seen)}
         del about["find"]
         own = {"verdict": self.verdict, "seconds": round(self.seconds, 1)}

@@ -49,7 +49,7 @@ STATES = {"initial": (GREY, ":", 1.2), "before": (BLUE, "--", 1.0), "after": (VE
 LOOKS = ((BLUE, "o"), (ORANGE, "s"), (GREEN, "^"), (VERMILION, "D"))
 """Colour and marker of each run."""
 MEDIANS = 10
-"""Number of bins for the medians of a run."""
+"""Number of bins of prestress for the medians of a run."""
 MEDIAN = {"mec": "black", "mew": 0.5, "ms": 3.4}
 """Style of the markers of medians."""
 
@@ -151,7 +151,7 @@ def fig3b(record: Record) -> DataFigure:
 
 
 def longest_precursor(record: Record) -> int:
-    """Return the longest main precursor of the first loading, the first of equal ones.
+    """Return the number of the longest main precursor of the first loading; the first if several.
 
     Raises:
         SceneError: the run has no main precursor.

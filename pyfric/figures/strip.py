@@ -229,7 +229,7 @@ def _stand_still(fig: DataFigure, moving: Sequence[Artist]) -> None:
 
 
 def _writer(path: Path, fps: int) -> AbstractMovieWriter:
-    """Return the writer of this kind of film.
+    """Return the writer for the suffix of a film.
 
     Raises:
         SceneError: there is no such writer.
@@ -350,7 +350,7 @@ class _Panels:
 
 
 def _largest(frames: Sequence[Frame]) -> float:
-    """Range of the colours, m/s, which includes nearly all velocities of all frames."""
+    """Return the range of the colours, m/s, which includes nearly all velocities of all frames."""
     found = float(np.quantile(np.abs([frame.v[:, 0] for frame in frames]), 0.995))
     return found or 1e-12
 

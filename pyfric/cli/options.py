@@ -40,7 +40,7 @@ class OptionsCommand(Command):
 
 
 def _declared(names: Sequence[str]) -> list[click.Parameter]:
-    """Return the parameters of options; no names mean all."""
+    """Return the click parameters of the named options; no names mean all options."""
     from pyfric.engines import Options
 
     options = Options.declared()

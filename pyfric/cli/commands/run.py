@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 HERE = "\0"  # value of --resume without a file
 DRAWN = figure_ends("curve", "slip")
-"""Ends of the names of the files of --figure."""
+"""Endings of the names of the files that --figure writes."""
 
 
 @main.command(section="Simulate")
@@ -178,7 +178,7 @@ def _run(
     progress: bool,
     how: dict[str, Any],
 ) -> tuple[Record, list[Path]]:
-    """Return the record and its file. After the run, Ctrl-C no longer prevents the save."""
+    """Return the record and a list with its file. Ctrl-C after the run does not prevent saving."""
     from pyfric.signals import saved_first
 
     files: list[Path] = []

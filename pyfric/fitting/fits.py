@@ -86,8 +86,8 @@ def fit(
             events, for periodic sequences. With "onset", large events that scatter more than the
             model's are compared as a population (`Sizes`), and the fit has a note.
         model_error: standard deviation of the model's forces, over F_N, added to the errors of
-            measurement. If the model does not fit, intervals assume its deviation at the best
-            parameters.
+            measurement. If the model does not fit, intervals assume the deviation of the model at
+            the best parameters.
         seed: seed of the starts that are spread over the bounds.
         progress: function that receives each step of the fit as text.
         options: options of the runs, as in `pyfric.simulate`; fidelity = "hybrid" by default.
@@ -96,9 +96,9 @@ def fit(
         The best parameters, their intervals and profiles, and residuals.
 
     Raises:
-        SceneError: an argument is refused; a curve has fewer than two events; its normal force
-            differs from that of its scene; no parameters within the bounds can be run; or no run
-            has a measured event.
+        SceneError: an argument is refused; a curve has fewer than two events; the normal forces of
+            a curve and its scene differ; no parameters within the bounds can be run; or no run has
+            a measured event.
     """
     if level is not None:
         level = check_number("level", level, "", gt=0.0, lt=1.0)
@@ -208,7 +208,7 @@ def _check_alike(problem: Problem, u: np.ndarray) -> None:
 
 
 def _may_scatter(part: Events) -> bool:
-    """Whether a curve has many large events that scatter, and that means may represent."""
+    """Whether a curve has many large events that scatter and are compared by their means."""
     enough = len(large(part.whole)) >= POPULATION
     return part.later is not None and enough and _scatter(part.whole) > TOLERANCES[0]
 

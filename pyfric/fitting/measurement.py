@@ -51,7 +51,7 @@ class Measurement(Shown, abc.ABC):
         own: parameters of the measurement itself, such as an offset, and their units.
         smooth: whether the measured quantity changes smoothly with parameters of the scene.
         engines: engines whose runs have the measured quantity; empty means all.
-        duration: how long a run must be, s; None means any length.
+        duration: duration of a run, s; None means any duration.
         notes: remarks on samples or events that were left out or may be missing.
     """
 
@@ -65,7 +65,7 @@ class Measurement(Shown, abc.ABC):
         return None
 
     def lasts(self, scene: Scene) -> float | None:
-        """Return how long a run of a scene must be, s; None means any length."""
+        """Return the duration of a run of a scene, s; None means any duration."""
         return self.duration
 
     @property

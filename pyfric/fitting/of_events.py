@@ -30,7 +30,7 @@ OTHERS = 4
 LONGER = 1.1
 """Duration of runs over the duration of the measurement (a choice)."""
 OFF_LOAD = 0.05
-"""Largest relative difference of the normal force of a scene from that of its curve (a choice)."""
+"""Largest relative difference between the normal forces of a scene and its curve (a choice)."""
 OF_THE_CURVE = {"offset": "", "drift": "1/s"}
 """Parameters of the curve itself, and their units: a constant force added to it, over F_N, and a
 force per time."""
@@ -56,7 +56,8 @@ def table_of(measured: Curve | pd.DataFrame) -> pd.DataFrame:
     """Return a table of events with the end of the measurement and the normal force in its attrs.
 
     Raises:
-        SceneError: it is no table of events, has fewer than two events, or no errors of forces.
+        SceneError: `measured` is no curve or table of events, has fewer than two events, or no
+            errors of forces.
     """
     if isinstance(measured, Record):
         allowed = 'pyfric.measured.sampled(record, "0.5 ms", noise=1e-3), a curve as measured'

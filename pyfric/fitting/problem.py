@@ -24,8 +24,8 @@ from pyfric.values import SceneError
 DOUBTFUL = 0.01
 """Probability of the residuals below which the model counts as not fitting (a choice)."""
 FURTHER = (0.5, 1.0, 2.0, 4.0)
-"""Distances beyond its bounds, over their width, at which a parameter is tried to suggest wider
-bounds (a choice)."""
+"""Distances beyond the bounds of a parameter, over their width, that are tried in order to suggest
+wider bounds (a choice)."""
 ONE = "@"
 """Mark between a parameter and the number of the only experiment that has it: "K@2"."""
 
@@ -166,7 +166,7 @@ class Problem:
         raise SceneError("vary", ", ".join(self.names), "", allowed, reason)
 
     def _nearer(self, u: np.ndarray) -> str:
-        """Return wider bounds of one parameter that include a model nearer to the measurement."""
+        """Return, as text, wider bounds of a parameter that give smaller rough residuals."""
         best, found = float(np.linalg.norm(self.overview(u))), ""
         for name, (low, high) in self.bounds.items():
             for share, side in itertools.product(FURTHER, (-1, 1)):
@@ -193,7 +193,7 @@ class Problem:
         return np.clip((at - self.low) / (self.high - self.low), 0, 1)
 
     def own(self, values: Mapping[str, float], n: int) -> dict[str, float]:
-        """Return the parameters of one experiment, by their names without its number."""
+        """Return the parameters of one experiment by name, without the number of the experiment."""
         found = {}
         for name, value in values.items():
             part, mark, number = name.partition(ONE)
@@ -214,7 +214,7 @@ class Problem:
         return {name: value for name, value in values.items() if name not in others}
 
     def at(self, u: np.ndarray, n: int, tolerance: float = 0.0) -> At:
-        """Return the parameters of an experiment, with the error of its model's forces."""
+        """Return the parameters of an experiment and the error of the forces of its runs."""
         values = self.values(u)
         return At(values | self.own(values, n), math.hypot(tolerance, self.model_error))
 
@@ -243,7 +243,7 @@ class Problem:
     def compared(
         self, u: np.ndarray, kind: type[Any] = Measurement, tolerance: float = 0.0
     ) -> Iterator[tuple[Any, Any, At]]:
-        """Yield each measurement of a kind, the model's value of it, and the parameters."""
+        """Yield each measurement of a kind, its value in a run, and the parameters."""
         for n, (together, seen) in enumerate(zip(self.data, self.model(u) or [], strict=False)):
             at = self.at(u, n, tolerance)
             pairs = zip(together, seen, strict=True)

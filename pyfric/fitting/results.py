@@ -129,7 +129,7 @@ class Fit(Shown):
 
         Raises:
             OSError: the file cannot be written; an existing file is then unchanged.
-            SceneError: the name ends like that of another format.
+            SceneError: the suffix belongs to another format.
         """
         problem = self.problem
         content = {

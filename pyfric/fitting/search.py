@@ -15,7 +15,8 @@ from pyfric.fitting.problem import Problem
 FOLLOWED = 3
 """Largest number of minima of a rough search that a finer search starts from (a choice)."""
 ALIKE = 0.01
-"""Distance, over the bounds, within which two minima of a smooth misfit count as one (a choice)."""
+"""Distance, over the width of the bounds, within which two minima of a smooth misfit count as one
+(a choice)."""
 TOLD = 5e-3
 """Negligible change of a smooth chi^2, if residuals are as small as noise (a choice)."""
 COARSE = 1e-2
@@ -158,8 +159,8 @@ def least_of_others(
 ) -> tuple[np.ndarray, float]:
     """Return the parameters of least misfit with one of them fixed.
 
-    The search begins twice: with the other parameters of `near`, and with these moved along the
-    derivatives. If the model jumps, either start may miss the valley of the misfit.
+    The search begins twice: with the other parameters of `near`, and with other parameters moved
+    along the derivatives. If the model jumps, either start may miss the valley of the misfit.
     """
     others, alone = np.arange(len(near)) != k, near.copy()
     alone[k] = np.clip(value, 0, 1)

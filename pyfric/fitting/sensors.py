@@ -134,7 +134,7 @@ class Lengths(Measurement):
     Args:
         lengths: a table with columns force (F_T/F_N after arrest), L_p_over_L and error.
         t_end: end of the loading, s; None means that another measurement of the experiment gives
-            it.
+            the end.
 
     Raises:
         SceneError: an argument is refused.

@@ -1,4 +1,4 @@
-"""Measurements: read a loading curve, find its events."""
+"""Measured loading curves: reading of files, and search for events."""
 
 import sys
 from typing import Any

@@ -1,7 +1,7 @@
 """Arrays in files of programs: MATLAB, HDF5 and netCDF, NumPy.
 
 netCDF arrays may be packed, with values that stand for gaps. Packed arrays are unpacked by their
-attributes (CF conventions, section 8.1), and a note says so.
+attributes (CF conventions, section 8.1), and a note names them.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Numbers of a table in text, read by pandas if all cells are plain, else line by line.
 
-Both ways give the same numbers. If pandas finds anything but plain numbers and gaps in a part of
-the text, this part is read again line by line. Rows that do not fit the layout are passed to the
-caller.
+Pandas and reading by line give equal numbers. If pandas finds anything but plain numbers and gaps
+in a part of the text, this part is read again line by line. Rows that do not fit the layout are
+passed to the caller.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Layout(NamedTuple):
     Attributes:
         apart: separator of columns; a blank stands for one or more blanks.
         commas: whether numbers have decimal commas.
-        width: number of cells in a row as written; cells after the first `kept` ones are empty.
+        width: number of cells in a row as written; cells after the first `kept` cells are empty.
         numbers: whether each of the kept columns has numbers.
         words: words that stand for gaps.
         plain: whether the numbers of each column have no unit.
@@ -203,7 +203,7 @@ def is_comment(text: str) -> bool:
 
 
 def plain(text: str) -> str:
-    """Return a line with Fortran exponents replaced by common ones."""
+    """Return a line with the letter D or d of Fortran exponents replaced by e."""
     return _FORTRAN.sub(r"\1e", text) if "D" in text or "d" in text else text
 
 
@@ -295,7 +295,7 @@ def _one_by_one(
 
 
 def _parsed(part: bytes, encoding: str, layout: Layout, table: Table) -> pd.DataFrame | None:
-    """Return the columns of a part, or None if any of its cells is not plain.
+    """Return the columns of a part of the text, or None if a cell is not plain.
 
     The search for gaps doubles the time, and begins only at the first part that has gaps.
     """

@@ -22,8 +22,7 @@ SIGNALS = FORCES | {"slip"}
 KNOWN = tuple(name for name, meaning in MEANINGS.items() if not meaning.sums)
 """Columns that a curve may have."""
 STILL = 0.5
-"""Largest share of samples with the same time as the previous sample; beyond it, times are
-refused."""
+"""Largest accepted share of samples with the same time as the previous sample."""
 OTHER_SIGN = 0.1
 """Ratio of the largest force to the magnitude of the most negative force, below which forces have
 the opposite sign."""
@@ -43,7 +42,7 @@ class Curve(Shown):
             None means unknown.
         t_gap: longest pause between falls of one event in a curve without noise, s.
         source: file or origin of the curve.
-        notes: how the file was understood, in words.
+        notes: meanings and units of the columns of the file, and other remarks.
     """
 
     table: pd.DataFrame
@@ -267,7 +266,7 @@ def sampled(
 
 
 def _at_steps(t: np.ndarray, F_T: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return times at equal steps (s), and forces; at a drop, the force after it."""
+    """Return times at equal steps (s), and forces (N); at a drop, the force after the drop."""
     times = t[0] + step * np.arange(int((t[-1] - t[0]) / step) + 1)
     at = np.searchsorted(t, times, side="right") - 1
     ahead = np.minimum(at + 1, len(t) - 1)

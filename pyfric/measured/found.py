@@ -17,12 +17,12 @@ import numpy as np
 from pyfric.values import SceneError
 
 MAX_COLUMNS = 64
-"""Largest number of columns of an array that counts as a table; a larger one may be an image."""
+"""Largest number of columns of an array that counts as a table; a larger array may be an image."""
 
 
 @dataclass(frozen=True)
 class Asked:
-    """How the caller wants a file read: lines to skip at the top, decimal mark, words for gaps."""
+    """Requests of the caller: number of lines to skip at the top, decimal mark, words for gaps."""
 
     head: int = 0
     decimal: str | None = None

@@ -1,10 +1,10 @@
 """Files of loggers: TDMS, MDF, universal files and Look.
 
-A Look file, as the biaxial apparatus at Penn State writes, has a head of 36 bytes (a title of 20
-characters and four integers: rows, columns, two without use), then a head of 84 bytes for each of
-16 or 32 channels (13 characters of name, 13 of unit, an integer, 50 of comment, number of values),
-then the values of each channel in turn. Integers are big-endian; values have 4 or 8 bytes, in the
-order of the computer that wrote them.
+The biaxial apparatus at Penn State writes Look files. A Look file begins with a head of 36 bytes: a
+title of 20 characters and four integers (rows, columns, two without use). A head of 84 bytes
+follows for each of 16 or 32 channels: 13 characters of name, 13 of unit, an integer, 50 characters
+of comment, and the number of values. The values of each channel follow in turn. Integers are
+big-endian; values have 4 or 8 bytes, in the order of the computer that wrote them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ _CHANNEL = np.dtype(
 HEAD = 36
 CHANNELS = (16, 32)
 VALUES = (4, 8)
-"""Look files: number of bytes of the head, possible numbers of channels and of bytes of a value."""
+"""Number of bytes of the head of a Look file; possible numbers of channels, and of bytes of a
+value."""
 
 
 def tdms(path: Any, asked: Asked) -> Found:
@@ -148,7 +149,7 @@ def _check_scales(path: Any, channel: str, told: Mapping[str, Any]) -> None:
 
 
 def mdf(path: Any, asked: Asked) -> Found:
-    """Return the channels of an MDF file, 3 or 4, and the times of each of its groups.
+    """Return the channels of an MDF file, 3 or 4, and the times of each group of channels.
 
     Raises:
         SceneError: the file cannot be read.

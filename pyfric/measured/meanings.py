@@ -126,7 +126,7 @@ def factor(field: str, unit: str, si: str) -> tuple[float, str]:
         if fits(unit, si):
             return 0.01, unit
         raise SceneError(field, unit, "", "a ratio of forces, in % or without a unit", "a unit")
-    if unit == "mPa":  # most probably MPa
+    if unit == "mPa":  # mPa most probably means MPa
         raise SceneError(field, unit, si, "MPa or Pa", "millipascal, or a spelling of MPa")
     if not fits(unit, si):
         unit = SPELLED.get(unit.lower(), unit)

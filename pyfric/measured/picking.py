@@ -87,10 +87,10 @@ TOLD = 0.95
 def noise_of(curve: Curve) -> float:
     """Return the standard deviation of white noise of F_T/F_N, from its second differences.
 
-    In a curve without forces, the noise is that of slip, m. Without noise, 0 is returned. Events do
-    not change the median of differences. If a filter has averaged n samples, noise is not white,
-    and the estimate is too small. Means of many samples then have sqrt(n) times the remaining
-    noise. In this case, give the larger noise to `events`.
+    In a curve without forces, the noise of slip (m) is returned. Without noise, 0 is returned.
+    Events do not change the median of differences. If a filter has averaged n samples, noise is not
+    white, and the estimate is too small. Means of many samples then have sqrt(n) times the
+    remaining noise. In this case, give the larger noise to `events`.
 
     Raises:
         SceneError: samples are not equally spaced, or most of them are equal.
@@ -113,8 +113,8 @@ def events(
     """Return the events of a loading curve, or of slip at a sensor, as measured or of a run.
 
     Args:
-        of: a measured curve, or a run. The events of a run are those of its catalogue, with static
-            forces. `pyfric.measured.sampled` makes a curve from a run.
+        of: a measured curve, or a run. The events of a run are the events of its catalogue, with
+            static forces. `pyfric.measured.sampled` makes a curve from a run.
         column: column of a curve in which events are found. None means force, or slip in a curve
             without forces.
         x: distance of a slip sensor from the trailing edge in a run, m. None means the force.
@@ -125,11 +125,11 @@ def events(
         threshold: smallest drop of an event, over F_N, or its smallest slip, m. None means the
             smallest drop that noise does not cause.
         t_gap: longest pause between falls of one event, s, in runs and in curves without noise. The
-            time of the event is that of its largest fall, and its drop is the sum of all. None
-            means the pause of `pyfric.build_catalogue` in runs and in curves from `sampled`; events
-            then last from the start of the first fall to the end of the last. In other curves None
-            means 0, so that each fall from one turning point to the next is an event. Slip without
-            noise is split into steps wherever it grows, even if it creeps.
+            time of the event is the time of its largest fall. Its drop is the sum of all falls.
+            None means the pause of `pyfric.build_catalogue` in runs and in curves from `sampled`;
+            events then last from the start of the first fall to the end of the last. In other
+            curves None means 0, so that each fall from one turning point to the next is an event.
+            Slip without noise is split into steps wherever it grows, even if it creeps.
 
     Returns:
         A data frame with a row for each event, counted from 1, and columns as in `COLUMNS` or
@@ -254,7 +254,7 @@ def _of_slip(table: pd.DataFrame) -> pd.DataFrame:
 def _slips_of_record(
     record: Record, x: float | str, threshold: float, t_gap: float
 ) -> pd.DataFrame:
-    """Return the slip at a place in each event of a run that is above a threshold."""
+    """Return the slips at a place, one for each event of a run, that exceed a threshold."""
     names = ["t_start", "t_stop", "before", "after"]
     table = pd.DataFrame(slips(record, x, t_gap), columns=names, dtype=float)
     table["slip"] = table["after"] - table["before"]
@@ -307,7 +307,7 @@ class Windows:
 
     @classmethod
     def of(cls, t: np.ndarray, smooth: int) -> Windows:
-        """Return the windows of samples at these times."""
+        """Return the windows of samples at the times t."""
         steps = np.diff(t)
         step = float(np.median(steps)) or float(steps.mean())
         far, edge = (smooth - 0.5) * step, (smooth - 1.25) * step
@@ -523,7 +523,7 @@ def _of_record(record: Record, threshold: float, t_gap: float | None) -> pd.Data
 
 
 def _as_one(falls: list[tuple[float, ...]]) -> dict[str, float]:
-    """Return several falls (t_start, t_stop, peak, valley) as one at the time of the largest.
+    """Return several falls (t_start, t_stop, peak, valley) as one fall at the time of the largest.
 
     Its drop is the sum of their drops. Its peak and valley are those that loading alone would give.
     """

@@ -87,7 +87,7 @@ def read(
         name the meaning of each column, and the unused columns.
 
     Raises:
-        SceneError: the file cannot be read, or something in it is not understood.
+        SceneError: the file cannot be read, or an entry of the file is not understood.
     """
     if not isinstance(path, str | os.PathLike):
         allowed = 'the path of a file, such as "curve.csv"'
@@ -175,7 +175,7 @@ for _name, _text in (("{KINDS}", KINDS), ("{MEANINGS}", ", ".join(MEANINGS))):
 
 
 def _check_clocks(path: Any, found: Found, chosen: Mapping[str, str]) -> None:
-    """Check that the columns that were chosen have the same clock.
+    """Check that the chosen columns have the same clock.
 
     Raises:
         SceneError: their clocks differ, so that samples in one row have different times.

@@ -74,7 +74,7 @@ def text(path: Any, asked: Asked) -> Found:
     """Return the columns of a text.
 
     Raises:
-        SceneError: the file cannot be read, or something in it is not understood.
+        SceneError: the file cannot be read, or an entry of the file is not understood.
     """
     found = Found("text")
     content = read_at_most(path, MAX_BYTES + 1)
@@ -129,7 +129,7 @@ def text(path: Any, asked: Asked) -> Found:
 
 
 def _skipped(content: bytes, head: int) -> tuple[int, int]:
-    """Return the offset after `head` lines, and the number of the line there."""
+    """Return the offset after `head` lines, and the number of the next line."""
     at = 0
     for n in range(head):
         at = content.find(b"\n", at) + 1
@@ -218,7 +218,7 @@ def _layout(
 
 
 def _separator(tail: list[Row]) -> str:
-    """Return the separator of columns in most rows; rows of numbers count more."""
+    """Return the separator of columns that most rows have; rows of numbers count more."""
     votes: Counter[str] = Counter()
     for row in tail:
         apart = separator_of(plain(row.text))

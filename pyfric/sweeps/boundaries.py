@@ -10,12 +10,12 @@ Each label costs a run, so the search needs few labels. The first point of a lin
 bisection. For each later point, the earlier points predict where the line is. A first run at the
 prediction shows on which side the line lies. A second run lies on this side, at half the error of
 the last prediction. Further runs, each twice as far away as the previous run, bracket the line.
-Bisection then narrows the bracket. Between known labels, steps are chosen so that no point needs
-more than one run beyond those of bisection.
+Bisection then narrows the bracket. Between known labels, steps are so short that each point needs
+at most one run more than bisection.
 
-A label may be the sign of a continuous number, such as a speed minus a limit. If this number is
-given, too (`measure`), the line is its root. Interpolation between the ends of the bracket finds
-the root in two or three runs.
+A label may be the sign of a continuous number, such as a speed minus a limit. If a function
+`measure` gives this number, the line is its root. Interpolation between the ends of the bracket
+finds the root in two or three runs.
 """
 
 from __future__ import annotations
@@ -86,8 +86,8 @@ def boundary(
 ) -> pd.DataFrame:
     """Follow a line on which a label changes.
 
-    At each value of `over`, the line is where the label first differs from that at the lower end of
-    `along`. After a value without a line, the search begins again in the whole range.
+    At each value of `over`, the line is where the label first differs from the label at the lower
+    end of `along`. After a value without a line, the search begins again in the whole range.
 
     Args:
         f: a function of a value of `along` and a value of `over`. f returns a label that can be
@@ -229,8 +229,8 @@ class _Line:
 
         Runs are made where the line is expected. With a measure, the place is its root. Otherwise
         the first place is the guess, and further places are further away until labels differ. In a
-        known bracket, runs are so near to its middle that at most one run beyond those of bisection
-        is needed.
+        known bracket, runs are so near to the middle that the search needs at most one run more
+        than bisection.
         """
         left, step, guess_is_below = math.inf, self.step, None
         while high - low > (1 + 1e-9) * self.width:

@@ -1,7 +1,7 @@
 """Numbers of many runs in one table, which is stored in parts.
 
-Quasi-static sequences run in the core, many at a time (`pyfric.engines.together`). Their results
-equal those of single runs, bit for bit. Runs of other engines are made as in `Sweep.run`.
+Quasi-static sequences run in the core, many at a time (`pyfric.engines.together`). The results
+equal the results of single runs, bit for bit. Runs of other engines are made as in `Sweep.run`.
 `pyfric.record.outlines` defines the numbers of a run.
 
 The table of sequences in the core is stored in parts of `PART` runs. The name of a part is a hash
@@ -40,7 +40,7 @@ Row = dict[str, Any]
 
 
 class Points(Protocol):
-    """The attributes of a `Sweep` that are used here."""
+    """The attributes of a `Sweep` that an `Ensemble` uses."""
 
     @property
     def scene(self) -> SceneLike: ...
@@ -104,7 +104,7 @@ class Ensemble:
             NaN means too few runs.
 
         Raises:
-            SceneError: there is no such number.
+            SceneError: the table has no number of a given name.
         """
         for name in columns:
             if name not in self.columns:
@@ -118,7 +118,7 @@ class Ensemble:
         """Return the run of a row of the table as a record. Labels of an ensemble are its seeds.
 
         Raises:
-            SceneError: there is no such row, or the run is refused.
+            SceneError: the table has no row with this label, or the run is refused.
         """
         if label not in self.table.index:
             allowed = f"a label of the table, {self.table.index[0]!r} to {self.table.index[-1]!r}"

@@ -64,7 +64,7 @@ PACES: Mapping[frozenset[str], tuple[float, int]] = {
     frozenset({"sub-Rayleigh", "beyond c_R"}): (1.0, 0),
     frozenset({"beyond c_R", "supershear"}): (1.0, 1),
 }
-"""Two paces -> the speed that separates them, as a share of one of the two limits of a scene."""
+"""Two paces -> the speed between them: its share of a speed limit of the scene, and which limit."""
 
 MEASURED = ("speed", "speed_over_c", "reached", "status")
 """Columns of each point that are not labels."""
@@ -105,7 +105,7 @@ class PhaseDiagram(Shown):
 
 
 def chain_job(alpha: float, tau_bar: float, blocks: int = BLOCKS) -> Job:
-    """Return the run of a chain whose first block is pushed for ever, just beyond its threshold.
+    """Return the run of a chain whose first block is always pushed just beyond its threshold.
 
     The chain is setup 1 lumped into one row, with another length and without bond viscosity. The
     run ends when the front arrests or reaches the last block.
@@ -228,8 +228,8 @@ def phase_diagram(
     def line(name: str, pair: Pair, cells: Mapping[float, tuple[float, float]]) -> pd.DataFrame:
         """Return the line between two labels; at each x of `cells`, y lies between two points.
 
-        If there is a third label between them, the line is where the lower label ends. All runs so
-        far are used, also those of other lines.
+        If there is a third label between them, the line is where the lower label ends. The line
+        uses all finished runs, including the runs of other lines.
         """
 
         def below(b: float, a: float) -> bool:

@@ -124,7 +124,7 @@ class Job:
 
     @functools.cached_property
     def key(self) -> str:
-        """Hash of all that determines the record: scene (not its name), end, options, code.
+        """Hash of scene (without its name), end, options and code, which determine the record.
 
         The number of points that chose the level of a point is left out. The record holds this
         number.
@@ -190,9 +190,9 @@ def run_all(
 ) -> Any:
     """Run jobs side by side, in their order, each on one thread of a process of its own.
 
-    Worker processes do not run the script that calls this. Jobs with objects of classes that the
-    script defines, such as a friction law, are therefore made in this process, one by one. Ctrl-C
-    stops all workers; finished runs stay in the cache.
+    Worker processes do not run the calling script. Jobs with objects of classes that the script
+    defines, such as a friction law, are therefore made in this process, one by one. Ctrl-C stops
+    all workers; finished runs stay in the cache.
 
     Args:
         jobs: the jobs; put long ones first. Equal jobs are run once.
@@ -331,7 +331,7 @@ def _outcomes(
 
 
 class Unwanted(Exception):
-    """The caller has stopped, so that this run is not needed."""
+    """Stops a run that is not needed, because its caller has stopped."""
 
 
 def _made(job: Job | Point, store: Store, key: str, wanted: str) -> Record:

@@ -123,7 +123,7 @@ class Point:
         return record.replace(errors=Errors(**promise, chosen_at=self.chosen_at))
 
     def answered(self, record: Record) -> bool:
-        """Return whether a stored record is sufficient: it has errors, or at least this level."""
+        """Return whether a stored record suffices: it has errors, or at least the level `first`."""
         if record.errors is None or not record.errors.chosen_at:
             return True
         of = able(self.job.scene, self.job.options)
@@ -240,8 +240,8 @@ class Shared:
 
         Args:
             jobs: jobs by their keys.
-            found: records by the same keys; the caller adds those of a stage before it asks for the
-                next.
+            found: records by the same keys. The caller adds the records of a stage before it asks
+                for the next stage.
         """
         levels: dict[str, tuple[Level, ...]] = {}
         new: dict[Hashable, dict[str, Job]] = {}

@@ -166,7 +166,7 @@ class Store:
             log(f"finished runs are not kept in {self.folder}: {error.strerror or error}")
 
     def load_table(self, key: str) -> dict[str, np.ndarray] | None:
-        """Return the arrays of a part of a table; None where there is none.
+        """Return the arrays of a part of a table; None if there is none.
 
         A file that is damaged or cannot be read counts as missing, and the log names this file.
         """

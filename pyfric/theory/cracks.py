@@ -43,7 +43,7 @@ ACCURACY = 1e-8
 """Largest error accepted from the quadrature of a stress drop, over its largest value."""
 
 ANDREWS_S = 1.77
-"""In two dimensions a crack can become supershear only if S is below this (Andrews 1985)."""
+"""Limit of S, below which a crack in two dimensions can become supershear (Andrews 1985)."""
 
 # Trapezoidal rule in y = ln(v x), which is exponentially accurate: the integrand of I is analytic
 # for |Im y| < pi/2 and falls as exp(-|y|).

@@ -208,7 +208,7 @@ class Material:
 
     @property
     def E_prime(self) -> float:
-        """E in plane stress, E/(1 - nu^2) in plane strain: 4 mu (1 - r) in both, Pa."""
+        """E in plane stress, E/(1 - nu^2) in plane strain, Pa; both are 4 mu (1 - r)."""
         return 4 * self.mu * (1 - self.r)
 
     @property

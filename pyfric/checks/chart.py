@@ -50,7 +50,7 @@ step."""
 
 
 class Method(NamedTuple):
-    """One way to run a scene; `share` is the step over the stability limit."""
+    """One method to run a scene; `share` is its time step over the stability limit."""
 
     fidelity: str
     geometry: str | None = None
@@ -139,7 +139,7 @@ def _default_end(scene: Scene) -> float:
 
 
 def _reference(scene: Scene, t_end: float, budget: float) -> Method:
-    """Return full dynamics at the smallest step, by halving, that the budget allows."""
+    """Return full dynamics with the time step halved as often as the budget allows."""
     geometry, switching = default_geometry(scene), default_switching(scene)
     finest = Method("dynamic", geometry, switching, 0.5, default_stepper(scene))
     while finest.share > FINEST:
@@ -151,7 +151,7 @@ def _reference(scene: Scene, t_end: float, budget: float) -> Method:
 
 
 def _expected(scene: Scene, t_end: float, method: Method) -> float:
-    """Return the time that full dynamics takes, s; 0 for other engines, which take less."""
+    """Return the expected time of a run with full dynamics, s; 0 for the faster engines."""
     if method.fidelity != "dynamic" or method.share is None:
         return 0.0
     dt = _step(scene, method)
@@ -160,7 +160,7 @@ def _expected(scene: Scene, t_end: float, method: Method) -> float:
 
 
 def _step(scene: Scene, method: Method) -> float | None:
-    """Return the step of a method, s; None if it has none."""
+    """Return the time step of a method, s; None for a method without steps."""
     if method.share is None:
         return None
     return method.share * stability_limit(scene, method.stepper)[0]

@@ -59,7 +59,7 @@ class Regime:
     """One regime.
 
     Attributes:
-        name: the extreme property.
+        name: the extreme property of the scene.
         scene: function that makes the scene.
         behaviour: the stated behaviour.
         text: the stated behaviour in words.

@@ -117,12 +117,12 @@ limit."""
 _LINEAR, _FINITE, STEP_END = map(Tolerances, *_TABLE.values())
 """Hybrid with switching at step ends. Measured: start 1.2e-3, arrest 5.1e-3, 1.9 ms, 2 blocks,
 stresses 0.06, behind the tip 0.12 (run 3), v_c 0.13, spread 0.07. Slow nucleation takes up to 0.8
-ms longer or shorter, so that rupture times are not compared."""
+ms longer or shorter. Rupture times are therefore not compared."""
 HYBRID = {"linear": _LINEAR, "finite": _FINITE}
 """Hybrid with located switching, geometry -> tolerances. Measured in seven scenes: in linear
 geometry forces 3.5e-7, stresses 2e-6, rupture times 2e-8 s, v_c 5e-5; in finite geometry forces
 3e-6 (2.3e-4 for a single-block event of run 3), stresses 1.2e-5, rupture times 2.3e-7 s, v_c 6e-5.
-The same blocks slip."""
+Both runs have the same slipping blocks."""
 DYNAMIC = {geometry: within._replace(curve=None) for geometry, within in HYBRID.items()}
 """Tolerances of full dynamics of one event, from a hybrid state."""
 
@@ -311,7 +311,7 @@ def precursors(events: pd.DataFrame, scene: Scene) -> pd.DataFrame:
 
 
 def ladder(known: Reference, made: Record, blocks: int, last: int | None = None) -> list[Check]:
-    """Compare stored precursors with those of a quasi-static run, which may have one more.
+    """Compare stored precursors with precursors of a quasi-static run, which may have one more.
 
     Args:
         known: the stored reference, which has the geometry of the run.

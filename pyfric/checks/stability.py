@@ -128,7 +128,7 @@ def stability(
         the factor by which a disturbance grows in a step). NaN means that the budget had ended.
 
     Raises:
-        SceneError: it is no scene, or the scene has no loaded state.
+        SceneError: `scene` is no scene, or has no loaded state.
     """
     scene, begin, rows = as_scene(scene), time.process_time(), []
     still = at_rest(scene)

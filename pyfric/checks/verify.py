@@ -33,8 +33,8 @@ from pyfric.scene import chain, laws, setup1
 from pyfric.signals import at_once
 
 STEPS, SWITCHES = 300, 50
-"""Number of steps of the runs whose bits are compared, and least number of contact switches in
-them."""
+"""Number of steps of the runs whose bits are compared, and least number of contact switches in a
+run."""
 RUNS = (
     ("linear", "finite", "step_end"),
     ("linear", "linear", "located"),
@@ -59,7 +59,7 @@ def verify(progress: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
     """Make all checks, in groups.
 
     Args:
-        progress: called with the name of each group before it is made.
+        progress: function that receives the name of each group of checks before it begins.
 
     Returns:
         One row for each check. Columns: group, the compared results; name, value, tolerance, unit

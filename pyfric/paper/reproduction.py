@@ -59,7 +59,7 @@ def reproduce(
         `save_figure`). The table ``<figure>_runs.csv`` has the cost of its runs.
 
     Raises:
-        SceneError: no such figure.
+        SceneError: there is no figure of a given name.
         JobError: a run failed.
         OSError: a file cannot be written.
     """

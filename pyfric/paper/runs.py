@@ -38,7 +38,7 @@ AT_2700 = {L: tuple(f"{L}/{h:g}/2700" for h in H_2A) for L in (140, 200)}
 
 
 def _fig2a(name: str) -> Job:
-    """Return a run in setup 1 with L (mm), h (mm) and F_N (N) as in its name."""
+    """Return a run in setup 1 with L (mm), h (mm) and F_N (N) from its name."""
     values, _, finite = name.partition(" ")
     L, h, F_N = map(float, values.split("/"))
     words = f"L = {L:g} mm, h = {h:g} mm, F_N = {F_N:g} N"
@@ -52,8 +52,9 @@ FIG2A |= {"200/10/2700": FIG4B[3], "fig1": FIG1}
 FIG2A |= {
     name: _fig2a(name) for name in ("140/5/1750 finite", "200/5/1750 finite", "200/5/3500 finite")
 }
-"""Setup 1 up to about the first event over the whole interface, by "L/h/F_N" in mm and N: all L and
-h, one of them run 4, and other F_N in finite geometry at h = 5 mm."""
+"""Name of a run, "L/h/F_N" in mm and N -> the run in setup 1, up to about the first event over the
+whole interface. All L and h have runs, one of which is run 4. Runs with other F_N are in finite
+geometry at h = 5 mm."""
 
 SETUP2 = ("setup2-", "setup2", "setup2+")
 FIG2B = tuple(

@@ -42,7 +42,7 @@ class Case:
     """A published result.
 
     Attributes:
-        name: its name, which is the name of the function.
+        name: name of the case and of its function.
         title: the published result, in short.
         source: authors, journal, DOI.
         target: "number", or "trend" if the source gives only a direction, or numbers for another

@@ -1,4 +1,4 @@
-"""Claims E1 to E10, whose exact answers are known."""
+"""Claims E1 to E10, which have exact answers."""
 
 from __future__ import annotations
 

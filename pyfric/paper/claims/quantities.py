@@ -59,8 +59,7 @@ def straight(table: pd.DataFrame, N_x: int) -> float:
 
 
 def prediction_error(record: Record) -> np.ndarray:
-    """Return forces after precursors minus forces of `prediction_curve` at which last blocks
-    slip."""
+    """Return forces after precursors minus forces of the prediction curve at equal L_p."""
     curve = _prediction(record.scene)
     L_p, F_T = curve["L_p_over_L"].to_numpy(), curve["F_T"].to_numpy() / record.scene.F_N
     table = growing(record)

@@ -39,7 +39,7 @@ def measure(
         The claims, in order. A claim with several parts gives one entry for each part.
 
     Raises:
-        SceneError: there is no claim of that number, or no such part of it.
+        SceneError: there is no claim of a given number, or the claim has no such part.
         JobError: a run failed.
         KeyboardInterrupt: after Ctrl-C.
     """

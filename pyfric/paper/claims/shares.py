@@ -10,15 +10,15 @@ Of the variance that the position x leaves, the prestress s explains the partial
 
     (R^2(s and x) - R^2(x)) / (1 - R^2(x)).
 
-The share is larger than what a curve of s explains of y minus the curve of x. If s and x are
-correlated, the curve of x has already taken the part that both explain.
+This partial share is larger than the share of y minus the curve of x that a curve of s explains. If
+s and x are correlated, the curve of x has already taken the part that both explain.
 
 Speeds along a front are correlated. Intervals are therefore from a bootstrap over fronts.
 
 Null data depend on the position alone. Null data keep the curve of the position and scatter its
 residuals in one of two ways. Residuals are shuffled over all points, or get one random sign for
-each front, which keeps the correlation along a front. Null data show how much a prestress explains
-only because it varies with the position.
+each front, which keeps the correlation along a front. Null data show the share that a prestress
+explains only because it varies with the position.
 
 Sources: B. Efron, Ann. Statist. 7, 1 (1979), the bootstrap; A. C. Cameron, J. B. Gelbach and
 D. L. Miller, Rev. Econ. Stat. 90, 414 (2008), signs by groups of dependent points.

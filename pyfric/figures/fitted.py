@@ -21,7 +21,7 @@ from pyfric.figures.style import (
 from pyfric.fitting import COUNTS, QUANTITIES, Fit, Sensitivity
 
 LIMITS = (-2, 2)
-"""Range of residuals, in standard deviations, in which most are if the model fits."""
+"""Range, in standard deviations, that holds most residuals of a model that fits."""
 
 
 def fit_page(fit: Fit) -> DataFigure:

@@ -27,7 +27,7 @@ from pyfric.values import unknown
 SYMBOLS = ("x", "o", "s", "^", "D", "v", "*", "+")
 """Symbols of labels, in alphabetical order."""
 COLOURS = (GREY, BLACK, SKY, PURPLE)
-"""Colours of labels; each colour is used with all symbols before the next one."""
+"""Colours of labels; each colour is used with all symbols before the next colour."""
 THEORY = ((1.0, "-", "v = c"), (0.1, "--", "v = 0.1 c"))
 """Speeds over c of steady fronts that are drawn as lines; style and label of each line."""
 

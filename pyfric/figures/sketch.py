@@ -141,7 +141,7 @@ def _lattice(axes: Axes, x: np.ndarray, z: np.ndarray, chain: bool) -> None:
 
 
 def _forces(scene: Scene) -> np.ndarray:
-    """Downward forces on the top blocks, or on those of a prescribed interface, N."""
+    """Return the downward forces on the blocks of the top or of a prescribed interface, N."""
     return scene.p_prescribed if scene.prescribed else scene.load
 
 

@@ -33,7 +33,8 @@ BEFORE, AFTER = 0.15, 0.5
 ROWS, FEWEST = 500, 100
 """Largest number of instants of a picture, and least number for runs with located switches."""
 AROUND, LEAST = 0.5, 8
-"""Length shown beside the front, over its length; least number of blocks beside it."""
+"""Length shown on either side of the front, over the length of the front; least number of blocks on
+either side."""
 SLOW = 0.1
 """Speed over c_R below which steps from block to block in the first third of a front are creep."""
 ROUNDED = 1e-6

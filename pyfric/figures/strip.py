@@ -1,7 +1,7 @@
 """Pictures of one event: the velocity field of the slider, and the interface below it.
 
 The event is run again with full dynamics, from a state shortly before it. A run of the hybrid
-engine gives this state, or full dynamics on junctions and on a prescribed interface.
+engine gives this state. On junctions and on a prescribed interface, full dynamics gives the state.
 """
 
 from __future__ import annotations
@@ -232,7 +232,7 @@ def _writer(path: Path, fps: int) -> AbstractMovieWriter:
     """Return the writer for the suffix of a film.
 
     Raises:
-        SceneError: there is no such writer.
+        SceneError: no writer for this suffix is installed.
     """
     kind, allowed = path.suffix.lower(), "a name that ends in .gif, or .mp4 where ffmpeg is found"
     if kind == ".gif":

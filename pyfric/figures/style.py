@@ -163,7 +163,7 @@ def save_figure(fig: DataFigure | Shown, path_stem: str | os.PathLike[str]) -> l
 
     Raises:
         OSError: a file cannot be written, such as into a missing folder.
-        SceneError: the suffix is that of another format.
+        SceneError: the suffix belongs to another format.
     """
     from matplotlib.backends.backend_pdf import FigureCanvasPdf  # slow to import
 
@@ -201,7 +201,7 @@ def listed(records: Iterable[Record]) -> list[Record]:
     """Return records as a list.
 
     Raises:
-        SceneError: there is no record, or a single one that is not in a list.
+        SceneError: there is no record, or a single record is not in a list.
     """
     if not isinstance(records, Iterable):
         raise SceneError("records", type(records).__name__, "", "a list of records", "not a list")
@@ -211,7 +211,7 @@ def listed(records: Iterable[Record]) -> list[Record]:
 
 
 def single(record: Record) -> None:
-    """Raise SceneError unless this is one record."""
+    """Raise SceneError if the argument is not a single record."""
     check_record(record)
 
 

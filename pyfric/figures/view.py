@@ -53,7 +53,8 @@ MOST_EVENTS = 3000
 def drawing(shown: Any) -> DataFigure | None:
     """Return the picture of an object; None if it has none.
 
-    The picture of a record is its loading curve; that of a prediction is length against force.
+    The picture of a record is its loading curve. The picture of a prediction is length against
+    force.
     """
     match shown:
         case Record():

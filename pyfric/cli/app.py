@@ -43,7 +43,7 @@ class Command(_Listed, click.Command):
     """A command of the group `Commands`."""
 
     def get_help_option_names(self, ctx: click.Context) -> list[str]:
-        """Return the names of the help option. click caches them, so they have to be constant."""
+        """Return the names of the help option, which are constant because click caches them."""
         return ["-h", "--help"]
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:

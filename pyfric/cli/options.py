@@ -23,7 +23,7 @@ checkpoint."""
 
 
 class OptionsCommand(Command):
-    """A command with options of runs, all or those with given names, placed before `before`."""
+    """A command with all or the named options of runs, placed before the option `before`."""
 
     def __init__(
         self, *given: Any, options: Sequence[str] = (), before: str = "quiet", **more: Any

@@ -145,10 +145,10 @@ class Seconds(click.ParamType):
 
 
 def scene_of(name: str, changes: tuple[str, ...]) -> Scene:
-    """Return the preset of this name, or the scene in this file, with the changes of --set.
+    """Return the preset, or the scene in a file, called `name`, with the changes of --set.
 
     Raises:
-        SceneError: no such preset or file, or a name or value is refused.
+        SceneError: there is no preset or file `name`, or a changed value is refused.
     """
     from pyfric.scene import as_scene
 
@@ -173,7 +173,7 @@ def changes_of(changes: tuple[str, ...]) -> dict[str, Any]:
 
 
 def record_of(path: str) -> Record:
-    """Return the record in this file.
+    """Return the record in the file `path`.
 
     Raises:
         RecordError: the file is not a record.

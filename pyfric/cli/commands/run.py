@@ -197,7 +197,7 @@ def _run(
 
 
 def _saved(record: Record, out: Path) -> Path:
-    """Write the record. If this fails, write it elsewhere, print the place, and stop."""
+    """Write the record and return its path; after an error, write it elsewhere, and stop."""
     try:
         return record.save(out, overwrite=True)  # the command has checked overwriting
     except OSError as error:

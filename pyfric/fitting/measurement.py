@@ -163,7 +163,7 @@ class Together(tuple[Measurement, ...]):
 @measurement
 @dataclass(frozen=True, repr=False)
 class Known(Measurement):
-    """A parameter known within an error: a prior.
+    """A prior: value and standard deviation of a parameter, known before the fit.
 
     Args:
         name: name of a varied parameter.

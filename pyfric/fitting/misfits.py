@@ -131,7 +131,7 @@ def _off(
 
     The error of the time of an event contributes to both ends. The covariance is c = (s_peak^2 +
     s_valley^2 - s_drop^2)/2. The second residual is the difference of valleys minus c/s_peak^2
-    times the difference of peaks, which makes the two independent.
+    times the difference of peaks, which makes both residuals independent.
     """
     variances = {
         name: measured[f"{name}_error"][:, None] ** 2 for name in ("peak", "valley", "drop")

@@ -30,7 +30,7 @@ class Policies:
     Attributes:
         points, reach: on either side, the first `points` points of a profile reach to `reach`
             standard deviations. The next `points` points are twice as far apart, and so on.
-        across: points are at most 1/across of the range between the bounds apart.
+        across: the largest distance of points is 1/across of the range between the bounds.
         wider: number of times that the distance of points doubles before a profile is given up.
         beyond: number of consecutive points above the limit that end a profile. A single point may
             be a jump of the model.

@@ -46,7 +46,7 @@ class Fit(Shown):
         missing, extra: number of measured events missing in the model, and of extra model events.
         others: measured and model values of other quantities than events: columns curve, kind (of
             measurement), at (place in it), measured, error, model, off (standard deviations).
-        engine: the engine of its runs.
+        engine: engine of the runs of the fit.
         runs: number of runs, including the search.
         bounds: name -> bounds of the search.
         model_error: standard deviation of the model's forces, over F_N, that intervals assume. If

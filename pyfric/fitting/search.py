@@ -136,8 +136,8 @@ def jacobian_of(problem: Problem, u: np.ndarray) -> np.ndarray:
 def derivatives(problem: Problem, u: np.ndarray) -> tuple[np.ndarray, float]:
     """Return derivatives of the residuals, and the mean variance of their jumps, per residual.
 
-    Differences are central. Steps are so long that residuals change clearly; over a shorter step a
-    jump of the model could be the whole change.
+    Differences are central. Steps are so long that residuals change clearly. The change over a
+    shorter step could be a single jump of the model.
     """
     columns, jumps, centre = [], [], problem.residuals(u)
     for k in range(len(u)):

@@ -39,7 +39,7 @@ QUANTITIES = {
     "recurrence": ("s", "mean time between system-size events"),
     "front_speed": ("m/s", "median speed of fronts; not without dynamics"),
 }
-"""Quantities: unit and meaning. A quantity that a run lacks is NaN."""
+"""Quantity -> unit and meaning. A quantity that a run lacks is NaN."""
 COUNTS = ("precursors", "system_size")
 NOISE = 1e-3
 """Default relative error of measured forces, over F_N, and of the recurrence (a choice)."""

@@ -64,8 +64,8 @@ MEANINGS = {
         "m", "displacement normal to the interface", "hdcdt hordcdt normaldisplacement dilation"
     ),
 }
-"""Possible meanings. In a biaxial apparatus the vertical DCDT measures the load point, and the
-horizontal DCDT the thickness of the layer."""
+"""Name of a meaning of columns -> the meaning. In a biaxial apparatus the vertical DCDT measures
+the load point, and the horizontal DCDT the thickness of the layer."""
 AMBIGUOUS = {
     **dict.fromkeys(("force", "load", "loadcell", "f"), "F_T or F_N"),
     **dict.fromkeys(("stress", "sigma"), "tau or sigma_n"),

@@ -525,7 +525,8 @@ def _of_record(record: Record, threshold: float, t_gap: float | None) -> pd.Data
 def _as_one(falls: list[tuple[float, ...]]) -> dict[str, float]:
     """Return several falls (t_start, t_stop, peak, valley) as one fall at the time of the largest.
 
-    Its drop is the sum of their drops. Its peak and valley are those that loading alone would give.
+    The drop of this fall is the sum of all drops. Its peak and valley are the values that loading
+    alone would give.
     """
     drops = [peak - valley for _, _, peak, valley in falls]
     main = int(np.argmax(drops))

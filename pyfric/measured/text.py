@@ -48,7 +48,7 @@ MAX_BYTES = 512 * 1024**2
 SAMPLE = 1 << 14
 """Number of bytes at either end from which the layout is found."""
 RUN = 5
-"""Number of similar rows that make a table. A longer run of rows counts no more."""
+"""Number of similar rows that make a table. A longer run counts as this number of rows."""
 _FRACTION = re.compile(rb"\d,(?:\d{1,2}(?!\d)|\d{4,})|(?<![\d,])0,\d|(?<!\d),\d")
 _WHOLE = re.compile(rb"(?m)(?:^|[;\t, ])[+-]?[1-9]\d{0,2}\s*(?:[;\t, ]|$)")
 _POINTED = re.compile(rb"\d\.|\.\d")
@@ -406,7 +406,7 @@ def _looks_like_data(row: Row, layout: Layout, *, above: bool = False) -> bool:
 
 
 def _begins(row: Row, layout: Layout) -> bool:
-    """Whether a row begins with a number like other rows; a row of means begins with a word."""
+    """Whether a row begins with a number, as rows of data do; a row of means begins with a word."""
     return numeric(layout.number(row.cells[0])) or not layout.numbers[0]
 
 

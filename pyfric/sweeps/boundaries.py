@@ -228,9 +228,9 @@ class _Line:
         """Return a bracket narrowed to the wanted width; None if the range ends first.
 
         Runs are made where the line is expected. With a measure, the place is its root. Otherwise
-        the first place is the guess, and further places are further away until labels differ. In a
-        known bracket, runs are so near to the middle that the search needs at most one run more
-        than bisection.
+        the first place is the guess. Further places move away from the guess until labels differ.
+        In a known bracket, runs are so near to the middle that the search needs at most one run
+        more than bisection.
         """
         left, step, guess_is_below = math.inf, self.step, None
         while high - low > (1 + 1e-9) * self.width:

@@ -173,7 +173,7 @@ class Results(Shown):
 
 
 def _netcdf(dataset: xr.Dataset) -> bytes:
-    """Return a dataset as the bytes of a netCDF 4 file, made in memory: HDF5 would lock a file."""
+    """Return a dataset as the bytes of a netCDF 4 file, made in memory because HDF5 locks files."""
     import h5netcdf
     from xarray.backends import H5NetCDFStore
 

@@ -39,7 +39,7 @@ CALIBRATION = 5
 CHECKED, LEAST = 0.05, 2
 """Share of the other points that are checks, and their least number (choices)."""
 CONFIDENCE = 0.95
-"""Confidence of the statement on unmeasured points (a choice)."""
+"""Confidence of the limit for the share of unmeasured points that keep the tolerance (a choice)."""
 GOLDEN = (math.sqrt(5) - 1) / 2
 """The golden ratio. Fractional parts of its multiples are spread evenly, without the period of a
 grid."""

@@ -3,10 +3,10 @@
 A file is the record of a run, or a part of the table of an ensemble (`pyfric.sweeps.measures`).
 
 Records are kept in the folder that `PYFRIC_CACHE` names, or else in the user's cache folder. Files
-are written and deleted as a whole, and contain a hash of their content. Processes and machines may
-share a folder. The process that makes a run holds a lock on a file beside the place of its record.
-The system releases the lock when this process ends, however it ends. If a lock is not available or
-is lost, a run is made twice, with the same result.
+are written and deleted as a whole. Each file contains a hash of its content. Processes and machines
+may share a folder. The process that makes a run holds a lock on a file beside the place of its
+record. The system releases the lock when this process ends, however it ends. If a lock is not
+available or is lost, a run is made twice, with the same result.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ class Span:
         n: number of values in a grid or list, ends included, at least 2; None with a step.
         step: distance of the values from `start` on; drawn values are rounded to them. If ends and
             step are integers, so are the values.
-        scale: "linear" or "log"; "linear" with a step.
+        scale: "linear" or "log"; only "linear" with a step.
 
     Raises:
         SceneError: a value is refused.

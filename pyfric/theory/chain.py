@@ -241,7 +241,7 @@ def _beyond(W: Callable[[float], complex], dW: Callable[[float], complex], v: fl
 def _inverse(
     of: Callable[[float], float], tau_bar: float, slowest: float, fastest: float, what: str
 ) -> float:
-    """Return v with of(v) = tau_bar, or raise ValueError if it is not in the range."""
+    """Return v with of(v) = tau_bar, or raise ValueError if v is not in the range."""
 
     def excess(v: float) -> float:
         return of(v) - tau_bar

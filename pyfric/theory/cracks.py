@@ -165,7 +165,7 @@ def energy_release_rate(
     Args:
         K_II: static stress intensity, Pa sqrt(m), any shape; see `stress_intensity`.
         v: front speed, m/s, 0 to c_R, any shape that broadcasts.
-        bodies: 1, on a rigid plane, or 2.
+        bodies: 1 (a body on a rigid plane) or 2 (two bodies).
     """
     share = _share(bodies)
     K, xi = same_shape(
@@ -186,7 +186,7 @@ def crack_length(
         v: front speed, m/s, 0 to c_R (not included), any shape.
         stress_drop: dtau, Pa.
         Gamma: fracture energy in the convention of `bodies`, J/m^2.
-        bodies: 1, on a rigid plane, or 2.
+        bodies: 1 (a body on a rigid plane) or 2 (two bodies).
 
     Source: Freund (1990), chapter 7; see the approximation at the top of the module.
     """
@@ -218,7 +218,7 @@ def crack_speed(
         stress_drop, breaks: as in `stress_intensity`.
         Gamma: fracture energy at the tip in the convention of `bodies`, J/m^2, a number or one for
             each a; 0 gives c_R.
-        bodies: 1, on a rigid plane, or 2.
+        bodies: 1 (a body on a rigid plane) or 2 (two bodies).
 
     Source: Freund (1990), chapter 7; see the approximation at the top of the module.
     """
@@ -276,7 +276,7 @@ def cohesive_zone(
         p: normal stress, Pa, > 0, any shape.
         d_c: slip of weakening in the convention of `bodies`, m, any shape that broadcasts.
         v: front speed, m/s, 0 to c_R (not included), any shape that broadcasts.
-        bodies: 1, on a rigid plane, or 2.
+        bodies: 1 (a body on a rigid plane) or 2 (two bodies).
 
     Source: Palmer and Rice (1973).
     """

@@ -125,7 +125,8 @@ def stability(
     Returns:
         One row for each stepper and step: stepper, computed and measured (largest stable step, s),
         ratio (measured over computed), share (step over the computed limit), dt (s), growth (ln of
-        the factor by which a disturbance grows in a step). NaN means that the budget had ended.
+        the factor by which a disturbance grows in a step). NaN means that the budget ended before
+        the measurement.
 
     Raises:
         SceneError: `scene` is no scene, or has no loaded state.

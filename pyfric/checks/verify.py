@@ -222,7 +222,7 @@ def digest(
 
 
 def _exact() -> Made:
-    """Check the claims E1, E3, E4, E7, E8 and E9, and the heat of weakening; no run is stored."""
+    """Check the claims E1, E3, E4, E7, E8 and E9, and the heat of weakening, by exact answers."""
     numbers = ("E1", "E3", "E4", "E7", "E8", "E9")
     found = [(claim, claim.band) for number in numbers for claim in CLAIMS[number]({})]
     checks = [

@@ -101,7 +101,7 @@ def _event(name: str, record: Record) -> dict[str, int]:
     """Return the event that a figure of the paper shows, as a keyword; empty for other figures.
 
     Raises:
-        SceneError: the record has fewer main precursors.
+        SceneError: the record has too few main precursors.
     """
     number, found = FIGURES[name].precursor, precursor_lengths(record)["event"]
     if number is None:

@@ -94,7 +94,7 @@ def _springs(N: int, width: float, kept: float) -> Scene:
 
 
 def _forces(record: Record, period: float) -> dict[str, float]:
-    """Return first peak and mean force of the second ten periods, over the threshold, and ratio."""
+    """Return the first peak and the steady mean force, over the mean threshold, and their ratio."""
     curve, events, whole = record.curve, record.events, record.scene.N_x * MU_S * P
     peak = float(events["F_T_start"][events["t_start"] < 1.5 * period].max()) / whole
     steady = curve["F_T"][(curve["t"] > 10.25 * period) & (curve["t"] <= 20.25 * period)]

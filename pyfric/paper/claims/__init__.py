@@ -1,4 +1,4 @@
-"""The paper's claims, measured: value, band, verdict.
+"""Claims of the paper: measured value, band and verdict of each.
 
     for claim in pyfric.claims.measure():
         print(claim.number, claim.verdict, claim.value, claim.text)

@@ -148,5 +148,5 @@ def _with_intervals(record: Record, change: Callable[[np.ndarray], np.ndarray]) 
 
 
 def in_scene(**changes: float) -> Change:
-    """Return a change by which the scene of a record has other values."""
+    """Return a change that gives other values to the scene of a record."""
     return lambda record: record.replace(scene=record.scene.replace(**changes))

@@ -1,4 +1,4 @@
-"""Claims 12 to 16: speeds of fronts and waves, and insensitive parameters."""
+"""Claims 12 to 16: speeds of fronts and waves, and parameters with little effect."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ def again(
     Args:
         record: a run of the hybrid or the dynamic engine; its geometry and stepper are kept.
         event: number of the event, from 1. Record and event have passed `check_event`.
-        times: rising times, s.
+        times: times of the wanted states, rising, s.
         initial: the state from which the run began; None for the loaded slider.
         dt: step from the first of `times` on, s; None for the step of the run.
 

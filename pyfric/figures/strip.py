@@ -287,7 +287,7 @@ def _panels(scene: Scene, count: int, fastest: float) -> tuple[DataFigure, list[
 
 
 class _Panels:
-    """Velocity field and interface of one frame."""
+    """Panels of one frame: velocity field, and interface."""
 
     def __init__(
         self, top: Axes, bottom: Axes, scene: Scene, fastest: float, *, labelled: bool, lowest: bool

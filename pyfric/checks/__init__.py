@@ -1,1 +1,1 @@
-"""Checks of correctness, accuracy and cost; import each module by itself, because it is slow."""
+"""Checks of correctness, accuracy and cost. Import single modules, because imports are slow."""

@@ -45,11 +45,12 @@ TRANSITS = 2.0
 """Default length of runs of a scene without a quasi-static sequence, in times of a shear wave along
 the slider."""
 FINEST = 1 / 16
-"""Step of the reference over the stability limit; larger if half of the budget requires it."""
+"""Smallest step of the reference, over the stability limit. Half of the budget may require a larger
+step."""
 
 
 class Method(NamedTuple):
-    """One way to run a scene; `share` is the step over the stability limit."""
+    """One method to run a scene; `share` is its time step over the stability limit."""
 
     fidelity: str
     geometry: str | None = None
@@ -138,7 +139,7 @@ def _default_end(scene: Scene) -> float:
 
 
 def _reference(scene: Scene, t_end: float, budget: float) -> Method:
-    """Return full dynamics at the smallest step, by halving, that the budget allows."""
+    """Return full dynamics with the time step halved as often as the budget allows."""
     geometry, switching = default_geometry(scene), default_switching(scene)
     finest = Method("dynamic", geometry, switching, 0.5, default_stepper(scene))
     while finest.share > FINEST:
@@ -150,7 +151,7 @@ def _reference(scene: Scene, t_end: float, budget: float) -> Method:
 
 
 def _expected(scene: Scene, t_end: float, method: Method) -> float:
-    """Return the time that full dynamics takes, s; 0 for other engines, which take less."""
+    """Return the expected time of a run with full dynamics, s; 0 for the faster engines."""
     if method.fidelity != "dynamic" or method.share is None:
         return 0.0
     dt = _step(scene, method)
@@ -159,7 +160,7 @@ def _expected(scene: Scene, t_end: float, method: Method) -> float:
 
 
 def _step(scene: Scene, method: Method) -> float | None:
-    """Return the step of a method, s; None if it has none."""
+    """Return the time step of a method, s; None for a method without steps."""
     if method.share is None:
         return None
     return method.share * stability_limit(scene, method.stepper)[0]
@@ -261,7 +262,7 @@ LOOKS = {
     "dynamic symplectic_euler": ("<", "#CC79A7"),
     "dynamic adaptive": (">", "#56B4E9"),
 }
-"""Marker and colour of each engine and stepper; hollow for linear geometry."""
+"""Engine and stepper -> marker and colour. Markers of linear geometry are hollow."""
 
 
 def figure(table: pd.DataFrame) -> DataFigure:

@@ -1,4 +1,4 @@
-"""Regimes in which methods fail, at the edge of the model, and what pyfric does in them.
+"""Regimes at the edge of the model in which methods fail, and the behaviour of pyfric there.
 
 Each regime is a small scene, its stated behaviour, and a function that runs it and returns the
 observed behaviour. `observe` makes the table of all regimes. `pyfric regimes` prints the table, and
@@ -59,11 +59,11 @@ class Regime:
     """One regime.
 
     Attributes:
-        name: the extreme property.
+        name: the extreme property of the scene.
         scene: function that makes the scene.
         behaviour: the stated behaviour.
         text: the stated behaviour in words.
-        look: function that runs the scene and returns what it observed.
+        look: function that runs the scene and returns an `Observed`.
     """
 
     name: str
@@ -93,13 +93,13 @@ def _changes(scene: partial[Scene]) -> str:
     return f"{setup.__name__}: {kept}" if kept else setup.__name__
 
 
-# --- what is looked at ---------------------------------------------------------------------------
+# --- observations --------------------------------------------------------------------------------
 
 _run = partial(simulate, progress=False, threads=1)
 
 
 def _refused(scene: Callable[[], Scene], *, field: str, **how) -> Observed:
-    """A refusal that names a field."""
+    """Observe whether a scene is refused by an error that names a field."""
     try:
         _run(scene(), 1e-3, **how)
     except SceneError as error:
@@ -115,7 +115,7 @@ def _above_limit(scene: Callable[[], Scene]) -> Observed:
 
 
 def _stopped(scene: Callable[[], Scene], *, t_end: float) -> Observed:
-    """A run that stops with step, time and block, and keeps its record so far."""
+    """Observe whether a run stops with step, time and block, and keeps its record until then."""
     try:
         _run(scene(), t_end, fidelity="dynamic")
     except RunError as error:
@@ -128,14 +128,14 @@ def _stopped(scene: Callable[[], Scene], *, t_end: float) -> Observed:
 
 
 def _noted(scene: Callable[[], Scene], *, note: str, t_end: float = 1e-5, **how) -> Observed:
-    """A run whose record has a note with this text."""
+    """Observe whether the record of a run has a note with the text `note`."""
     notes = _run(scene(), t_end, **how).notes
     found = [text for text in notes if note in text]
     return Observed("warning", found[0]) if found else Observed("silence", f"notes: {notes}")
 
 
 def _moved_up(scene: Callable[[], Scene], *, t_end: float, finer: int) -> Observed:
-    """The hybrid engine becomes full dynamics, with a note; the budget closes at a finer step."""
+    """Observe a change to full dynamics, with a note, and the energy budget at a finer step."""
     record = _run(scene(), t_end, verify="none")
     said = next((note for note in record.notes if "integrated like in full dynamics" in note), "")
     if record.method.engine != "dynamic" and not said:
@@ -149,7 +149,7 @@ def _moved_up(scene: Callable[[], Scene], *, t_end: float, finer: int) -> Observ
 def _same(
     scene: Callable[[], Scene], *, t_end: float, least: int = 1, opens: bool = False
 ) -> Observed:
-    """Events of the hybrid engine, compared one by one with full dynamics."""
+    """Compare the events of the hybrid engine one by one with full dynamics."""
     how = {"geometry": "linear"}
     a = _run(scene(), t_end, fidelity="dynamic", energies=False, **how)
     # With slip weakening, slip grows before rupture, and so do errors of jumps.
@@ -168,7 +168,7 @@ def _same(
 
 
 def _continuous(scene: Callable[[], Scene], *, t_end: float) -> Observed:
-    """Dynamics without a drop of friction, compared with slip growing in equilibrium."""
+    """Compare dynamics without a drop of friction with slip that grows in equilibrium."""
     record = _run(scene(), t_end, fidelity="dynamic", geometry="linear", energies=False)
     curve = prediction_curve(scene()).curve
     within = (record.curve["t"] <= curve["t"].iloc[-1]).to_numpy()
@@ -182,7 +182,7 @@ def _continuous(scene: Callable[[], Scene], *, t_end: float) -> Observed:
 
 
 def _nothing_slips(scene: Callable[[], Scene], *, t_end: float) -> Observed:
-    """A driver too soft to move anything: F_T = K V t."""
+    """Observe a driver too soft to make a block slip, for which F_T = K V t."""
     record = _run(scene(), t_end, fidelity="hybrid", geometry="linear")
     driver, curve = record.scene.driver, record.curve
     exact = driver.K * driver.V * curve["t"]
@@ -192,7 +192,7 @@ def _nothing_slips(scene: Callable[[], Scene], *, t_end: float) -> Observed:
 
 
 def _cascade(scene: Callable[[], Scene], *, t_end: float) -> Observed:
-    """The corner opens through many micro-slips: they are recorded, and the run goes on."""
+    """Observe whether a run records the many micro-slips by which a corner opens, and goes on."""
     record = _run(scene(), t_end, fidelity="hybrid", geometry="linear")
     ladder = _run(scene(), t_end, fidelity="quasistatic")
     steps, spared = record.counts["steps"], record.counts["steps_spared"]
@@ -209,7 +209,7 @@ def _cascade(scene: Callable[[], Scene], *, t_end: float) -> Observed:
 
 
 def _at_once(scene: Callable[[], Scene]) -> Observed:
-    """All blocks of a chain are pulled beyond their threshold by k_top at the same instant.
+    """Compare the slip of a chain pulled by k_top, all blocks at one instant, with its solution.
 
     m u'' = tau - k_top u - mu_k p from u = u_0 at rest: u swings about u_e = (tau - mu_k p)/k_top
     and stops at 2 u_e - u_0 after half a period.
@@ -232,7 +232,7 @@ def _at_once(scene: Callable[[], Scene]) -> Observed:
 
 
 def _pulled(scene: Callable[[], Scene], *, force: float, t_end: float) -> Observed:
-    """A driver that starts at F_T = -force F_N: the slider comes to rest in static equilibrium."""
+    """Compare F_T at rest, after a sudden pull by -force F_N, with static equilibrium."""
     what, dt = scene(), 2e-7  # resolves the waves of the sudden pull
     loaded = StaticSolver(what, "linear")
     state = loaded.loaded.state(what, dt)

@@ -1,7 +1,8 @@
 """Runs compared with stored full dynamics, event by event.
 
-A stored set (`reference_data/make.py`) holds a scene of the paper, solved with full dynamics and
-located switching up to its first event over the whole interface. Three comparisons give `Check`s:
+A stored reference (`reference_data/make.py`) holds a scene of the paper, solved with full dynamics
+and located switching up to its first event over the whole interface. Three comparisons give
+`Check`s:
 
     loading_curve   when events start and stop, at which static forces, and which blocks slip
     stresses        tau and p at first slip and last stick of the main events, tau/p behind the tip
@@ -32,16 +33,17 @@ from pyfric.record import Record, collapse_spread, fronts, paired
 from pyfric.scene import Scene
 
 INSTALLED = Path(__file__).parent / "reference"
-"""Sets that come with the package."""
+"""Folder of the stored references of the package."""
 COMPARED = ("F_T_start", "F_T_arrest", "t_start", "first_block", "last_block")
 STATES = ("tau_before", "p_before", "tau_after", "p_after")
 TABLES = ("events", "curve", "stresses", "fronts")
 BINS = 10
-"""Bins of the scaled prestress: at least 5 points in each, for run 1 with its 6 main events."""
+"""Number of bins of the scaled prestress. Run 1, with 6 main events, has at least 5 points in
+each."""
 MANY = 100
-"""Fewest blocks in fronts for a collapse."""
+"""Fewest blocks in fronts for which the collapse of v_c is compared."""
 LEAST = 0.02
-"""Least p, over F_N/N_x, of blocks whose tau/p is compared."""
+"""Smallest p, over F_N/N_x, of blocks whose tau/p is compared."""
 BEFORE, AFTER = 2e-4, 5e-3
 """Times in s: a run of one event begins `BEFORE` its first slip and ends `AFTER` its last stick."""
 
@@ -61,7 +63,7 @@ class Check:
     Attributes:
         name: name of the measured value.
         value: the value, >= 0; NaN if there was nothing to measure.
-        tolerance: largest value that holds.
+        tolerance: largest value with which the check holds.
         unit: unit of value and tolerance; "" for pure numbers.
         why: reason for the tolerance.
     """
@@ -79,7 +81,7 @@ class Check:
 
 
 def largest(error: np.ndarray | list[float]) -> float:
-    """Largest magnitude; NaN if a value is missing or no value is given."""
+    """Return the largest magnitude; NaN if a value is missing or no value is given."""
     return float(np.max(np.abs(error))) if len(error) else math.nan
 
 
@@ -115,21 +117,21 @@ limit."""
 _LINEAR, _FINITE, STEP_END = map(Tolerances, *_TABLE.values())
 """Hybrid with switching at step ends. Measured: start 1.2e-3, arrest 5.1e-3, 1.9 ms, 2 blocks,
 stresses 0.06, behind the tip 0.12 (run 3), v_c 0.13, spread 0.07. Slow nucleation takes up to 0.8
-ms longer or shorter, so that rupture times are not compared."""
+ms longer or shorter. Rupture times are therefore not compared."""
 HYBRID = {"linear": _LINEAR, "finite": _FINITE}
 """Hybrid with located switching, geometry -> tolerances. Measured in seven scenes: in linear
 geometry forces 3.5e-7, stresses 2e-6, rupture times 2e-8 s, v_c 5e-5; in finite geometry forces
 3e-6 (2.3e-4 for a single-block event of run 3), stresses 1.2e-5, rupture times 2.3e-7 s, v_c 6e-5.
-The same blocks slip."""
+Both runs have the same slipping blocks."""
 DYNAMIC = {geometry: within._replace(curve=None) for geometry, within in HYBRID.items()}
 """Tolerances of full dynamics of one event, from a hybrid state."""
 
 
-# --- stored sets ---------------------------------------------------------------------------------
+# --- stored references ---------------------------------------------------------------------------
 
 
 class Reference(NamedTuple):
-    """One stored set, events counted from 1; `whole` is its first system-size event."""
+    """One stored reference. Events are counted from 1; `whole` is the first system-size event."""
 
     name: str
     scene: Scene
@@ -142,10 +144,10 @@ class Reference(NamedTuple):
 
 
 def load(name: str, folder: str | os.PathLike[str] = INSTALLED) -> Reference:
-    """Return a stored set, such as "fig1_linear".
+    """Return a stored reference, such as "fig1_linear".
 
     Raises:
-        FileNotFoundError: the set is not in the folder.
+        FileNotFoundError: the reference is not in the folder.
         SceneError: its scene is refused.
     """
     source = Path(folder) / name
@@ -160,7 +162,7 @@ def load(name: str, folder: str | os.PathLike[str] = INSTALLED) -> Reference:
 
 
 def _run(known: Reference, t_end: float, **how: Any) -> Record:
-    """Return a run of a stored set, with its geometry, stepper, steps, samples and pauses."""
+    """Return a run of a stored scene, with the stored geometry, stepper, steps and pauses."""
     about = known.about
     how = {name: about[name] for name in ("stepper", "dt", "t_gap", "geometry")} | how
     sample = about["sample"] * about["dt"]
@@ -184,7 +186,7 @@ def dynamic(known: Reference, event: int) -> Record:
 
 
 def quasistatic(known: Reference) -> Record:
-    """Return a quasi-static run of a stored scene; its system-size event may come later."""
+    """Return a quasi-static run of a stored scene, longer than the stored run."""
     how = {"fidelity": "quasistatic", "t_gap": known.about["t_gap"], "progress": False}
     return simulate(known.scene, 1.2 * known.about["t_end"], **how)
 
@@ -199,7 +201,7 @@ def compare(known: Reference, made: Record, within: Tolerances) -> list[Check]:
 
 
 def loading_curve(known: Reference, made: Record, within: Tolerances) -> list[Check]:
-    """Compare the events of a run, and F_T(t) between them, with stored ones."""
+    """Compare the events of a run, and F_T(t) between events, with the reference."""
     a, b = _events(known, made, within)
     n, F_N = min(len(a), len(b)), known.scene.F_N
     missing = abs(len(a) - len(b))
@@ -228,7 +230,7 @@ def loading_curve(known: Reference, made: Record, within: Tolerances) -> list[Ch
 
 
 def stresses(known: Reference, made: Record, within: Tolerances) -> list[Check]:
-    """Compare tau and p of the main events of a run with stored ones."""
+    """Compare tau and p of the main events of a run with the reference."""
     unit, order = known.scene.F_N / known.scene.N_x, np.argsort(known.scene.n_of_i)
     law = known.scene.law.static.mean
     errors: dict[str, list[float]] = {"before": [], "after": []}
@@ -257,7 +259,7 @@ def stresses(known: Reference, made: Record, within: Tolerances) -> list[Check]:
 
 
 def crack_speeds(known: Reference, made: Record, within: Tolerances) -> list[Check]:
-    """Compare fronts of the main events of a run with stored ones.
+    """Compare the fronts of the main events of a run with the reference.
 
     The stored points have a binned median over the scaled prestress. The spreads of the run's and
     of the stored points about this median are compared, if each bin has at least 5 points.
@@ -309,10 +311,10 @@ def precursors(events: pd.DataFrame, scene: Scene) -> pd.DataFrame:
 
 
 def ladder(known: Reference, made: Record, blocks: int, last: int | None = None) -> list[Check]:
-    """Compare stored precursors with those of a quasi-static run, which may have one more.
+    """Compare stored precursors with precursors of a quasi-static run, which may have one more.
 
     Args:
-        known: the stored set, which has the geometry of the run.
+        known: the stored reference, which has the geometry of the run.
         made: the run.
         blocks: tolerance of lengths.
         last: tolerance of the last, longest precursor; None means `blocks`.
@@ -354,7 +356,7 @@ def _checks(within: Tolerances, *measured: tuple[Any, ...]) -> list[Check]:
 def _events(
     known: Reference, made: Record, within: Tolerances
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Stored events that a run covers, and events of the run up to the last of these."""
+    """Return the stored events that a run covers, and the events of the run in this time."""
     begin, end = made.curve["t"].iloc[[0, -1]]
     a, b = known.events, made.events
     a = a[(a["t_start"] >= begin) & (a["t_stop"] + made.method.t_gap <= end)]
@@ -364,14 +366,14 @@ def _events(
 
 
 def _main(known: Reference, made: Record, within: Tolerances) -> list[tuple[int, int]]:
-    """Numbers of stored main events, and of the same events in the run."""
+    """Return pairs of numbers: a stored main event, and the matching event of the run."""
     a, b = _events(known, made, within)
     pairs = zip(a.index, b.index, strict=False)
     return [(event, other) for event, other in pairs if known.events.loc[event, "is_main"]]
 
 
 def _still(known: Reference, t: np.ndarray) -> np.ndarray:
-    """Times at which nothing slips and the ring-down is nearly over."""
+    """Return the times (s) at which nothing slips and the ring-down is nearly over."""
     quiet = t < known.whole["t_start"]
     for start, stop in known.events[["t_start", "t_stop"]].to_numpy():
         quiet &= ~((t > start - 1e-5) & (t < stop + 2e-4))

@@ -125,10 +125,11 @@ def stability(
     Returns:
         One row for each stepper and step: stepper, computed and measured (largest stable step, s),
         ratio (measured over computed), share (step over the computed limit), dt (s), growth (ln of
-        the factor by which a disturbance grows in a step). NaN means that the budget had ended.
+        the factor by which a disturbance grows in a step). NaN means that the budget ended before
+        the measurement.
 
     Raises:
-        SceneError: it is no scene, or the scene has no loaded state.
+        SceneError: `scene` is no scene, or has no loaded state.
     """
     scene, begin, rows = as_scene(scene), time.process_time(), []
     still = at_rest(scene)
@@ -163,7 +164,7 @@ def report(table: pd.DataFrame) -> str:
 
 
 def figure(table: pd.DataFrame) -> DataFigure:
-    """Return growth in a step over the step, one line for each stepper."""
+    """Draw growth in a step against the step, one line for each stepper."""
     fig = DataFigure(figsize=(4.6, 3.2))
     axes, colours = fig.subplots(), ("#0072B2", "#009E73", "#D55E00")
     for (stepper, rows), colour in zip(table.groupby("stepper", sort=False), colours, strict=True):

@@ -1,6 +1,7 @@
 """Checks of an installed package that a user can run in a minute.
 
-The checks compare exact solutions, bits, and stored full dynamics (`pyfric.checks.regression`).
+Runs are compared with exact solutions, with other variants bit by bit, and with stored full
+dynamics (`pyfric.checks.regression`).
 """
 
 from __future__ import annotations
@@ -32,8 +33,8 @@ from pyfric.scene import chain, laws, setup1
 from pyfric.signals import at_once
 
 STEPS, SWITCHES = 300, 50
-"""Number of steps of the runs whose bits are compared, and least number of contact switches in
-them."""
+"""Number of steps of the runs whose bits are compared, and least number of contact switches in a
+run."""
 RUNS = (
     ("linear", "finite", "step_end"),
     ("linear", "linear", "located"),
@@ -58,7 +59,7 @@ def verify(progress: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
     """Make all checks, in groups.
 
     Args:
-        progress: called with the name of each group before it is made.
+        progress: function that receives the name of each group of checks before it begins.
 
     Returns:
         One row for each check. Columns: group, the compared results; name, value, tolerance, unit
@@ -83,7 +84,7 @@ def verify(progress: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
 
 @contextmanager
 def _limited(seconds: float) -> Iterator[None]:
-    """End a with block after so much processor time; this works only in the main thread."""
+    """End a with block after `seconds` of processor time; only the main thread has this limit."""
     text = f"not run: all checks together may take {LIMIT:g} s of processor time"
     if seconds <= 0:
         raise _OutOfTime(text)
@@ -154,7 +155,7 @@ def _build() -> Made:
 
 
 def _bits() -> Made:
-    """Compare bits of all variants, of threads and of two halves with those of a usual run."""
+    """Compare all variants, numbers of threads and two halves with a usual run, bit by bit."""
     checks, skipped = (
         [],
         [f"{n} (not on this processor)" for n, r in core.variants().items() if not r],
@@ -221,7 +222,7 @@ def digest(
 
 
 def _exact() -> Made:
-    """The claims E1, E3, E4, E7, E8 and E9, which need no stored run, and heat of weakening."""
+    """Check the claims E1, E3, E4, E7, E8 and E9, and the heat of weakening, by exact answers."""
     numbers = ("E1", "E3", "E4", "E7", "E8", "E9")
     found = [(claim, claim.band) for number in numbers for claim in CLAIMS[number]({})]
     checks = [
@@ -245,7 +246,7 @@ def _weakening() -> float:
 def _stored(
     name: str, run: Callable[[regression.Reference], Record], within: dict[str, Tolerances]
 ) -> Made:
-    """A run of the scene of a stored set, compared with the set."""
+    """Compare a run of a stored scene with the stored reference."""
     known = regression.load(name)
     allowed = within[known.about["geometry"]]
     return regression.compare(known, run(known), allowed), allowed.why

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 EXTRA = re.compile(r"extra arguments? \(([^\s)]+)")
-"""Message of click on arguments that a command does not take."""
+"""Pattern of the message of click on arguments that a command does not take."""
 
 
 class _Listed:
@@ -40,10 +40,10 @@ class _Listed:
 
 
 class Command(_Listed, click.Command):
-    """A command of `Commands`."""
+    """A command of the group `Commands`."""
 
     def get_help_option_names(self, ctx: click.Context) -> list[str]:
-        """Return the same names in any context, because click caches the first answer."""
+        """Return the names of the help option, which are constant because click caches them."""
         return ["-h", "--help"]
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -109,7 +109,7 @@ class Commands(_Listed, click.Group):
         return sorted(self.commands, key=lambda name: (name != "run", name))
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write a list for each section."""
+        """Write a list of the commands of each section to the help page."""
         for section in self.sections:
             listed = [self.commands[name] for name in self.list_commands(ctx)]
             listed = [command for command in listed if command.section == section]

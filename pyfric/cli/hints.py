@@ -1,7 +1,7 @@
 """Messages of the command line: hints for unknown words, and errors in terms of options.
 
 `pyfric.values.words` finds similar words. Errors of Python functions name arguments, such as
-units={"t": "s"}. On the command line they name the option, --unit t=s.
+units={"t": "s"}. On the command line, the same errors name options, such as --unit t=s.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def in_shell(text: str, command: click.Command | None) -> str:
 
 
 def options_of(command: click.Command) -> dict[str, str]:
-    """Return the options of a command by the names of arguments of Python: units is --unit."""
+    """Return argument of Python -> option of a command, such as units -> --unit."""
     found = {}
     for param in command.get_params(click.Context(command)):
         if isinstance(param, click.Option) and param.name:

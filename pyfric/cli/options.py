@@ -23,7 +23,7 @@ checkpoint."""
 
 
 class OptionsCommand(Command):
-    """A command with options of runs, all or those with given names, placed before `before`."""
+    """A command with all or the named options of runs, placed before the option `before`."""
 
     def __init__(
         self, *given: Any, options: Sequence[str] = (), before: str = "quiet", **more: Any
@@ -40,7 +40,7 @@ class OptionsCommand(Command):
 
 
 def _declared(names: Sequence[str]) -> list[click.Parameter]:
-    """Return the parameters of options; no names mean all."""
+    """Return the click parameters of the named options; no names mean all options."""
     from pyfric.engines import Options
 
     options = Options.declared()

@@ -59,7 +59,7 @@ def stop(code: int, message: str = "") -> NoReturn:
 
 
 def signalled() -> int:
-    """Return the exit code of a command that was asked to stop."""
+    """Return the exit code of a command that a signal has asked to stop."""
     from pyfric.signals import asked_to_stop
 
     # If KeyboardInterrupt ended a text that Python executed, as imports of libraries do, `python
@@ -120,7 +120,7 @@ class SceneName(click.ParamType):
 
 
 def _keys(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[str]:
-    """Return the beginnings of --set for the preset on the line so far, or for setup 1."""
+    """Return completions of --set for the preset on the command line, or for setup 1."""
     from pyfric.scene import PRESETS, settings
 
     words = [*ctx.params.values(), *ctx.args]
@@ -145,10 +145,10 @@ class Seconds(click.ParamType):
 
 
 def scene_of(name: str, changes: tuple[str, ...]) -> Scene:
-    """Return the preset of this name, or the scene in this file, with the changes of --set.
+    """Return the preset, or the scene in a file, called `name`, with the changes of --set.
 
     Raises:
-        SceneError: no such preset or file, or a name or value is refused.
+        SceneError: there is no preset or file `name`, or a changed value is refused.
     """
     from pyfric.scene import as_scene
 
@@ -159,7 +159,7 @@ def scene_of(name: str, changes: tuple[str, ...]) -> Scene:
 
 
 def changes_of(changes: tuple[str, ...]) -> dict[str, Any]:
-    """Return the names and values of --set."""
+    """Return name -> value of each --set."""
     from pyfric.scene import once
     from pyfric.values import spoken
 
@@ -173,7 +173,7 @@ def changes_of(changes: tuple[str, ...]) -> dict[str, Any]:
 
 
 def record_of(path: str) -> Record:
-    """Return the record in this file.
+    """Return the record in the file `path`.
 
     Raises:
         RecordError: the file is not a record.
@@ -227,7 +227,7 @@ def check_folder(out: Path | None, option: str = "--out") -> None:
 
 
 def _check_writable(out: Path, path: Path, option: str, suffix: str = "") -> None:
-    """Refuse an output for which this file cannot be written."""
+    """Refuse an output if its file `path` cannot be written."""
     from pyfric.values import check_writable, naming
 
     try:
@@ -366,7 +366,7 @@ figure_out_option = folder_option(
 
 @dataclass(frozen=True)
 class Tell:
-    """The output of a command: its result on stdout, as JSON with --json, nothing with --quiet.
+    """The output of a command: the result on stdout, as JSON with --json, nothing with --quiet.
 
     Progress is shown on stderr, if stderr is a terminal.
     """

@@ -38,7 +38,7 @@ from pyfric.values import no_attribute
 
 
 def __getattr__(name: str) -> Any:
-    """Refuse a name that no function has, and suggest one."""
+    """Raise AttributeError for an unknown name, and suggest a known one."""
     raise no_attribute("figures", name, sys.modules[__name__], known=__all__)
 
 

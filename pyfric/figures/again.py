@@ -29,16 +29,16 @@ def again(
 ) -> Iterator[tuple[Any, State]]:
     """Yield the core's model, and its state after the first step that reaches each time.
 
-    The event is run again from a state shortly before it. The state comes from a run of the hybrid
-    engine up to it. On junctions and on a prescribed interface this run needs full dynamics, and
-    takes as long as the original run.
+    The event is run again from a state shortly before it. A run of the hybrid engine gives the
+    state. On junctions and on a prescribed interface, full dynamics gives the state and takes as
+    long as the original run.
 
     Args:
         record: a run of the hybrid or the dynamic engine; its geometry and stepper are kept.
         event: number of the event, from 1. Record and event have passed `check_event`.
-        times: rising times, s.
+        times: times of the wanted states, rising, s.
         initial: the state from which the run began; None for the loaded slider.
-        dt: step from the first of `times` on, s; None for that of the run.
+        dt: step from the first of `times` on, s; None for the step of the run.
 
     Raises:
         SceneError: the hybrid engine lacks the stepper; or the run began from another state, as
@@ -85,7 +85,7 @@ def another_start() -> SceneError:
 
 
 def check_event(record: Record, event: int) -> None:
-    """Raise SceneError unless the record has motion and this event."""
+    """Raise SceneError if the record has no event of this number, or no motion."""
     single(record)
     if record.method.engine not in ("hybrid", "dynamic"):
         allowed = "a run of the hybrid or the dynamic engine"

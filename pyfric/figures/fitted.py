@@ -21,7 +21,7 @@ from pyfric.figures.style import (
 from pyfric.fitting import COUNTS, QUANTITIES, Fit, Sensitivity
 
 LIMITS = (-2, 2)
-"""Range, in standard deviations, of most residuals of a model that fits."""
+"""Range, in standard deviations, that holds most residuals of a model that fits."""
 
 
 def fit_page(fit: Fit) -> DataFigure:
@@ -99,7 +99,7 @@ LOOKS = {
     "arrivals": ("Arrivals of fronts", "$t$ (s)", "$x$ (m)"),
     "known": ("What was known", "value", ""),
 }
-"""Kinds of measurements -> title and labels of the axes; the first kind present is drawn."""
+"""Kind of measurement -> title and labels of the axes. The first kind present is drawn."""
 
 
 def _draw(fit: Fit, values: Axes, residuals: Axes) -> str:

@@ -49,7 +49,7 @@ STATES = {"initial": (GREY, ":", 1.2), "before": (BLUE, "--", 1.0), "after": (VE
 LOOKS = ((BLUE, "o"), (ORANGE, "s"), (GREEN, "^"), (VERMILION, "D"))
 """Colour and marker of each run."""
 MEDIANS = 10
-"""Number of bins for the medians of a run."""
+"""Number of bins of prestress for the medians of a run."""
 MEDIAN = {"mec": "black", "mew": 0.5, "ms": 3.4}
 """Style of the markers of medians."""
 
@@ -58,7 +58,7 @@ MEDIAN = {"mec": "black", "mew": 0.5, "ms": 3.4}
     "Fig. 3(a): stresses before and after the precursor of Fig. 4(a)", runs="fig1", precursor=11
 )
 def fig3a(record: Record, event: int | None = None) -> DataFigure:
-    """Fig. 3(a) of the paper: p and tau along the interface, at F_T = 0 and about one precursor.
+    """Fig. 3(a) of the paper: p and tau on the interface at F_T = 0, before and after a precursor.
 
     Top: p over F_N/N_x. Bottom: tau, with the thresholds mu_s p before and mu_k p after the event.
     The paper does not say which precursor it shows. The precursor of Fig. 4(a) is drawn.
@@ -94,7 +94,7 @@ def fig3a(record: Record, event: int | None = None) -> DataFigure:
     _mark_tip(top, bottom, (row["L_p_over_L"] * N_x - 1) / (N_x - 1))
     top.set_ylim(bottom=0)
     top.set_ylabel(r"$p\,N_x/F_\mathrm{N}$")
-    bottom.margins(y=0.12)  # room for the name of the highest threshold
+    bottom.margins(y=0.12)  # space for the name of the highest threshold
     bottom.set_ylabel(r"$\tau\,N_x/F_\mathrm{N}$")
     bottom.set_xlabel(r"position $x/L$ from the trailing edge")
     bottom.set_xlim(0, 1)
@@ -151,7 +151,7 @@ def fig3b(record: Record) -> DataFigure:
 
 
 def longest_precursor(record: Record) -> int:
-    """Return the longest main precursor of the first loading, the first of equal ones.
+    """Return the number of the longest main precursor of the first loading; the first if several.
 
     Raises:
         SceneError: the run has no main precursor.

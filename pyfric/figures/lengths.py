@@ -37,7 +37,7 @@ from pyfric.values import SceneError
 COLOURS = (SKY, BLUE, GREEN, ORANGE, VERMILION, PURPLE)
 MARKERS = "os^D"
 SHIFT = 0.1
-"""Shift between loads, in F_T/F_N."""
+"""Shift to the right of each load from the previous load, in F_T/F_N."""
 
 
 @figure("Fig. 2(a): precursor length against force, setup 1", runs="fig2a")
@@ -165,8 +165,11 @@ PREDICTED = r"$\mu_\mathrm{s}=\mu_\mathrm{k}$ prediction"
 
 
 def lengths_of(records: Sequence[Record]) -> pd.DataFrame:
-    """Length and force of all precursors: scene, L_mm, h_mm, F_N, theta (NaN without), event,
-    F_T_over_F_N, L_p_over_L, and advances, whether it reaches further than all earlier ones."""
+    """Return a table of all precursors.
+
+    Columns: scene, L_mm, h_mm, F_N, theta (NaN without slope), event, F_T_over_F_N, L_p_over_L, and
+    advances, whether the precursor reaches further than all earlier precursors.
+    """
     tables = []
     for record in records:
         table = precursor_lengths(record).rename(columns={"force": "F_T_over_F_N"})

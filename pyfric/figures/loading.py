@@ -86,7 +86,7 @@ def fig1b(record: Record) -> DataFigure:
 
 
 def slip_segments(record: Record) -> pd.DataFrame:
-    """Slipped regions: one row for each event and each group of neighbouring blocks.
+    """Return slipped regions: one row for each event and each group of neighbouring blocks.
 
     Columns: event (from 1); t_s, time of first slip, s; kind, "whole" (over the whole interface),
     "partial" (main event) or "micro"; slipped, False for blocks that only made corner slips or
@@ -118,14 +118,14 @@ def slip_segments(record: Record) -> pd.DataFrame:
 
 
 def event_kinds(record: Record) -> np.ndarray:
-    """Kind of each event: "whole" (reaches over the whole interface), "partial" or "micro"."""
+    """Return the kind of each event: "whole" (over the whole interface), "partial" or "micro"."""
     main = record.events["is_main"].to_numpy()
     whole = main & (record.events["L_p_over_L"].to_numpy() == 1)
     return np.where(whole, "whole", np.where(main, "partial", "micro"))
 
 
 def figure_caption(record: Record) -> str:
-    """Caption with the scene's parameters, the engine and the numbers of events."""
+    """Return a caption with parameters of the scene, the engine and the numbers of events."""
     events = record.events
     t_end = record.curve["t"].iloc[-1] if len(record.curve) else 0.0
     kinds, main = event_kinds(record), events["is_main"].to_numpy()
@@ -153,7 +153,7 @@ def figure_caption(record: Record) -> str:
 
 
 def envelope(t: np.ndarray, y: np.ndarray, bins: int = CURVE_BINS) -> tuple[np.ndarray, ...]:
-    """Reduce a curve to its ends and the lowest and highest point of each bin, in order."""
+    """Return the ends of a curve, and its lowest and highest points in each bin, in order."""
     if t.size <= 4 * bins:
         return t, y
     edges = np.linspace(0, t.size, bins + 1).astype(int)

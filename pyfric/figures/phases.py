@@ -27,16 +27,16 @@ from pyfric.values import unknown
 SYMBOLS = ("x", "o", "s", "^", "D", "v", "*", "+")
 """Symbols of labels, in alphabetical order."""
 COLOURS = (GREY, BLACK, SKY, PURPLE)
-"""Colours of labels, each with all symbols."""
+"""Colours of labels; each colour is used with all symbols before the next colour."""
 THEORY = ((1.0, "-", "v = c"), (0.1, "--", "v = 0.1 c"))
-"""Speeds of the chain that are drawn as lines, with their style."""
+"""Speeds over c of steady fronts that are drawn as lines; style and label of each line."""
 
 
 def phase_map(diagram: PhaseDiagram, label: str | None = None) -> DataFigure:
     """Draw a phase diagram.
 
     Args:
-        diagram: what `pyfric.phase_diagram` returns.
+        diagram: a result of `pyfric.phase_diagram`.
         label: label of the diagram that symbols show; None means the first label.
 
     Colours are speeds of fronts over c = l sqrt(k/m). For a chain over alpha and tau_bar, lines

@@ -65,7 +65,7 @@ def sweep_figure(results: Results, column: str | None = None) -> DataFigure:
     In a grid, there is a line for each set of values of the other fields.
 
     Args:
-        results: what `pyfric.Sweep` returns.
+        results: the results of a `pyfric.Sweep`.
         column: a number of each run, such as "n_precursors" or "t_slide"; None means "F_first", or
             "F_max" if no run has a main event.
 

@@ -20,7 +20,7 @@ from pyfric.record import Record, Sizes, held_in, sizes
 
 
 def size_figure(record: Record, size: str = "potency", complete: float | None = None) -> DataFigure:
-    """Draw the number of events at least as large (a), and waiting times between events (b).
+    """Draw numbers of events of at least each size (a), and waiting times between events (b).
 
     Args:
         record, size, complete: see `pyfric.analysis.sizes`.

@@ -34,11 +34,11 @@ from pyfric.scene import Scene, SceneLike, as_scene
 from pyfric.values import annotations, prefix_power
 
 MOST_COLUMNS = 32
-"""Lattices with more columns are thinned."""
+"""Largest number of columns of blocks that are drawn."""
 MOST_SPRINGS = 6
 """Largest number of springs that are drawn for a plate."""
 FIELD_ROOM = 11
-"""Height of a field below the interface, two lines of text."""
+"""Height of the drawing of a field below the interface, in hundredths of L: two lines of text."""
 FIELDS = {
     "mu_s": (r"$\mu_\mathrm{s}$", "", 0),
     "mu_k": (r"$\mu_\mathrm{k}$", "", 0),
@@ -141,7 +141,7 @@ def _lattice(axes: Axes, x: np.ndarray, z: np.ndarray, chain: bool) -> None:
 
 
 def _forces(scene: Scene) -> np.ndarray:
-    """Downward forces on the top blocks, or on those of a prescribed interface, N."""
+    """Return the downward forces on the blocks of the top or of a prescribed interface, N."""
     return scene.p_prescribed if scene.prescribed else scene.load
 
 

@@ -31,10 +31,10 @@ from pyfric.values import SceneError
 BEFORE, AFTER = 0.15, 0.5
 """Time shown before and after the front, over the duration of the front."""
 ROWS, FEWEST = 500, 100
-"""Largest number of instants of a picture; least number with located switches, which need no
-smaller steps."""
+"""Largest number of instants of a picture, and least number for runs with located switches."""
 AROUND, LEAST = 0.5, 8
-"""Length shown beside the front, over its length; least number of blocks beside it."""
+"""Length shown on either side of the front, over the length of the front; least number of blocks on
+either side."""
 SLOW = 0.1
 """Speed over c_R below which steps from block to block in the first third of a front are creep."""
 ROUNDED = 1e-6
@@ -268,7 +268,7 @@ LOOKS = {
     "exact": (PURPLE, "-", "exact speed"),
     "LEFM": (PURPLE, "-", "fracture mechanics"),
 }
-"""Colour, dashes and label of each line."""
+"""Name of a line -> its colour, dashes and label."""
 
 
 def _lines(axes: Axes, lines: pd.DataFrame, t_0: float, scale: float) -> None:

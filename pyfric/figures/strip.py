@@ -1,7 +1,7 @@
 """Pictures of one event: the velocity field of the slider, and the interface below it.
 
 The event is run again with full dynamics, from a state shortly before it. A run of the hybrid
-engine gives this state, or full dynamics on junctions and on a prescribed interface.
+engine gives this state. On junctions and on a prescribed interface, full dynamics gives the state.
 """
 
 from __future__ import annotations
@@ -229,10 +229,10 @@ def _stand_still(fig: DataFigure, moving: Sequence[Artist]) -> None:
 
 
 def _writer(path: Path, fps: int) -> AbstractMovieWriter:
-    """Return the writer of this kind of film.
+    """Return the writer for the suffix of a film.
 
     Raises:
-        SceneError: there is no such writer.
+        SceneError: no writer for this suffix is installed.
     """
     kind, allowed = path.suffix.lower(), "a name that ends in .gif, or .mp4 where ffmpeg is found"
     if kind == ".gif":
@@ -287,7 +287,7 @@ def _panels(scene: Scene, count: int, fastest: float) -> tuple[DataFigure, list[
 
 
 class _Panels:
-    """Velocity field and interface of one frame."""
+    """Panels of one frame: velocity field, and interface."""
 
     def __init__(
         self, top: Axes, bottom: Axes, scene: Scene, fastest: float, *, labelled: bool, lowest: bool
@@ -350,7 +350,7 @@ class _Panels:
 
 
 def _largest(frames: Sequence[Frame]) -> float:
-    """Range of the colours, m/s, which includes nearly all velocities of all frames."""
+    """Return the range of the colours, m/s, which includes nearly all velocities of all frames."""
     found = float(np.quantile(np.abs([frame.v[:, 0] for frame in frames]), 0.995))
     return found or 1e-12
 

@@ -96,7 +96,7 @@ def panels(
 
 
 def style(axes: Axes, letter: str = "") -> None:
-    """Set ticks, frame, sizes of labels, and the letter of a panel."""
+    """Set the ticks, frame and sizes of labels of a panel, and write its letter."""
     for axis in (axes.xaxis, axes.yaxis):
         axis.label.set_size(BODY)
     axes.tick_params(which="both", direction="in", top=True, right=True, labelsize=SMALL)
@@ -163,7 +163,7 @@ def save_figure(fig: DataFigure | Shown, path_stem: str | os.PathLike[str]) -> l
 
     Raises:
         OSError: a file cannot be written, such as into a missing folder.
-        SceneError: the suffix is that of another format.
+        SceneError: the suffix belongs to another format.
     """
     from matplotlib.backends.backend_pdf import FigureCanvasPdf  # slow to import
 
@@ -187,7 +187,7 @@ def save_figure(fig: DataFigure | Shown, path_stem: str | os.PathLike[str]) -> l
 
 
 def time_unit(span: float) -> tuple[float, str]:
-    """Return the number of units in a second, and the unit, for times of such a span (s)."""
+    """Return the number of units in a second, and the unit, that suit times of a span (s)."""
     for unit, scale in ((r"$\mu$s", 1e6), ("ms", 1e3)):
         if span * scale < 1e3:
             return scale, unit
@@ -201,7 +201,7 @@ def listed(records: Iterable[Record]) -> list[Record]:
     """Return records as a list.
 
     Raises:
-        SceneError: there is no record, or a single one that is not in a list.
+        SceneError: there is no record, or a single record is not in a list.
     """
     if not isinstance(records, Iterable):
         raise SceneError("records", type(records).__name__, "", "a list of records", "not a list")
@@ -211,7 +211,7 @@ def listed(records: Iterable[Record]) -> list[Record]:
 
 
 def single(record: Record) -> None:
-    """Raise SceneError unless this is one record."""
+    """Raise SceneError if the argument is not a single record."""
     check_record(record)
 
 
@@ -237,7 +237,7 @@ def caption(records: Record | Sequence[Record], *texts: str) -> str:
 
 
 def scene_text(scenes: Sequence[Scene]) -> str:
-    """Parameters of scenes of one kind of load, with lists where they differ."""
+    """Return parameters of scenes of one kind of load as text, with lists of different values."""
     first = scenes[0]
 
     def of(get: Any, unit: str = "", power: int = 0) -> str:
@@ -300,6 +300,6 @@ def in_unit(
 
 
 def joined(texts: Iterable[str]) -> str:
-    """Texts as a list in a sentence."""
+    """Return texts as a list in a sentence: a, b and c."""
     *others, last = texts
     return f"{', '.join(others)} and {last}" if others else last

@@ -46,14 +46,15 @@ LARGEST = 2_000_000
 SPARE = 20_000
 """Bytes reserved for parts of the page whose size is counted last."""
 MOST_EVENTS = 3000
-"""Largest number of events of a page: those with the most blocks."""
+"""Largest number of events of a page. Events with the fewest blocks are left out."""
 
 
 @usage('plot(); pyfric.figures.save_figure(record.plot(), "name") writes it')
 def drawing(shown: Any) -> DataFigure | None:
     """Return the picture of an object; None if it has none.
 
-    The picture of a record is its loading curve; that of a prediction is length against force.
+    The picture of a record is its loading curve. The picture of a prediction is length against
+    force.
     """
     match shown:
         case Record():
@@ -109,7 +110,7 @@ def _json(values: Any) -> str:
 
 
 def _overview(record: Record, kept: np.ndarray) -> dict[str, Any]:
-    """Loading curve and slip regions."""
+    """Return the loading curve and the slipped regions."""
     t, F_T = (record.curve[name].to_numpy() for name in ("t", "F_T"))
     length = record.curve.get("L_p_over_L")
     if length is None:
@@ -134,7 +135,7 @@ def _overview(record: Record, kept: np.ndarray) -> dict[str, Any]:
 
 
 def _event_rows(record: Record, kept: np.ndarray) -> list[dict[str, Any]]:
-    """Entries of each event on the page, in order of time."""
+    """Return the entries of each event on the page, in order of time."""
     events, F_N = record.events.loc[kept], record.scene.F_N
     kinds = event_kinds(record)[kept - 1]
     return [
@@ -157,7 +158,7 @@ def _event_rows(record: Record, kept: np.ndarray) -> list[dict[str, Any]]:
 
 
 def _details(record: Record, kept: np.ndarray, room: int) -> dict[str, Any]:
-    """Stresses and slip of events, largest first, as many as fit into `room` bytes.
+    """Return stresses and slip of events, largest first, as many as fit into `room` bytes.
 
     Stresses are static tau and p over F_N/N_x from the trailing edge on.
     """
@@ -179,7 +180,7 @@ def _details(record: Record, kept: np.ndarray, room: int) -> dict[str, Any]:
 
 
 def _slips(record: Record, event: int, episodes: pd.DataFrame | None) -> list[list[float | None]]:
-    """Episodes: block, begin and end in us from the first slip, and slip along the drive in nm."""
+    """Return episodes: block, begin and end (us) from the first slip, slip along the drive (nm)."""
     if episodes is None:
         return []
     t_0 = record.events["t_start"].loc[event]
@@ -197,7 +198,7 @@ def _rounded(values: Iterable[float], digits: int = 6) -> list[float | None]:
 
 
 def _number(value: float, digits: int = 6) -> float | int | None:
-    """A number with `digits` digits, as short as possible; None if it is unknown."""
+    """Return a number with `digits` digits, as short as possible; None if it is unknown."""
     if not math.isfinite(value):
         return None
     short = float(f"{value:.{digits}g}")

@@ -1,8 +1,9 @@
 """Parameters of a scene from measured curves, with confidence intervals.
 
-A fit minimises the misfit (`pyfric.fitting.misfits`) from several starts. Least squares of the
-overview come first. Least squares of the misfit follow, with a tolerance of forces that goes to
-zero. Profiles (`pyfric.fitting.profiles`) then give the intervals.
+A fit minimises the misfit (`pyfric.fitting.misfits`) from several starts. Each start first
+minimises the overview, which compares events without matching. The misfit is then minimised with a
+tolerance of forces that falls to zero. Profiles (`pyfric.fitting.profiles`) then give the
+intervals.
 
 The search for starts uses quasi-static runs, if the friction law allows them. The fit itself uses
 the engine that the caller chooses. Quasi-static runs lack inertia, which changes forces after large
@@ -39,7 +40,7 @@ MORE = 2.0
 """Ratio of the measured scatter of forces of large events to the model's scatter (a choice). Beyond
 this ratio, large events are compared as a population."""
 SEARCH = "quasistatic"
-"""Engine that searches for starts."""
+"""Engine of the runs that improve the starts of a fit."""
 
 Measured = Curve | pd.DataFrame | Measurement | Together
 
@@ -85,8 +86,8 @@ def fit(
             events, for periodic sequences. With "onset", large events that scatter more than the
             model's are compared as a population (`Sizes`), and the fit has a note.
         model_error: standard deviation of the model's forces, over F_N, added to the errors of
-            measurement. If the model does not fit, intervals assume its deviation at the best
-            parameters.
+            measurement. If the model does not fit, intervals assume the deviation of the model at
+            the best parameters.
         seed: seed of the starts that are spread over the bounds.
         progress: function that receives each step of the fit as text.
         options: options of the runs, as in `pyfric.simulate`; fidelity = "hybrid" by default.
@@ -95,9 +96,9 @@ def fit(
         The best parameters, their intervals and profiles, and residuals.
 
     Raises:
-        SceneError: an argument is refused; a curve has fewer than two events; its normal force
-            differs from that of its scene; no parameters within the bounds can be run; or no run
-            has a measured event.
+        SceneError: an argument is refused; a curve has fewer than two events; the normal forces of
+            a curve and its scene differ; no parameters within the bounds can be run; or no run has
+            a measured event.
     """
     if level is not None:
         level = check_number("level", level, "", gt=0.0, lt=1.0)
@@ -140,7 +141,7 @@ class _Unlike(Exception):
 
 
 def _best(problem: Problem, seed: int, say: Callable[[str], None]) -> np.ndarray:
-    """Return the best parameters.
+    """Return the parameters of least misfit, each from 0 to 1 between its bounds.
 
     Raises:
         SceneError: no parameters can be run, or no run has a measured event.
@@ -170,14 +171,14 @@ def _best(problem: Problem, seed: int, say: Callable[[str], None]) -> np.ndarray
 
 
 def _starts(problem: Problem, seed: int) -> list[np.ndarray]:
-    """Return the middle of the bounds, and points spread over them."""
+    """Return the starts of a search: the middle of the bounds, and `STARTS` points between them."""
     dim = len(problem.names)
     spread = scipy.stats.qmc.Sobol(dim, rng=np.random.default_rng(seed)).random(STARTS)
     return [np.full(dim, 0.5), *spread]
 
 
 def _check_repeats(problem: Problem, seed: int) -> None:
-    """Raise _Unlike if curves without a first loading scatter more than any run in the bounds."""
+    """Raise _Unlike if curves without a first loading scatter more than the runs of all starts."""
     parts = [part for part in problem.parts if isinstance(part, Events)]
     if not parts or not all(_may_scatter(part) and part.onset_is_whole for part in parts):
         return
@@ -195,7 +196,7 @@ def _check_repeats(problem: Problem, seed: int) -> None:
 
 
 def _check_alike(problem: Problem, u: np.ndarray) -> None:
-    """Raise _Unlike if the best model does not fit and scatters less than measured large events."""
+    """Raise _Unlike if the best run does not fit, and scatters less than measured large events."""
     found = list(problem.compared(u, Events))
     if not found or problem.fits(u, TOLERANCES[0]):
         return
@@ -207,13 +208,13 @@ def _check_alike(problem: Problem, u: np.ndarray) -> None:
 
 
 def _may_scatter(part: Events) -> bool:
-    """Whether large events are many, scatter, and may be compared by their means."""
+    """Whether a curve has many large events that scatter and are compared by their means."""
     enough = len(large(part.whole)) >= POPULATION
     return part.later is not None and enough and _scatter(part.whole) > TOLERANCES[0]
 
 
 def _scatter(table: pd.DataFrame) -> float:
-    """Return the standard deviation of forces at the start of large events after the first."""
+    """Return the standard deviation of F_T/F_N at the start of large events after the first."""
     peaks = large(table)["peak"].iloc[1:]
     return float(peaks.std()) if len(peaks) > 1 else 0.0
 
@@ -224,7 +225,7 @@ def _said(parts: Sequence[Events]) -> str:
 
 
 def _populations(problem: Problem) -> Problem:
-    """Return the problem with the events of each curve as a population."""
+    """Return the problem in which the events of each curve are compared as a population."""
     data = [
         Together(
             Sizes(part.whole, spreads=False) if isinstance(part, Events) else part for part in each
@@ -259,7 +260,7 @@ def _together(
     part: Any,
     t_end: float | str | None,
 ) -> Together:
-    """Return the measurements of one experiment."""
+    """Return the measurements of one experiment from its curve and tables."""
     if isinstance(measured, Measurement | Together):
         found = next(experiments(measured))
         if lengths is not None or arrivals is not None:
@@ -285,7 +286,7 @@ def _together(
 
 
 def _parallel(name: str, given: Any, n: int) -> list[Any]:
-    """Return a table, or None, for each curve."""
+    """Return the table of each curve in a list, None for a curve without a table."""
     tables = list(given) if isinstance(given, list | tuple) else [given] * (1 if n == 1 else n)
     if given is not None and not isinstance(given, list | tuple) and n > 1:
         raise SceneError(name, 1, "", f"a list of {n}, with None where there is none", "tables")
@@ -297,7 +298,7 @@ def _parallel(name: str, given: Any, n: int) -> list[Any]:
 def _check(
     scenes: Sequence[Scene], data: Sequence[Together], bounds: Mapping[str, Any], engine: str
 ) -> None:
-    """Refuse measurements that do not fit their scenes, or that the engine cannot give."""
+    """Raise SceneError if a measurement does not fit its scene, or runs of the engine lack it."""
     for scene, each, end in zip(scenes, data, Problem.durations(scenes, data), strict=True):
         if not end:
             allowed = "the end of the loading, as t_end of Lengths"
@@ -318,7 +319,7 @@ def _bounds(
     data: Sequence[Together],
     vary: Mapping[str, tuple[Number, Number]],
 ) -> dict[str, tuple[float, float]]:
-    """Return checked bounds in SI units."""
+    """Return name of a parameter -> its bounds in SI units, after checks."""
     if not vary or not isinstance(vary, Mapping):
         raise SceneError(
             "vary", str(vary), "", 'names and bounds, such as {"mu_k": (0.3, 0.6)}', ""
@@ -337,7 +338,7 @@ def _bounds(
 
 
 def _unit(scenes: Sequence[Scene], data: Sequence[Together], name: str, ends: Any) -> str:
-    """Return the unit of a parameter."""
+    """Return the SI unit of a parameter."""
     part, mark, number = name.partition(ONE)
     if mark and number not in (numbers := [str(n + 1) for n in range(len(scenes))]):
         allowed = f"the number of an experiment: {', '.join(numbers)}"

@@ -1,4 +1,4 @@
-"""A measurement as a fit uses it: the same quantity in a run, and the residuals of the two.
+"""A measurement in a fit: measured values, values of a run, and their residuals.
 
 A measurement is one object. Measurements of one experiment are added: `Events(curve) +
 Lengths(table) + Known("mu_k", 0.45, 0.01)`. A fit uses only the methods of `Measurement`. A new
@@ -24,7 +24,7 @@ from pyfric.values import SceneError, check_number
 CAP = 10.0
 """Largest residual of an unmatched event, or of a matched pair, in standard deviations."""
 KINDS: dict[str, type[Measurement]] = {}
-"""Kinds of measurements by name."""
+"""Name of a kind of measurement -> its class."""
 ROWS = ("at", "measured", "error", "model", "off")
 """Columns of a table of measured and model values: place, value, standard deviation, value of the
 model, residual."""
@@ -51,8 +51,8 @@ class Measurement(Shown, abc.ABC):
         own: parameters of the measurement itself, such as an offset, and their units.
         smooth: whether the measured quantity changes smoothly with parameters of the scene.
         engines: engines whose runs have the measured quantity; empty means all.
-        duration: how long a run must be, s; None means any length.
-        notes: what was left out, and what may be missing.
+        duration: duration of a run, s; None means any duration.
+        notes: remarks on samples or events that were left out or may be missing.
     """
 
     kind: ClassVar[str]
@@ -65,7 +65,7 @@ class Measurement(Shown, abc.ABC):
         return None
 
     def lasts(self, scene: Scene) -> float | None:
-        """Return how long a run of a scene must be, s; None means any length."""
+        """Return the duration of a run of a scene, s; None means any duration."""
         return self.duration
 
     @property
@@ -79,7 +79,7 @@ class Measurement(Shown, abc.ABC):
 
     @property
     def count(self) -> int:
-        """Number of independent residuals; there must be fewer parameters."""
+        """Number of independent residuals, which must exceed the number of parameters."""
         return self.size
 
     @property
@@ -91,11 +91,11 @@ class Measurement(Shown, abc.ABC):
         """Raise SceneError if the measurement cannot belong to this scene."""
 
     def doubts(self, scene: Scene) -> tuple[str, ...]:
-        """Return warnings on what the measurement may not determine in a scene."""
+        """Return warnings on parameters of a scene that the measurement may not determine."""
         return ()
 
     def seen(self, record: Record) -> Any:
-        """Return the measured quantity as a run has it."""
+        """Return the value of the measured quantity in a run."""
         return None
 
     @abc.abstractmethod
@@ -103,7 +103,7 @@ class Measurement(Shown, abc.ABC):
         """Return the differences of a run from the measurement, in standard deviations, (size,)."""
 
     def overview(self, seen: Any, at: At) -> np.ndarray:
-        """Return rough residuals that also guide the search from a distant run."""
+        """Return rough residuals, which guide the search far from the best parameters."""
         return self.residuals(seen, at)
 
     @property
@@ -116,15 +116,15 @@ class Measurement(Shown, abc.ABC):
         return np.full(self.size, CAP)
 
     def told(self, seen: Any, at: At) -> int:
-        """Return the number of residuals that depend on these parameters."""
+        """Return the number of independent residuals that depend on the parameters."""
         return self.count
 
     def table(self, seen: Any, at: At) -> pd.DataFrame:
-        """Return a table of measured values and those of a run."""
+        """Return a table of measured values and values of a run, with the columns `ROWS`."""
         return pd.DataFrame(columns=list(ROWS))
 
     def excess(self, seen: Any, at: At) -> np.ndarray:
-        """Return squared deviations of forces, over F_N, minus the variance of the measurement."""
+        """Return squared deviations of F_T/F_N of a run, minus the variance of the measurement."""
         return np.zeros(0)
 
     def __add__(self, other: Any) -> Together:
@@ -163,7 +163,7 @@ class Together(tuple[Measurement, ...]):
 @measurement
 @dataclass(frozen=True, repr=False)
 class Known(Measurement):
-    """A parameter known within an error: a prior.
+    """A prior: value and standard deviation of a parameter, known before the fit.
 
     Args:
         name: name of a varied parameter.
@@ -204,7 +204,7 @@ class Known(Measurement):
 
 
 def packed(value: Any) -> Any:
-    """Return a value as it is stored in a file: arrays and tables become lists."""
+    """Return a value in a form that JSON can store: arrays and tables become lists."""
     if isinstance(value, pd.DataFrame):
         columns = {name: packed(of.to_numpy()) for name, of in value.items()}
         attrs = {name: packed(of) for name, of in value.attrs.items()}
@@ -225,7 +225,7 @@ def packed(value: Any) -> Any:
 
 
 def unpacked(value: Any) -> Any:
-    """Return the value from which `packed` made this one."""
+    """Return the value that `packed` has turned into `value`."""
     if not isinstance(value, dict):
         return value
     if "table" in value:

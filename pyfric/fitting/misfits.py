@@ -24,8 +24,8 @@ import pandas as pd
 from pyfric.fitting.measurement import CAP
 
 ALONE = 3.0
-"""Smallest residual of an unmatched measured event, in standard deviations. Noise makes one pair in
-ninety worse than this (chi^2 with two degrees of freedom)."""
+"""Smallest residual of an unmatched measured event, in standard deviations. Noise gives one matched
+pair in ninety a larger residual (chi^2 with two degrees of freedom)."""
 OF_FORCES, OF_COUNTS = 3e-3, 0.2
 """Standard deviations in the overview: of forces over F_N, and of numbers of events (choices)."""
 LARGE = 0.2
@@ -35,7 +35,7 @@ FEWEST = 3
 PER_EVENT = 2
 """Number of residuals of a measured event: at its start and its end."""
 COMPARED = ["peak", "valley", "drop", "peak_error", "valley_error", "drop_error", "rate"]
-"""Columns of events that are compared."""
+"""Columns of tables of events that a misfit compares."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +56,7 @@ class Misfit:
 
     @property
     def chi2(self) -> float:
-        """Sum of squares."""
+        """Sum of squared residuals."""
         return float(self.residuals @ self.residuals)
 
     @property
@@ -118,7 +118,7 @@ def misfit(
 def _columns(table: pd.DataFrame) -> dict[str, np.ndarray]:
     """Return the columns `COMPARED` as arrays.
 
-    One array of all columns takes a tenth of the time of one array for each.
+    Converting all columns at once takes a tenth of the time of converting each column.
     """
     of = dict(zip(table.columns, table.to_numpy().T, strict=True))
     return {name: of[name].astype(float) for name in COMPARED}
@@ -131,7 +131,7 @@ def _off(
 
     The error of the time of an event contributes to both ends. The covariance is c = (s_peak^2 +
     s_valley^2 - s_drop^2)/2. The second residual is the difference of valleys minus c/s_peak^2
-    times the difference of peaks, which makes the two independent.
+    times the difference of peaks, which makes both residuals independent.
     """
     variances = {
         name: measured[f"{name}_error"][:, None] ** 2 for name in ("peak", "valley", "drop")
@@ -148,7 +148,7 @@ def _off(
 
 
 def overview(measured: pd.DataFrame, model: pd.DataFrame) -> np.ndarray:
-    """Return the rough differences of a model from each event, without matching, shape (2 n,).
+    """Return rough residuals of forces and numbers of events, without matching, shape (2 n,).
 
     An event has a weight by its drop: 0 below half the threshold of the measurement, 1/2 at the
     threshold, 1 from 1.5 times the threshold on. Numbers of events may differ by a constant,
@@ -188,7 +188,7 @@ def _means_off(
 
 
 def _rate_off(measured: np.ndarray, model: np.ndarray) -> float:
-    """Return the difference of the median rates of loading, in its standard deviations."""
+    """Return the difference of the median rates of loading, over its standard error."""
     known, found = (rates[~np.isnan(rates)] for rates in (measured, model))
     if len(known) < 3 or not len(found):
         return 0.0
@@ -200,7 +200,7 @@ def _rate_off(measured: np.ndarray, model: np.ndarray) -> float:
 
 
 def _matched(cost: np.ndarray, alone: np.ndarray, unseen: np.ndarray) -> np.ndarray:
-    """Return the match of each measured event, -1 for none, in order and at the least cost."""
+    """Return the row of the model matched to each measured event, -1 if none, at least cost."""
     n, m = cost.shape
     total = np.zeros((n + 1, m + 1))  # cost of matching i measured and j model events
     total[1:, 0] = np.cumsum(alone)

@@ -98,7 +98,7 @@ class CurveOf(Measurement):
         return np.arange(self.size) * PARTS // self.size
 
     def seen(self, record: Record) -> np.ndarray:
-        """Return means of F_T/F_N of a run over the same times, shape (n,)."""
+        """Return means of F_T/F_N of a run over the times of the measured means, shape (n,)."""
         t, F_T = (record.curve[name].to_numpy() for name in ("t", "F_T"))
         scene = record.scene
         varies = scene.load_at(0.0) is not None
@@ -133,7 +133,7 @@ class CurveOf(Measurement):
 
 
 def _area_to(times: np.ndarray, t: np.ndarray, f: np.ndarray, area: np.ndarray) -> np.ndarray:
-    """Return the integral of a piecewise linear curve up to each of some times."""
+    """Return the integral of a piecewise linear curve up to each time in `times`."""
     k = np.clip(np.searchsorted(t, times, side="right") - 1, 0, len(t) - 2)
     part = times - t[k]
     slope = np.divide(f[k + 1] - f[k], t[k + 1] - t[k], out=np.zeros(len(k)), where=t[k + 1] > t[k])

@@ -26,11 +26,11 @@ from pyfric.scene import Scene
 from pyfric.values import SceneError
 
 OTHERS = 4
-"""Number of residuals of a curve besides those of single events."""
+"""Number of residuals of a curve that do not belong to single events."""
 LONGER = 1.1
-"""Duration of runs over that of the measurement (a choice)."""
+"""Duration of runs over the duration of the measurement (a choice)."""
 OFF_LOAD = 0.05
-"""Largest relative difference of the normal force of a scene from that of its curve (a choice)."""
+"""Largest relative difference between the normal forces of a scene and its curve (a choice)."""
 OF_THE_CURVE = {"offset": "", "drift": "1/s"}
 """Parameters of the curve itself, and their units: a constant force added to it, over F_N, and a
 force per time."""
@@ -39,14 +39,14 @@ IN_A_ROW = 3
 POPULATION, ENOUGH = 8, 20
 """Fewest measured events of a population, and number of events that a run should have (choices)."""
 LATER = 3.0
-"""Longest time between events for which runs are made long enough, over that of a slider that
-sticks between events (a choice)."""
+"""Longest time between events that the duration of a run allows for, over the time between events
+of a slider that sticks (a choice)."""
 SLIDES = 0.5
-"""Rate of force between events, over that of a stuck slider, below which a note says that the
+"""Rate of force between events, over the rate of a stuck slider, below which a note says that the
 slider slides (a choice)."""
 FAINT = 1e-3
-"""Noise added to runs, over that of the curve: enough that no two readings are equal, too little to
-change means."""
+"""Noise added to runs, over the noise of the curve. It makes all readings of a run different and
+leaves means unchanged."""
 NUMBERS = ("mean peak", "mean valley", "recurrence", "spread of peaks", "spread of valleys")
 """Statistics of a population. Forces are over F_N. The recurrence is the mean time between events,
 in s. Spreads are standard deviations."""
@@ -56,7 +56,8 @@ def table_of(measured: Curve | pd.DataFrame) -> pd.DataFrame:
     """Return a table of events with the end of the measurement and the normal force in its attrs.
 
     Raises:
-        SceneError: it is no table of events, has fewer than two events, or no errors of forces.
+        SceneError: `measured` is no curve or table of events, has fewer than two events, or no
+            errors of forces.
     """
     if isinstance(measured, Record):
         allowed = 'pyfric.measured.sampled(record, "0.5 ms", noise=1e-3), a curve as measured'
@@ -86,7 +87,7 @@ def table_of(measured: Curve | pd.DataFrame) -> pd.DataFrame:
 
 
 def _load(curve: Curve) -> float | None:
-    """Return the normal force of a curve, N."""
+    """Return the normal force of a curve (N): the median of a column, or a constant."""
     return float(curve.table["F_N"].median()) if "F_N" in curve.table else curve.F_N
 
 
@@ -136,7 +137,7 @@ class Events(_OfEvents):
     Attributes:
         whole: table of all events.
         one_by_one: table of the events that are compared one by one.
-        later: table of the later events, of which means count; None with part = "all".
+        later: table of the later events, whose mean forces are compared; None with part = "all".
 
     Raises:
         SceneError: an argument is refused; the curve has fewer than two events, or no noise.
@@ -228,13 +229,14 @@ class Sizes(_OfEvents):
     match. Large events have at least a fifth of the largest drop. Standard errors of the means,
     measured and of the run, include the scatter from event to event and its correlation along the
     sequence (Newey and West). Runs are sampled with the step of the curve, and their events are
-    found in the same way. Effects of sampling and of vibrations after events are therefore in both.
+    found as in the curve. Sampling, and vibrations after events, therefore affect runs and
+    measurement alike.
 
     Args:
         measured: curve, or its table of events (`pyfric.measured.events`).
-        spreads: whether standard deviations of forces count, too. The parameter "scatter" is a
-            standard deviation of forces from event to event, over F_N, that is added to the
-            model's.
+        spreads: whether standard deviations of forces are compared, too. The parameter "scatter" is
+            a standard deviation of forces from event to event, over F_N, that is added to the
+            scatter of the model.
 
     Attributes:
         whole: table of all events.
@@ -261,7 +263,7 @@ class Sizes(_OfEvents):
 
     @property
     def duration(self) -> float:
-        """Longest duration of a run, s: a little more than the measurement."""
+        """Longest duration of a run, s: `LONGER` times the duration of the measurement."""
         return LONGER * float(self.whole.attrs["t_end"])
 
     def lasts(self, scene: Scene) -> float:

@@ -17,9 +17,9 @@ from pyfric.fitting.search import derivatives
 from pyfric.values import SceneError, check_whole
 
 WALKERS = 8
-"""Smallest number of walkers, which is also at least four for each parameter (a choice)."""
+"""Smallest number of walkers; with many parameters, four for each (a choice)."""
 BURNT = 4
-"""The share 1/`BURNT` of the draws of each walker, at their begin, is left out (a choice)."""
+"""The first 1/`BURNT` of the draws of each walker are left out (a choice)."""
 
 
 def posterior(

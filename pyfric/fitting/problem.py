@@ -24,10 +24,10 @@ from pyfric.values import SceneError
 DOUBTFUL = 0.01
 """Probability of the residuals below which the model counts as not fitting (a choice)."""
 FURTHER = (0.5, 1.0, 2.0, 4.0)
-"""Distances beyond its bounds, over their width, at which a parameter is tried to suggest wider
-bounds (a choice)."""
+"""Distances beyond the bounds of a parameter, over their width, that are tried in order to suggest
+wider bounds (a choice)."""
 ONE = "@"
-"""Mark before the number of the only experiment with a parameter: "K@2"."""
+"""Mark between a parameter and the number of the only experiment that has it: "K@2"."""
 
 
 def probability(chi2: float, dof: int) -> float:
@@ -68,7 +68,7 @@ class Problem:
         self.size = sum(each.size for each in self.parts)
         self.smooth = all(each.smooth for each in self.parts)
         self.known: dict[tuple[Any, ...], list[Any] | None] = {}
-        self.tried: dict[bytes, np.ndarray] = {}  # parameters that were tried
+        self.tried: dict[bytes, np.ndarray] = {}  # residuals of tried parameters
         self.runs = 0
         self.reason = ""  # why parameters could not be run, the last time
 
@@ -96,7 +96,7 @@ class Problem:
         return True
 
     def of_engine(self, engine: str) -> Problem | None:
-        """Return the problem with the measurements that another engine gives; None without any."""
+        """Return the problem with measurements that another engine gives; None if it gives none."""
         data = [
             Together(part for part in each if not part.engines or engine in part.engines)
             for each in self.data
@@ -145,8 +145,7 @@ class Problem:
         """Refuse best parameters at which no event matches.
 
         Raises:
-            SceneError: no event matches, or residuals that depend on parameters are no more than
-                these.
+            SceneError: no event matches, or no more residuals than parameters depend on parameters.
         """
         tables = [(each.one_by_one, seen) for each, seen, _ in self.compared(u, Events)]
         n, missing = sum(len(known) for known, _ in tables), self.counts(u)[0]
@@ -167,7 +166,7 @@ class Problem:
         raise SceneError("vary", ", ".join(self.names), "", allowed, reason)
 
     def _nearer(self, u: np.ndarray) -> str:
-        """Return wider bounds of one parameter that include a model nearer to the measurement."""
+        """Return, as text, wider bounds of a parameter that give smaller rough residuals."""
         best, found = float(np.linalg.norm(self.overview(u))), ""
         for name, (low, high) in self.bounds.items():
             for share, side in itertools.product(FURTHER, (-1, 1)):
@@ -194,7 +193,7 @@ class Problem:
         return np.clip((at - self.low) / (self.high - self.low), 0, 1)
 
     def own(self, values: Mapping[str, float], n: int) -> dict[str, float]:
-        """Return the parameters of one experiment, by their names without its number."""
+        """Return the parameters of one experiment by name, without the number of the experiment."""
         found = {}
         for name, value in values.items():
             part, mark, number = name.partition(ONE)
@@ -203,7 +202,7 @@ class Problem:
         return found
 
     def scenes_of(self, values: Mapping[str, float]) -> list[Scene]:
-        """Return the scenes with these parameters."""
+        """Return the scene of each experiment with the parameters `values`."""
         return [self._scene(self.own(values, n), n) for n in range(len(self.scenes))]
 
     def _scene(self, values: Mapping[str, float], n: int) -> Scene:
@@ -215,7 +214,7 @@ class Problem:
         return {name: value for name, value in values.items() if name not in others}
 
     def at(self, u: np.ndarray, n: int, tolerance: float = 0.0) -> At:
-        """Return the parameters of an experiment, with the error of its model's forces."""
+        """Return the parameters of an experiment and the error of the forces of its runs."""
         values = self.values(u)
         return At(values | self.own(values, n), math.hypot(tolerance, self.model_error))
 
@@ -235,7 +234,7 @@ class Problem:
         return None if any(seen is None for seen in found) else found
 
     def run(self, scene: Scene, n: int) -> list[Any]:
-        """Make a run as long as the measurements, and return its value of each."""
+        """Make a run as long as the measurements; return the value of each measurement in it."""
         self.runs += 1
         data = self.data[n]
         record = simulate(scene, self.durations([scene], [data])[0], **self.options)
@@ -244,7 +243,7 @@ class Problem:
     def compared(
         self, u: np.ndarray, kind: type[Any] = Measurement, tolerance: float = 0.0
     ) -> Iterator[tuple[Any, Any, At]]:
-        """Yield each measurement of a kind, the model's value of it, and the parameters."""
+        """Yield each measurement of a kind, its value in a run, and the parameters."""
         for n, (together, seen) in enumerate(zip(self.data, self.model(u) or [], strict=False)):
             at = self.at(u, n, tolerance)
             pairs = zip(together, seen, strict=True)
@@ -276,11 +275,11 @@ class Problem:
         return np.concatenate([part.residuals(seen, at) for part, seen, at in compared])
 
     def chi2(self, u: np.ndarray, tolerance: float = 0.0) -> float:
-        """Return the sum of squares."""
+        """Return the sum of squared residuals."""
         return float(np.sum(self.residuals(u, tolerance) ** 2))
 
     def fits(self, u: np.ndarray, tolerance: float = 0.0) -> bool:
-        """Whether the residuals are as small as noise, counting all of them; used in the search."""
+        """Whether the sum of all squared residuals is as small as noise makes it."""
         return probability(self.chi2(u, tolerance), self.size - len(u)) >= DOUBTFUL
 
     def dof(self, u: np.ndarray) -> int:
@@ -313,7 +312,7 @@ class Problem:
 
     @functools.cached_property
     def notes(self) -> tuple[str, ...]:
-        """What was left out of the measurements, and what they may miss."""
+        """Remarks on samples or events that were left out or may be missing."""
         pairs = zip(self.scenes, self.data, strict=True)
         said = (part.notes + part.doubts(scene) for scene, each in pairs for part in each)
         return tuple(dict.fromkeys(note for notes in said for note in notes))

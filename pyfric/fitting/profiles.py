@@ -30,10 +30,10 @@ class Policies:
     Attributes:
         points, reach: on either side, the first `points` points of a profile reach to `reach`
             standard deviations. The next `points` points are twice as far apart, and so on.
-        across: points are at most 1/across of the range between the bounds apart.
-        wider: how often the distance of points doubles before a profile is given up.
-        beyond: number of consecutive points above the limit that end a profile. A single one may be
-            a jump.
+        across: the largest distance of points is 1/across of the range between the bounds.
+        wider: number of times that the distance of points doubles before a profile is given up.
+        beyond: number of consecutive points above the limit that end a profile. A single point may
+            be a jump of the model.
         rounds: largest number of times that profiles begin again from a lower minimum.
         misses, worth: an end of an interval is final after `misses` consecutive random steps that
             do not move it by `worth` standard deviations.
@@ -77,9 +77,9 @@ def known_of(
     say: Callable[[str], None],
     policies: Policies = POLICIES,
 ) -> Profiles:
-    """Return profiles and intervals of the parameters around the best ones.
+    """Return best parameters, profiles, intervals, and the assumed error of the model's forces.
 
-    If the model does not fit, its forces are assumed to have the error that they have at the best
+    If the model does not fit, the assumed error of its forces is their deviation at the best
     parameters. Intervals then also hold the best parameters of draws of the measurements.
     """
     given = assumed = problem.model_error
@@ -110,7 +110,7 @@ def _drawn(
 
     A wrong model may fit only a part of the measurements, and chance decides which part.
     Consecutive measurements are drawn together. The best parameters of a draw are chosen from all
-    that were tried, and from points along each parameter from bound to bound.
+    tried parameters, and from points along each parameter from bound to bound.
     """
     for k in range(len(u)):
         for place in np.linspace(0, 1, policies.across + 1):
@@ -137,7 +137,7 @@ def profiled(
     say: Callable[[str], None],
     policies: Policies = POLICIES,
 ) -> tuple[np.ndarray, dict[str, pd.DataFrame], dict[str, tuple[float, float]]]:
-    """Return the best parameters, profiles, and intervals."""
+    """Return the best parameters, and profiles and intervals by name of a parameter."""
     quantile = float(scipy.stats.chi2.ppf(level, 1))
     u, made, limit = _made(problem, u, quantile, say, policies)
     least = problem.chi2(u)
@@ -156,9 +156,9 @@ def _made(
 ) -> tuple[np.ndarray, Points, float]:
     """Return the best parameters, profiles up to the limit, and the limit above the least misfit.
 
-    If a profile finds a misfit that is lower by more than the limit, profiles begin again from
-    there. After a smaller gain they need not, because they still reach above the new limit. If the
-    least misfit exceeds that of noise, the limit grows in proportion (Birge ratio).
+    If a profile finds a misfit that is lower by more than the limit, profiles begin again from the
+    lower misfit. After a smaller gain, profiles still reach above the new limit. If the least
+    misfit exceeds the misfit of noise, the limit grows in proportion (Birge ratio).
     """
     made: Points = {}
     for _ in range(policies.rounds):
@@ -184,7 +184,7 @@ def _made(
 
 
 def _birge(problem: Problem, u: np.ndarray) -> float:
-    """Return chi^2 over its degrees of freedom if it exceeds that of noise, else 1."""
+    """Return chi^2 over its degrees of freedom; 1 if noise explains chi^2."""
     chi2, dof = problem.chi2(u), max(problem.dof(u), 1)
     return max(chi2 / dof, 1.0) if probability(chi2, dof) < DOUBTFUL else 1.0
 
@@ -228,7 +228,7 @@ def _push(
     say: Callable[[str], None],
     policies: Policies,
 ) -> None:
-    """Push the ends of intervals outward by random steps, and add them to the profiles."""
+    """Add points to profiles by random steps that move the ends of intervals outward."""
     pool = [(u, problem.chi2(u)), *(point for points in made.values() for point in points)]
     highest = min(chi2 for _, chi2 in pool) + limit
     inside = [point for point in pool if point[1] <= highest]
@@ -279,7 +279,7 @@ def _pushed(
 
 
 def _along(points: list[tuple[np.ndarray, float]], k: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return values of a parameter, rising, and chi2 there."""
+    """Return the values of a parameter at the points, in rising order, and chi^2 at each value."""
     at, chi2 = np.array(sorted((float(place[k]), value) for place, value in points)).T
     return at, chi2
 

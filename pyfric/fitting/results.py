@@ -44,15 +44,15 @@ class Fit(Shown):
         table: measured events with columns curve, event, peak, valley, model_peak, model_valley
             (over F_N), off_peak, off_valley (standard deviations).
         missing, extra: number of measured events missing in the model, and of extra model events.
-        others: measured numbers other than events, and those of the model: columns curve, kind (of
+        others: measured and model values of other quantities than events: columns curve, kind (of
             measurement), at (place in it), measured, error, model, off (standard deviations).
-        engine: the engine of its runs.
-        runs: number of runs, with those of the search.
+        engine: engine of the runs of the fit.
+        runs: number of runs, including the search.
         bounds: name -> bounds of the search.
         model_error: standard deviation of the model's forces, over F_N, that intervals assume. If
             the model does not fit, the error is the larger of the given error and the deviation of
             the model.
-        notes: what was left out of the curves, and which events may be missing.
+        notes: remarks on samples and events that were left out or may be missing.
         problem: the scenes, measurements and runs, for profiles and `pyfric.fitting.posterior`.
     """
 
@@ -82,7 +82,7 @@ class Fit(Shown):
         level: float,
         notes: tuple[str, ...] = (),
     ) -> Self:
-        """Return the fit with these parameters and profiles."""
+        """Return the fit with the parameters and profiles in `found`."""
         u = found.u
         missing, extra = problem.counts(u)
         values = problem.values(u)
@@ -125,11 +125,11 @@ class Fit(Shown):
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the fit and its measurements as JSON, and return the path.
 
-        `load` returns the same fit, which can give profiles, posterior and page.
+        The fit that `load` returns can give profiles, posterior and page, too.
 
         Raises:
             OSError: the file cannot be written; an existing file is then unchanged.
-            SceneError: the name ends like that of another format.
+            SceneError: the suffix belongs to another format.
         """
         problem = self.problem
         content = {
@@ -256,7 +256,7 @@ WORDS = {
     "curve": "points of curves",
     "sizes": "numbers of populations",
 }
-"""Words for counted kinds."""
+"""Kind of measurement -> words for its values in a text."""
 
 
 def _said(bounds: tuple[float, float]) -> str:

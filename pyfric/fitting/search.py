@@ -13,21 +13,22 @@ from numpy.linalg import norm
 from pyfric.fitting.problem import Problem
 
 FOLLOWED = 3
-"""How many minima of a rough search are followed (a choice)."""
+"""Largest number of minima of a rough search that a finer search starts from (a choice)."""
 ALIKE = 0.01
-"""Distance, over the bounds, within which two minima of a smooth misfit count as one (a choice)."""
+"""Distance, over the width of the bounds, within which two minima of a smooth misfit count as one
+(a choice)."""
 TOLD = 5e-3
 """Negligible change of a smooth chi^2, if residuals are as small as noise (a choice)."""
 COARSE = 1e-2
-"""Step of differences of the overview, over the bounds (a choice)."""
+"""Step of finite differences of the overview, over the width of the bounds (a choice)."""
 STEP = 1e-3
-"""Step of differences of the misfit, over the bounds (a choice)."""
+"""Step of finite differences of the misfit, over the width of the bounds (a choice)."""
 NOTICED, WIDEST = 2.0, 0.05
-"""Change of the residuals, in standard deviations, that a step of a derivative must cause, and its
-largest length, over the bounds (choices)."""
+"""Smallest change of the residuals (standard deviations) over the step of a derivative, and longest
+step over the width of the bounds (choices)."""
 WALK, FAR, WALKS = 2e-3, 8, 3
-"""Search for minima nearby: its step over the bounds, steps to either side, largest number of
-rounds (choices)."""
+"""Search for minima nearby: step over the width of the bounds, number of steps to either side,
+largest number of rounds (choices)."""
 
 
 def minima(
@@ -120,7 +121,7 @@ def solved(problem: Problem, u: np.ndarray, tolerance: float = 0.0) -> np.ndarra
 def least(
     residuals: Callable[[np.ndarray], np.ndarray], u: np.ndarray, step: float, smooth: bool
 ) -> np.ndarray:
-    """Return the parameters of a local minimum, with a finer tolerance if the misfit is smooth."""
+    """Return the parameters of a local minimum, more accurate if the misfit is smooth."""
     u = np.clip(u, 2 * step, 1 - 2 * step)
     how = {"bounds": (0.0, 1.0), "diff_step": step, "xtol": 1e-4, "max_nfev": 12}
     how["ftol"] = min(TOLD / len(residuals(u)), 1e-2) if smooth else 1e-2
@@ -135,8 +136,8 @@ def jacobian_of(problem: Problem, u: np.ndarray) -> np.ndarray:
 def derivatives(problem: Problem, u: np.ndarray) -> tuple[np.ndarray, float]:
     """Return derivatives of the residuals, and the mean variance of their jumps, per residual.
 
-    Differences are central. Steps are so long that residuals change clearly; over a shorter step a
-    jump of the model could be the whole change.
+    Differences are central. Steps are so long that residuals change clearly. The change over a
+    shorter step could be a single jump of the model.
     """
     columns, jumps, centre = [], [], problem.residuals(u)
     for k in range(len(u)):
@@ -158,8 +159,8 @@ def least_of_others(
 ) -> tuple[np.ndarray, float]:
     """Return the parameters of least misfit with one of them fixed.
 
-    The search begins twice: with the other parameters of `near`, and with these moved along the
-    derivatives. If the model jumps, either start may miss the valley of the misfit.
+    The search begins twice: with the other parameters of `near`, and with other parameters moved
+    along the derivatives. If the model jumps, either start may miss the valley of the misfit.
     """
     others, alone = np.arange(len(near)) != k, near.copy()
     alone[k] = np.clip(value, 0, 1)
@@ -188,5 +189,5 @@ def _descended(
 
 
 def _newton(jacobian: np.ndarray, residuals: np.ndarray) -> np.ndarray:
-    """Return the change of parameters that minimises linear residuals."""
+    """Return the change of parameters that minimises the linearised residuals."""
     return np.linalg.lstsq(jacobian, -residuals, rcond=None)[0]

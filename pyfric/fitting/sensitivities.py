@@ -1,13 +1,13 @@
-"""How much measured quantities of a scene change with each parameter.
+"""Changes of measured quantities of a scene with each parameter.
 
 Each parameter is increased and decreased by its uncertainty in a good experiment. The number of
 events jumps, and forces and lengths jump with it. Changes are therefore differences of runs.
 
-J is the matrix of changes of quantities, over their errors, with parameters, from half the
-difference of both ends. With independent errors, the standard error of parameter j is 1/|J_j| if
-all others are known. With the others free, the standard error is the root of the j-th diagonal
-entry of the inverse of J'J. The error is larger then, because changes of other parameters can
-compensate its change.
+J is the matrix of changes of quantities with parameters, over the errors of the quantities. A
+change is half of the difference between the increased and the decreased parameter. With independent
+errors, the standard error of parameter j is 1/|J_j| if all others are known. With the others free,
+the standard error is the root of the j-th diagonal entry of the inverse of J'J. This error is
+larger, because changes of other parameters can compensate a change of j.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ QUANTITIES = {
     "recurrence": ("s", "mean time between system-size events"),
     "front_speed": ("m/s", "median speed of fronts; not without dynamics"),
 }
-"""Quantities: unit and meaning. A quantity that a run lacks is NaN."""
+"""Quantity -> unit and meaning. A quantity that a run lacks is NaN."""
 COUNTS = ("precursors", "system_size")
 NOISE = 1e-3
 """Default relative error of measured forces, over F_N, and of the recurrence (a choice)."""
@@ -127,14 +127,14 @@ def sensitivity(
     steps: Mapping[str, float | str] | None = None,
     **options: Any,
 ) -> Sensitivity:
-    """Return how forces, lengths, counts and speeds change with the parameters of a scene.
+    """Return the changes of forces, lengths, counts and speeds with the parameters of a scene.
 
     Args:
         scene: a scene, the name of a preset, or the path of a scene file.
         t_end: end of each run, s.
         steps: name of a parameter -> its step up and down, in SI units, as text such as "10 N", or
-            relative, such as "5 %". None: mu_s and mu_k by 0.01, F_N and V by 1 %, K and k by 5 %,
-            as far as the scene has them.
+            relative, such as "5 %". None: mu_s and mu_k by 0.01, F_N and V by 1 %, K and k by 5 %;
+            parameters that the scene lacks are left out.
         options: options of the runs, as in `pyfric.simulate`; fidelity = "quasistatic" by default.
 
     Raises:
@@ -179,7 +179,7 @@ def _steps(scene: Scene, steps: Mapping[str, float | str] | None) -> dict[str, t
 
 
 def _value(scene: Scene, name: str) -> Any:
-    """Return the value of a field by its name; None if no part has it, or several do.
+    """Return the value of a field by its name; None if no part, or more than one, has the field.
 
     A field left at None, such as k_f, has the value that the scene derives.
     """

@@ -28,7 +28,7 @@ ARRIVALS = {
     "t": "arrival there, s; only differences within an event count",
     "error": "its standard error, s",
 }
-"""Columns of both tables, and their meanings."""
+"""Column of a table of arrivals -> its meaning; `LENGTHS` is for a table of lengths."""
 
 
 def lengths_of(record: Record) -> pd.DataFrame:
@@ -63,7 +63,7 @@ def lengths_off(
 
 
 def fronts_of(record: Record) -> dict[float, np.ndarray]:
-    """Return rupture times of blocks (s, NaN where none) by the start of the event."""
+    """Return start of an event (s) -> rupture times of blocks (s, NaN if a block has none)."""
     starts = record.events["t_start"].to_numpy().tolist()
     return dict(zip(starts, record.rupture_times, strict=True))
 
@@ -83,8 +83,8 @@ def arrivals_off(
         l: distance of blocks, m.
 
     Returns:
-        The differences. A sensor that no front of the model reaches counts as `CAP`. So do all
-        sensors of an unmatched event.
+        The differences; `CAP` for a sensor that no front of the model reaches, and for all sensors
+        of an unmatched event.
     """
     off = np.full(len(measured), CAP)
     for event, rows in measured.groupby("event").indices.items():
@@ -102,7 +102,7 @@ def arrivals_off(
 
 
 def checked(name: str, table: Any, columns: Mapping[str, str]) -> pd.DataFrame:
-    """Return a table of measured lengths or arrivals.
+    """Return a table of measured lengths or arrivals as numbers, after checks.
 
     Raises:
         SceneError: a column is missing, a number is not finite, or an error is not above zero.
@@ -134,7 +134,7 @@ class Lengths(Measurement):
     Args:
         lengths: a table with columns force (F_T/F_N after arrest), L_p_over_L and error.
         t_end: end of the loading, s; None means that another measurement of the experiment gives
-            it.
+            the end.
 
     Raises:
         SceneError: an argument is refused.

@@ -1,4 +1,4 @@
-"""Measurements: read a loading curve, find its events."""
+"""Measured loading curves: reading of files, and search for events."""
 
 import sys
 from typing import Any
@@ -14,5 +14,5 @@ __all__ = ["Curve", "arrivals", "events", "noise_of", "read", "sampled"]
 
 
 def __getattr__(name: str) -> Any:
-    """Refuse a name that no function has, and suggest one."""
+    """Raise AttributeError for an unknown name, and suggest a known one."""
     raise no_attribute("measured", name, sys.modules[__name__], known=__all__)

@@ -1,7 +1,7 @@
 """Arrays in files of programs: MATLAB, HDF5 and netCDF, NumPy.
 
 netCDF arrays may be packed, with values that stand for gaps. Packed arrays are unpacked by their
-attributes (CF conventions, section 8.1), and a note says so.
+attributes (CF conventions, section 8.1), and a note names them.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def matlab(path: Any, asked: Asked) -> Found:
 
     try:
         content = loadmat(path)
-    except Exception as error:  # libraries raise many kinds
+    except Exception as error:  # libraries raise many types of errors
         raise refused(path, "a MATLAB file that can be read", type(error).__name__) from None
     for name, value in content.items():
         if not name.startswith("__"):
@@ -60,7 +60,7 @@ def numpy(path: Any, asked: Asked) -> Found:
     try:
         content = np.load(path, allow_pickle=False)
         arrays = {"array": content} if isinstance(content, np.ndarray) else dict(content)
-    except Exception as error:  # libraries raise many kinds
+    except Exception as error:  # libraries raise many types of errors
         raise refused(path, "arrays of numbers", str(error)[:80]) from None
     for name, value in arrays.items():
         for key in value.dtype.names or ():
@@ -134,7 +134,7 @@ def netcdf(path: Any, asked: Asked) -> Found:
                     values = _unpacked(found, name, values, item._attributes, True)
                     clock = item.dimensions[0] if len(item.dimensions) == 1 else None
                     found.add_array(name, name, values, _unit(item._attributes), clock=clock)
-    except Exception as error:  # libraries raise many kinds
+    except Exception as error:  # libraries raise many types of errors
         raise refused(path, "a netCDF file that can be read", type(error).__name__) from None
     return found
 
@@ -151,7 +151,7 @@ def _unit(attrs: Mapping[str, Any]) -> str:
 def _unpacked(
     found: Found, name: str, values: np.ndarray, attrs: Mapping[str, Any], default: bool
 ) -> np.ndarray:
-    """Return values unpacked by their attributes, with a note.
+    """Return values unpacked by their attributes, and add a note to `found`.
 
     Args:
         default: whether default fill values of netCDF are gaps.

@@ -97,7 +97,7 @@ def _corner(curve: Curve, step: pd.Series, attrs: Mapping[str, float]) -> tuple[
 
 
 def _broken(t: np.ndarray, slip: np.ndarray, at: float) -> tuple[float, float]:
-    """Return the sum of squares and the speed of the line with its corner at a time."""
+    """Return the sum of squared residuals, and the slope, of a line with its corner at a time."""
     shape = np.stack([np.ones(len(t)), np.maximum(t - at, 0.0)], axis=1)
     scale = shape.max(axis=0)
     found = np.linalg.lstsq(shape / scale, slip, rcond=None)[0] / scale

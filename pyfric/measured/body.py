@@ -1,8 +1,8 @@
 """Numbers of a table in text, read by pandas if all cells are plain, else line by line.
 
-Both ways give the same numbers. If pandas finds anything but plain numbers and gaps in a part of
-the text, this part is read again line by line. Rows that do not fit the layout are passed to the
-caller.
+Pandas and reading by line give equal numbers. If pandas finds anything but plain numbers and gaps
+in a part of the text, this part is read again line by line. Rows that do not fit the layout are
+passed to the caller.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pyfric.values import COMMA, POINT, cells_of, is_number
 PART = 1 << 22
 """Number of bytes that are parsed at once."""
 BLANK = " "
-"""Separator that stands for several blanks."""
+"""Separator that stands for one or more blanks."""
 GAPS = frozenset(
     {"", "-", "--", "NA", "N/A", "#N/A", "na", "n/a", "null"}
     | {"1.#QNAN", "-1.#IND", "1.#INF", "-1.#INF"}
@@ -36,10 +36,10 @@ NOT_FINITE = frozenset(
 SUFFIXED = re.compile(
     r"(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>[^\W\d_][^\s,;]*)"
 )
-"""A number with a unit behind it."""
+"""Pattern of a number followed by its unit."""
 _FORTRAN = re.compile(r"(?<![\w.])([+-]?(?:\d+\.\d*|\.\d+))[dD](?=[+-]?\d{1,3}(?![\w.]))")
 _FORTRAN_BYTES = re.compile(_FORTRAN.pattern.encode())
-"""A number whose exponent has the sign D, as Fortran writes it."""
+"""Pattern of a number with D before its exponent, as Fortran writes it."""
 _TRUTHS = (b"r", b"R", b"l", b"L")
 """Letters of the words true and false, which pandas reads as numbers. Numbers have none of these
 letters."""
@@ -47,7 +47,7 @@ _OLD = tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1)
 _EXACT: Any = {"float_precision": "round_trip"} if _OLD else {}
 """Option with which pandas rounds as Python does; pandas from 3.1 on needs no option."""
 _SIGNS = ("#", "%", "!", "//")
-"""Beginnings of comments."""
+"""Characters at the beginning of a line that make it a comment."""
 
 
 class Row(NamedTuple):
@@ -65,7 +65,7 @@ class Layout(NamedTuple):
     Attributes:
         apart: separator of columns; a blank stands for one or more blanks.
         commas: whether numbers have decimal commas.
-        width: number of cells in a row as written; cells after the first `kept` ones are empty.
+        width: number of cells in a row as written; cells after the first `kept` cells are empty.
         numbers: whether each of the kept columns has numbers.
         words: words that stand for gaps.
         plain: whether the numbers of each column have no unit.
@@ -90,7 +90,7 @@ class Layout(NamedTuple):
         return cell in self.words or numeric(cell) or (self.commas and bool(COMMA.fullmatch(cell)))
 
     def fit(self, cells: list[str], *, numbered: bool = False) -> bool:
-        """Whether cells are a row of the table; if `numbered`, at least one must be a number."""
+        """Whether cells are a row of the table; if `numbered`, a cell must be a number."""
         if len(cells) < self.kept or any(cells[self.kept :]):
             return False
         wanted = [cell for cell, number in zip(cells, self.numbers, strict=False) if number]
@@ -104,7 +104,7 @@ class Layout(NamedTuple):
 
 
 class Table:
-    """Numbers of the columns of a table; other columns as texts.
+    """The columns of a table, as numbers or as texts.
 
     Attributes:
         parsed: a row for each plain column of numbers, shape (columns, rows).
@@ -203,7 +203,7 @@ def is_comment(text: str) -> bool:
 
 
 def plain(text: str) -> str:
-    """Return a line with Fortran exponents replaced by common ones."""
+    """Return a line with the letter D or d of Fortran exponents replaced by e."""
     return _FORTRAN.sub(r"\1e", text) if "D" in text or "d" in text else text
 
 
@@ -214,7 +214,7 @@ def split(text: str, apart: str) -> list[str]:
 
 
 def rows_of(content: bytes, encoding: str, first: int, start: int = 0) -> Iterator[Row]:
-    """Return the lines from an offset on that are not empty, not yet split into cells.
+    """Yield the lines after an offset that are not empty, as rows without cells.
 
     The line at the offset has the number `first`.
     """
@@ -279,7 +279,7 @@ def _one_by_one(
     table: Table,
     odd: list[Row],
 ) -> list[Row]:
-    """Add the rows of a part; return the rows at its end that do not fit."""
+    """Add the rows of a part to a table; return rows at its end that do not fit the layout."""
     fit: list[Row] = []
     for row in rows_of(part, encoding, n):
         row = row._replace(cells=split(row.text, layout.apart))
@@ -295,9 +295,9 @@ def _one_by_one(
 
 
 def _parsed(part: bytes, encoding: str, layout: Layout, table: Table) -> pd.DataFrame | None:
-    """Return the columns of a part, or None if any of its cells is not plain.
+    """Return the columns of a part of the text, or None if a cell is not plain.
 
-    The search for gaps doubles the time, and begins only at the first part that has some.
+    The search for gaps doubles the time, and begins only at the first part that has gaps.
     """
     if any(word in part for word in _TRUTHS):
         return None

@@ -22,8 +22,7 @@ SIGNALS = FORCES | {"slip"}
 KNOWN = tuple(name for name, meaning in MEANINGS.items() if not meaning.sums)
 """Columns that a curve may have."""
 STILL = 0.5
-"""Largest share of samples with the same time as the previous sample; beyond it, times are
-refused."""
+"""Largest accepted share of samples with the same time as the previous sample."""
 OTHER_SIGN = 0.1
 """Ratio of the largest force to the magnitude of the most negative force, below which forces have
 the opposite sign."""
@@ -43,7 +42,7 @@ class Curve(Shown):
             None means unknown.
         t_gap: longest pause between falls of one event in a curve without noise, s.
         source: file or origin of the curve.
-        notes: how the file was understood, in words.
+        notes: meanings and units of the columns of the file, and other remarks.
     """
 
     table: pd.DataFrame
@@ -140,7 +139,7 @@ class Curve(Shown):
     def over_F_N(self) -> np.ndarray:
         """F_T/F_N, shape (n,): mu, else F_T over F_N, else tau over sigma_n.
 
-        It is NaN, a gap, where F_N or sigma_n is not above 0.
+        The ratio is NaN, a gap, where F_N or sigma_n is not above 0.
 
         Raises:
             SceneError: both F_N and sigma_n are unknown, or the curve has no forces.
@@ -162,7 +161,7 @@ class Curve(Shown):
         """Return F_T, N, shape (n,).
 
         Args:
-            F_N: normal force, N; None means that of the curve.
+            F_N: normal force, N; None means the normal force of the curve.
 
         Raises:
             SceneError: the curve has no forces in N, and the normal force is unknown.
@@ -211,7 +210,7 @@ def _refuse_sign(name: str, value: float, wanted: str, reason: str) -> None:
 
 
 def _above_zero(values: pd.Series) -> np.ndarray:
-    """Return values, NaN where they are not above 0."""
+    """Return an array of the values, with NaN for values that are not above 0."""
     return values.where(values > 0).to_numpy()
 
 
@@ -267,7 +266,7 @@ def sampled(
 
 
 def _at_steps(t: np.ndarray, F_T: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return times at equal steps (s), and forces; at a drop, the force after it."""
+    """Return times at equal steps (s), and forces (N); at a drop, the force after the drop."""
     times = t[0] + step * np.arange(int((t[-1] - t[0]) / step) + 1)
     at = np.searchsorted(t, times, side="right") - 1
     ahead = np.minimum(at + 1, len(t) - 1)

@@ -12,7 +12,7 @@ from pyfric.measured.text import text
 from pyfric.values import read_at_most
 
 START = 4096
-"""Number of first bytes from which the kind is found."""
+"""Number of bytes at the beginning of a file that decide its kind."""
 
 
 class Format(NamedTuple):
@@ -20,10 +20,10 @@ class Format(NamedTuple):
 
     Attributes:
         name: name of the kind.
-        begins: whether a file is of this kind, by its first bytes and its size.
-        read: its reader; None if it cannot be read.
+        begins: function of the first bytes and the size of a file: whether it is of this kind.
+        read: function that reads a file; None for a kind without a reader.
         extra: the extra with its library, as in pip install pyfric[extra].
-        instead: what to do if it cannot be read.
+        instead: advice for a kind without a reader.
     """
 
     name: str
@@ -34,7 +34,7 @@ class Format(NamedTuple):
 
 
 def _signed(*signs: bytes, at: int = 0) -> Callable[[bytes, int], bool]:
-    """Return whether a file has one of some signs at an offset."""
+    """Return a function that tests whether a file has one of the signs at an offset."""
     return lambda start, size: start[at:].startswith(signs)
 
 
@@ -80,7 +80,7 @@ FORMATS = (
     ),
     Format("text", _is_text, text),
 )
-"""All kinds. The first kind that fits is taken."""
+"""All kinds of files. The kind of a file is the first kind whose `begins` is true."""
 KINDS = ", ".join(dict.fromkeys(each.name for each in FORMATS if each.read))
 """Names of the kinds that can be read."""
 

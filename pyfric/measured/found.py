@@ -1,4 +1,4 @@
-"""What a file of measurements holds: columns with names, numbers, units and clocks.
+"""The content of a file of measurements: columns with names, numbers, units and clocks.
 
 A column has a name, numbers, the unit that the file states, and the clock by which it was sampled,
 if the file gives one. `reading` finds the meanings of columns.
@@ -17,12 +17,12 @@ import numpy as np
 from pyfric.values import SceneError
 
 MAX_COLUMNS = 64
-"""Largest number of columns of an array that counts as a table; a larger one may be an image."""
+"""Largest number of columns of an array that counts as a table; a larger array may be an image."""
 
 
 @dataclass(frozen=True)
 class Asked:
-    """How the caller wants a file read: lines to skip at the top, decimal mark, words for gaps."""
+    """Requests of the caller: number of lines to skip at the top, decimal mark, words for gaps."""
 
     head: int = 0
     decimal: str | None = None
@@ -74,7 +74,7 @@ class Found:
         """Add an array: a column, or a table with a sample in each row. `name` includes the group.
 
         A table with more columns than rows has a channel in each row. A table with too many columns
-        is left out. Notes report both.
+        is left out. Notes report both cases.
         """
         if values.dtype.kind not in "iufb" or values.size < 2:
             return

@@ -9,9 +9,10 @@ import numpy as np
 NORMAL = 1.4826
 """Standard deviation over the median absolute deviation, of a normal distribution."""
 TUKEY = 6.0
-"""Standard deviations beyond which a sample has no weight: efficiency 98 % in normal noise."""
+"""Standard deviations beyond which a sample has no weight. The efficiency in normal noise is
+0.98."""
 PASSES = 5
-"""Number of iterations of weights."""
+"""Number of times that a line is fitted with new weights."""
 AT_ONCE = 1 << 20
 """Largest number of samples in lines that are fitted together."""
 FEWEST = 5
@@ -49,7 +50,7 @@ def robust_lines(x: np.ndarray, y: np.ndarray, starts: np.ndarray, stops: np.nda
 
     Args:
         x, y: samples, shape (n,); samples with NaN in x do not count.
-        starts, stops: first index of each part, and index after its last one, shape (m,).
+        starts, stops: first index of each part, and index after its last sample, shape (m,).
 
     """
     found = np.full((5, len(starts)), np.nan)

@@ -1,10 +1,10 @@
 """Files of loggers: TDMS, MDF, universal files and Look.
 
-A Look file, as the biaxial apparatus at Penn State writes, has a head of 36 bytes (a title of 20
-characters and four integers: rows, columns, two without use), then a head of 84 bytes for each of
-16 or 32 channels (13 characters of name, 13 of unit, an integer, 50 of comment, number of values),
-then the values of each channel in turn. Integers are big-endian; values have 4 or 8 bytes, in the
-order of the computer that wrote them.
+The biaxial apparatus at Penn State writes Look files. A Look file begins with a head of 36 bytes: a
+title of 20 characters and four integers (rows, columns, two without use). A head of 84 bytes
+follows for each of 16 or 32 channels: 13 characters of name, 13 of unit, an integer, 50 characters
+of comment, and the number of values. The values of each channel follow in turn. Integers are
+big-endian; values have 4 or 8 bytes, in the order of the computer that wrote them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ _CHANNEL = np.dtype(
 HEAD = 36
 CHANNELS = (16, 32)
 VALUES = (4, 8)
-"""Look files: number of bytes of the head, possible numbers of channels and of bytes of a value."""
+"""Number of bytes of the head of a Look file; possible numbers of channels, and of bytes of a
+value."""
 
 
 def tdms(path: Any, asked: Asked) -> Found:
@@ -44,7 +45,7 @@ def tdms(path: Any, asked: Asked) -> Found:
     try:
         file = TdmsFile.read(path)
         spans = _spans(path)
-    except Exception as error:  # libraries raise many kinds
+    except Exception as error:  # libraries raise many types of errors
         raise refused(path, "a TDMS file that can be read", type(error).__name__) from None
     for group in file.groups():
         waves: dict[Any, str] = {}
@@ -148,7 +149,7 @@ def _check_scales(path: Any, channel: str, told: Mapping[str, Any]) -> None:
 
 
 def mdf(path: Any, asked: Asked) -> Found:
-    """Return the channels of an MDF file, 3 or 4, and the times of each of its groups.
+    """Return the channels of an MDF file, 3 or 4, and the times of each group of channels.
 
     Raises:
         SceneError: the file cannot be read.
@@ -182,7 +183,7 @@ def mdf(path: Any, asked: Asked) -> Found:
                     clocks[clock] = "time" if len(file.groups) == 1 else f"time of group {g + 1}"
                     numbers = functools.partial(np.copy, times)
                     found.add(clocks[clock], Column(numbers, "time", "s", clock))
-    except Exception as error:  # libraries raise many kinds
+    except Exception as error:  # libraries raise many types of errors
         raise refused(path, "an MDF file that can be read", type(error).__name__) from None
     return found
 
@@ -200,7 +201,7 @@ def universal(path: Any, asked: Asked) -> Found:
         file = UFF(path)
         kinds = file.get_set_types()
         sets = [file.read_sets(n) for n, kind in enumerate(kinds) if int(kind) == 58]
-    except Exception as error:  # libraries raise many kinds
+    except Exception as error:  # libraries raise many types of errors
         raise refused(path, "a universal file that can be read", type(error).__name__) from None
     clocks: dict[Any, tuple[str, str, np.ndarray]] = {}
     for n, each in enumerate(sets, 1):
@@ -223,13 +224,13 @@ def universal(path: Any, asked: Asked) -> Found:
 
 
 def _said(dataset: Mapping[str, Any], key: str) -> str:
-    """Return a text of a universal file, "" if it is "NONE"."""
+    """Return the text of an entry of a universal file, "" for "NONE"."""
     text = str(dataset.get(key, "")).strip()
     return "" if text == "NONE" else text
 
 
 def _digits(name: str, step: float, size: int) -> list[str]:
-    """Return a note on an interval (s) that a file stores with six digits."""
+    """Return a list with a note if six digits in a file may round a time step (s)."""
     if not step or float(f"{step:.4g}") == step:  # a round number
         return []
     late = 0.5 * 10 ** (np.floor(np.log10(step)) - 5) * size
@@ -282,7 +283,7 @@ def _written(text: bytes) -> str:
 
 
 def _order(path: Any, content: bytes, size: int) -> str:
-    """Return the byte order, ">" or "<". In the wrong one, numbers are impossibly large."""
+    """Return the byte order, ">" or "<", in which all numbers have a possible size."""
 
     def usual(order: str) -> bool:
         values = np.abs(np.frombuffer(content, f"{order}f{size}").astype(float))

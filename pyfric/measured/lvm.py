@@ -2,7 +2,7 @@
 
 Each section begins with lines that end in a mark. These lines give the number of channels and, for
 each channel, date and time of the first sample, X0, Delta_X and unit. The names of columns follow.
-A section may have no column of times, a single one, or one for each channel.
+A section may have no column of times, a single column, or one for each channel.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from pyfric.values import SceneError, fits, parse_quantity, unit_in
 class Meaning(NamedTuple):
     """A meaning of columns: SI unit, text, and names for it, in lower case letters and digits.
 
-    With `sums`, the sum over samples of such a column is a column of the meaning `sums`.
+    If `sums` is given, the cumulative sum of such a column has the meaning `sums`.
     """
 
     unit: str
@@ -64,8 +64,8 @@ MEANINGS = {
         "m", "displacement normal to the interface", "hdcdt hordcdt normaldisplacement dilation"
     ),
 }
-"""Possible meanings. In a biaxial apparatus the vertical DCDT measures the load point, and the
-horizontal DCDT the thickness of the layer."""
+"""Name of a meaning of columns -> the meaning. In a biaxial apparatus the vertical DCDT measures
+the load point, and the horizontal DCDT the thickness of the layer."""
 AMBIGUOUS = {
     **dict.fromkeys(("force", "load", "loadcell", "f"), "F_T or F_N"),
     **dict.fromkeys(("stress", "sigma"), "tau or sigma_n"),
@@ -126,7 +126,7 @@ def factor(field: str, unit: str, si: str) -> tuple[float, str]:
         if fits(unit, si):
             return 0.01, unit
         raise SceneError(field, unit, "", "a ratio of forces, in % or without a unit", "a unit")
-    if unit == "mPa":  # most probably MPa
+    if unit == "mPa":  # mPa most probably means MPa
         raise SceneError(field, unit, si, "MPa or Pa", "millipascal, or a spelling of MPa")
     if not fits(unit, si):
         unit = SPELLED.get(unit.lower(), unit)

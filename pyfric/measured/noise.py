@@ -2,7 +2,7 @@
 
 Loggers have typical faults. An isolated reading may be a transmission error. A sensor beyond its
 range repeats its largest reading. A curve from another code, or drawn through points, has no noise.
-Each of these gives a note or an error before the search for events.
+Each fault gives a note or an error before the search for events.
 """
 
 from __future__ import annotations

@@ -13,8 +13,8 @@ end of the curve.
 Forces at both ends of a fall, and their errors, come from robust straight lines through the samples
 on either side. A fall below the threshold between these lines is no event; it counts as loading
 between events. The time of a sudden fall is uncertain by a step. The rise by loading in this time
-is an error of both forces, which the drop does not have. A fall in a gap of the samples that is
-longer than these lines is no event. The event after such a gap has no recurrence.
+is an error of both forces, but not of the drop. A fall in a gap of the samples that is longer than
+these lines is no event. The event after such a gap has no recurrence.
 
 Before the search for falls, `noise` checks the samples.
 
@@ -87,10 +87,10 @@ TOLD = 0.95
 def noise_of(curve: Curve) -> float:
     """Return the standard deviation of white noise of F_T/F_N, from its second differences.
 
-    In a curve without forces, the noise is that of slip, m. Without noise, 0 is returned. Events do
-    not change the median of differences. If a filter has averaged n samples, noise is not white,
-    and the estimate is too small. Means of many samples then have sqrt(n) times the remaining
-    noise. The larger value has to be given to `events`.
+    In a curve without forces, the noise of slip (m) is returned. Without noise, 0 is returned.
+    Events do not change the median of differences. If a filter has averaged n samples, noise is not
+    white, and the estimate is too small. Means of many samples then have sqrt(n) times the
+    remaining noise. In this case, give the larger noise to `events`.
 
     Raises:
         SceneError: samples are not equally spaced, or most of them are equal.
@@ -113,8 +113,8 @@ def events(
     """Return the events of a loading curve, or of slip at a sensor, as measured or of a run.
 
     Args:
-        of: a measured curve, or a run. The events of a run are those of its catalogue, with static
-            forces. `pyfric.measured.sampled` makes a curve from a run.
+        of: a measured curve, or a run. The events of a run are the events of its catalogue, with
+            static forces. `pyfric.measured.sampled` makes a curve from a run.
         column: column of a curve in which events are found. None means force, or slip in a curve
             without forces.
         x: distance of a slip sensor from the trailing edge in a run, m. None means the force.
@@ -125,17 +125,17 @@ def events(
         threshold: smallest drop of an event, over F_N, or its smallest slip, m. None means the
             smallest drop that noise does not cause.
         t_gap: longest pause between falls of one event, s, in runs and in curves without noise. The
-            time of the event is that of its largest fall, and its drop is the sum of all. None
-            means the pause of `pyfric.build_catalogue` in runs and in curves from `sampled`; events
-            then last from the start of the first fall to the end of the last. In other curves None
-            means 0, so that each fall from one turning point to the next is an event. Slip without
-            noise is split into steps wherever it grows, even if it creeps.
+            time of the event is the time of its largest fall. Its drop is the sum of all falls.
+            None means the pause of `pyfric.build_catalogue` in runs and in curves from `sampled`;
+            events then last from the start of the first fall to the end of the last. In other
+            curves None means 0, so that each fall from one turning point to the next is an event.
+            Slip without noise is split into steps wherever it grows, even if it creeps.
 
     Returns:
         A data frame with a row for each event, counted from 1, and columns as in `COLUMNS` or
         `OF_SLIP`. Its attrs have noise; smooth; threshold, the smallest possible drop; resolution,
-        the time in s within which events are one; and notes, on what was left out and may be
-        missed.
+        the time in s within which falls are one event; and notes, on samples or events that were
+        left out or may be missing.
 
     Raises:
         SceneError: an argument is refused; F_N or the noise is unknown; slip decreases; or the
@@ -230,7 +230,7 @@ def _finished(
     resolution: float,
     notes: Sequence[str] = (),
 ) -> pd.DataFrame:
-    """Return events as a table; one array of all numbers makes it ten times as fast as columns."""
+    """Return events as a table, made from one array, which is ten times as fast as from columns."""
     recurrence = np.diff(np.asarray(columns["t_start"]), prepend=np.nan)
     if "part" in columns:
         recurrence[np.diff(np.asarray(columns["part"]), prepend=-1) != 0] = np.nan
@@ -254,7 +254,7 @@ def _of_slip(table: pd.DataFrame) -> pd.DataFrame:
 def _slips_of_record(
     record: Record, x: float | str, threshold: float, t_gap: float
 ) -> pd.DataFrame:
-    """Return the slip at a place in each event of a run that is above a threshold."""
+    """Return the slips at a place, one for each event of a run, that exceed a threshold."""
     names = ["t_start", "t_stop", "before", "after"]
     table = pd.DataFrame(slips(record, x, t_gap), columns=names, dtype=float)
     table["slip"] = table["after"] - table["before"]
@@ -291,7 +291,7 @@ class Windows:
             last sample of the mean after it, shape (m,).
         spread: standard deviation of the difference of both means, for unit noise of samples, shape
             (m,).
-        time: time within which falls are one, s.
+        time: time within which falls are one event, s.
         gaps: index of the last sample before each time step longer than the lines at the ends of a
             fall.
     """
@@ -307,7 +307,7 @@ class Windows:
 
     @classmethod
     def of(cls, t: np.ndarray, smooth: int) -> Windows:
-        """Return the windows of samples at these times."""
+        """Return the windows of samples at the times t."""
         steps = np.diff(t)
         step = float(np.median(steps)) or float(steps.mean())
         far, edge = (smooth - 0.5) * step, (smooth - 1.25) * step
@@ -408,7 +408,7 @@ def _table(
     noise: float,
     windows: Windows | None,
 ) -> pd.DataFrame:
-    """Return the table of falls; in noise, with the forces of the lines."""
+    """Return the table of falls; in noise, forces are from lines through the samples."""
     starts, stops = np.array(falls, dtype=int).reshape(-1, 2).T
     begins = np.concatenate([[0], stops[:-1]])[: len(starts)]
     ends = np.concatenate([starts[1:], [len(t) - 1]])[: len(starts)]
@@ -446,7 +446,7 @@ def _table(
 
 
 def _gaps(t: np.ndarray, smooth: int) -> np.ndarray:
-    """Return the last sample before each time step longer than `NEAR` smooth usual ones."""
+    """Return the last sample before each time step longer than `NEAR` times smooth usual steps."""
     from scipy.ndimage import median_filter  # slow to import
 
     steps = np.diff(t)
@@ -483,9 +483,9 @@ def _slopes(x: np.ndarray, f: np.ndarray, starts: np.ndarray, stops: np.ndarray)
 def _of_record(record: Record, threshold: float, t_gap: float | None) -> pd.DataFrame:
     """Return the events of a catalogue with finite static forces and a drop above a threshold.
 
-    Events within a pause are one. An event of the catalogue may have several falls, between which
-    the load grows. If a pause is given, such events of a quasi-static run are first split into
-    their falls, each at one time of the curve.
+    Events closer than a pause count as one. An event of the catalogue may have several falls,
+    between which the load grows. If a pause is given, such events of a quasi-static run are first
+    split into their falls, each at one time of the curve.
     """
     scene, curve, found = record.scene, record.columns("curve"), record.columns("events")
     t, F_T = curve["t"], curve["F_T"]
@@ -523,9 +523,10 @@ def _of_record(record: Record, threshold: float, t_gap: float | None) -> pd.Data
 
 
 def _as_one(falls: list[tuple[float, ...]]) -> dict[str, float]:
-    """Return several falls (t_start, t_stop, peak, valley) as one at the time of the largest.
+    """Return several falls (t_start, t_stop, peak, valley) as one fall at the time of the largest.
 
-    Its drop is the sum of their drops. Its peak and valley are those that loading alone would give.
+    The drop of this fall is the sum of all drops. Its peak and valley are the values that loading
+    alone would give.
     """
     drops = [peak - valley for _, _, peak, valley in falls]
     main = int(np.argmax(drops))

@@ -25,11 +25,11 @@ GIVEN = {
     "wraps": '{"load_point": 65536}',
     "valid": '{"F_T": ("-5 kN", "5 kN")}',
 }
-"""Examples of arguments that are dicts."""
+"""Argument that is a dict -> example of its value."""
 BITS = (12, 14, 16, 24)
 """Numbers of bits of converters and counters."""
 SOME = 1000
-"""Number of samples that are enough to see that numbers are not whole."""
+"""Number of samples that are tested for whole numbers."""
 NEAR_END = 0.02
 """Distance from an end of the range of a counter, over the range, within which numbers reach the
 end."""
@@ -72,7 +72,7 @@ def read(
         F_N, area: normal force (N) and area of the interface (m^2), or quantities with units.
         step: time between samples, s, if the file has no times.
         group: beginning of the names in a container, such as a group of HDF5 or TDMS.
-        head: lines at the top of a text that are left out.
+        head: number of lines at the top of a text that are left out.
         decimal: decimal mark of a text, if it is ambiguous.
         gaps: words in a text that stand for gaps, such as "OVLD".
         wraps: meaning -> period of a counter that starts anew at its end, in numbers of the file,
@@ -87,7 +87,7 @@ def read(
         name the meaning of each column, and the unused columns.
 
     Raises:
-        SceneError: the file cannot be read, or something in it is not understood.
+        SceneError: the file cannot be read, or an entry of the file is not understood.
     """
     if not isinstance(path, str | os.PathLike):
         allowed = 'the path of a file, such as "curve.csv"'
@@ -175,7 +175,7 @@ for _name, _text in (("{KINDS}", KINDS), ("{MEANINGS}", ", ".join(MEANINGS))):
 
 
 def _check_clocks(path: Any, found: Found, chosen: Mapping[str, str]) -> None:
-    """Check that the columns that were chosen have the same clock.
+    """Check that the chosen columns have the same clock.
 
     Raises:
         SceneError: their clocks differ, so that samples in one row have different times.
@@ -346,7 +346,7 @@ def _scale(
 ) -> tuple[float, float]:
     """Return the factor to SI of a column, and the number in it that means zero.
 
-    If the unit is not stated, the column is added to those with missing units.
+    If the unit is not stated, an error is added to `missing`.
     """
     si = MEANINGS[meaning].unit
     if meaning in calibration:

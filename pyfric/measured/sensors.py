@@ -36,7 +36,7 @@ def displacement(record: Record, x: float | str) -> tuple[np.ndarray, np.ndarray
 def slips(record: Record, x: float | str, t_gap: float) -> list[dict[str, float]]:
     """Return t_start, t_stop (s), before and after (m) of the slip at x in each event.
 
-    Events within a pause are one.
+    Events closer than the pause `t_gap` (s) count as one.
     """
     found: list[dict[str, float]] = []
     last = 0
@@ -51,7 +51,7 @@ def slips(record: Record, x: float | str, t_gap: float) -> list[dict[str, float]
 
 
 def _episodes(record: Record, x: float | str) -> pd.DataFrame:
-    """Return event, t_start, t_stop (s), before and after (m) of each episode at x."""
+    """Return event, t_start, t_stop (s), before and after (m) of each episode of slip at x."""
     own = record.episodes[record.episodes["i"] == _column(record, x)]
     found = own[["event", "t_start", "t_stop"]].copy()
     ends = record.scene.d * own[["u_x_start", "u_x_stop"]].to_numpy()

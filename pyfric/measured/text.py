@@ -44,11 +44,11 @@ from pyfric.values import (
 )
 
 MAX_BYTES = 512 * 1024**2
-"""Largest text that is read."""
+"""Largest size of a text, in bytes."""
 SAMPLE = 1 << 14
 """Number of bytes at either end from which the layout is found."""
 RUN = 5
-"""Number of rows that make a table. Longer runs of similar rows count as much."""
+"""Number of similar rows that make a table. A longer run counts as this number of rows."""
 _FRACTION = re.compile(rb"\d,(?:\d{1,2}(?!\d)|\d{4,})|(?<![\d,])0,\d|(?<!\d),\d")
 _WHOLE = re.compile(rb"(?m)(?:^|[;\t, ])[+-]?[1-9]\d{0,2}\s*(?:[;\t, ]|$)")
 _POINTED = re.compile(rb"\d\.|\.\d")
@@ -58,7 +58,7 @@ NOT_LENGTHS = ("", "-", ".", "1", "%", "V", "mV", "Volt", "Volts", "bits", "bit"
 """Further units in a row of units; TS is a time stamp, RN a record number."""
 _RULER = re.compile(r"[-=_+|*]{2,}")
 _COMMENT = "Comment"
-"""Last name of a column in a LabVIEW text, which has no column."""
+"""Last name in the heads of a LabVIEW text. No column has this name."""
 
 
 class Head(NamedTuple):
@@ -74,7 +74,7 @@ def text(path: Any, asked: Asked) -> Found:
     """Return the columns of a text.
 
     Raises:
-        SceneError: the file cannot be read, or something in it is not understood.
+        SceneError: the file cannot be read, or an entry of the file is not understood.
     """
     found = Found("text")
     content = read_at_most(path, MAX_BYTES + 1)
@@ -129,7 +129,7 @@ def text(path: Any, asked: Asked) -> Found:
 
 
 def _skipped(content: bytes, head: int) -> tuple[int, int]:
-    """Return the offset after `head` lines, and the number of the line there."""
+    """Return the offset after `head` lines, and the number of the next line."""
     at = 0
     for n in range(head):
         at = content.find(b"\n", at) + 1
@@ -218,7 +218,7 @@ def _layout(
 
 
 def _separator(tail: list[Row]) -> str:
-    """Return the separator of columns in most rows; rows of numbers count more."""
+    """Return the separator of columns that most rows have; rows of numbers count more."""
     votes: Counter[str] = Counter()
     for row in tail:
         apart = separator_of(plain(row.text))
@@ -230,7 +230,7 @@ def _separator(tail: list[Row]) -> str:
 
 
 def _pattern(rows: list[Row], words: frozenset[str], commas: bool) -> tuple[list[bool], int]:
-    """Return which columns are numbers in the longest run of similar rows."""
+    """Return which columns of similar rows hold numbers, and the number of columns."""
 
     def kind(cell: str) -> bool | None:
         number = numeric(cell) or (commas and bool(COMMA.fullmatch(cell)))
@@ -303,7 +303,7 @@ def _heads(rows: list[Row], layout: Layout, first: int) -> Head:
 
 
 def _tell_apart(row: Row, layout: Layout) -> bool:
-    """Whether all columns of numbers have different cells, as in a row of names."""
+    """Whether a row has different cells above all columns of numbers, as a row of names has."""
     cells = [cell for cell, number in zip(row.cells, layout.numbers, strict=True) if number]
     return len(set(cells) - {""}) == len(cells)
 
@@ -366,14 +366,14 @@ def _check_commas(
 
 
 def _of_numbers(content: bytes, layout: Layout) -> list[list[str]]:
-    """Return the cells of columns of numbers."""
+    """Return the cells that hold numbers, row by row."""
     rows = (split(row.text, layout.apart) for row in rows_of(content, "latin-1", 1))
     columns = [c for c, number in enumerate(layout.numbers) if number]
     return [[row[c] for c in columns] for row in rows if layout.fit(row)]
 
 
 def _may_be_thousands(cells: tuple[str, ...]) -> bool:
-    """Whether points may separate thousands: only numbers from 1000 on have them."""
+    """Whether points may separate thousands: only numbers from 1000 on have points."""
     points = [bool(THOUSANDS.fullmatch(cell)) for cell in cells]
     whole = [bool(re.fullmatch(r"[+-]?\d{1,3}", cell)) for cell in cells]
     return any(points) and any(whole) and all(map(any, zip(points, whole, strict=True)))
@@ -394,7 +394,7 @@ def _refuse_last(path: Any, row: Row, apart: str) -> None:
 
 
 def _looks_like_data(row: Row, layout: Layout, *, above: bool = False) -> bool:
-    """Whether a row that does not fit has numbers; lists above the table may have some, too."""
+    """Whether a row that does not fit looks like data; `above` the table, it needs more numbers."""
     if is_comment(row.text) or (above and len(row.cells) < 2):
         return False
     numbers = [numeric(layout.number(cell)) for cell in row.cells]
@@ -406,7 +406,7 @@ def _looks_like_data(row: Row, layout: Layout, *, above: bool = False) -> bool:
 
 
 def _begins(row: Row, layout: Layout) -> bool:
-    """Whether a row begins with a number like other rows; a row of means begins with a word."""
+    """Whether a row begins with a number, as rows of data do; a row of means begins with a word."""
     return numeric(layout.number(row.cells[0])) or not layout.numbers[0]
 
 
@@ -414,7 +414,7 @@ def _refuse_broken(path: Any, rows: list[Row], layout: Layout, total: int) -> No
     """Refuse rows that do not fit, but look like numbers, in a text of `total` lines.
 
     Raises:
-        SceneError: always. If few rows are above, the message suggests to skip them.
+        SceneError: always. The message suggests to skip the rows above, if they are few.
     """
     rows = [row for row in rows if _looks_like_data(row, layout)]
     row, last = rows[0], rows[-1].n

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 FILMED = "fig3a"
 """The figure whose event is filmed."""
 FILMS = ("event.mp4", "event.gif")
-"""Names of the film of an event; the page shows the first that exists."""
+"""Names of the film of an event. The page shows the first file that exists."""
 FILM_TEXT = "event.txt"
 CLAIM_VALUES = (
     *("number", "text", "value", "unit", "band", "verdict", "how", "note", "source"),
@@ -59,7 +59,7 @@ def reproduce(
         `save_figure`). The table ``<figure>_runs.csv`` has the cost of its runs.
 
     Raises:
-        SceneError: no such figure.
+        SceneError: there is no figure of a given name.
         JobError: a run failed.
         OSError: a file cannot be written.
     """
@@ -101,7 +101,7 @@ def _event(name: str, record: Record) -> dict[str, int]:
     """Return the event that a figure of the paper shows, as a keyword; empty for other figures.
 
     Raises:
-        SceneError: the record has fewer main precursors.
+        SceneError: the record has too few main precursors.
     """
     number, found = FIGURES[name].precursor, precursor_lengths(record)["event"]
     if number is None:
@@ -129,7 +129,7 @@ def _film(record: Record, out: Path) -> list[Path]:
 
 
 def runs_table(jobs: Sequence[Job], records: Sequence[Record]) -> pd.DataFrame:
-    """Runs and their cost, one row each.
+    """Return a table of runs and their cost, one row for each run.
 
     Columns: scene; t_end_s; engine; geometry; dt_us (NaN without steps); events, all of the
     record; block_evaluations; seconds, processor time of the run with its plan and catalogue.
@@ -178,7 +178,7 @@ def write_index(folder: str | os.PathLike[str]) -> Path:
 
 
 def _figure(folder: Path, name: str) -> dict[str, Any]:
-    """Entries of a figure on the page, and the files beside it."""
+    """Return the entries of a figure on the page, and the names of its files."""
     caption = (folder / f"{name}.txt").read_text(encoding="utf-8").strip()
     what, _, details = caption.partition("\n")
     return {
@@ -212,7 +212,7 @@ def mathematical(text: str) -> Markup:
 
 
 def _claims(path: Path) -> list[dict[str, Markup]] | None:
-    """The claims that `pyfric claims` has written, misses first; empty without them."""
+    """Return the claims that `pyfric claims` has written, misses first; None without a file."""
     try:
         claims = json.loads(path.read_text(encoding="utf-8"))["claims"]
         claims = sorted(claims, key=lambda claim: claim.get("verdict") != "misses")
@@ -224,14 +224,14 @@ def _claims(path: Path) -> list[dict[str, Markup]] | None:
 
 
 def _claim(claim: dict[str, Any]) -> dict[str, str]:
-    """Entries of a claim on the page; numbers with their units."""
+    """Return the entries of a claim on the page; numbers have their units."""
     said = {name: str(claim.get(name) or "") for name in CLAIM_VALUES}
     numbers = {name: measured(claim.get(name), said["unit"]) for name in ("value", "damaged")}
     return said | numbers
 
 
 def _runs(folder: Path, names: list[str]) -> list[dict[str, Any]]:
-    """Each run once, with its figures."""
+    """Return each run once, with the names of its figures."""
     tables = [pd.read_csv(folder / f"{name}_runs.csv").assign(figure=name) for name in names]
     if not tables:
         return []

@@ -32,13 +32,13 @@ FIG4B = tuple(
     Job(scene=preset(name), t_end=t_end, options=LINEAR)
     for name, t_end in (("run1", 0.8), ("run2", 0.9), ("run3", 1.0), ("run4", 1.1))
 )
-"""Runs 1 to 4, beyond the first event over the whole interface."""
+"""Runs 1 to 4 of Fig. 4(b), beyond the first event over the whole interface."""
 H_2A = (2.5, 5.0, 7.5, 10.0, 12.5, 15.0)  # mm
 AT_2700 = {L: tuple(f"{L}/{h:g}/2700" for h in H_2A) for L in (140, 200)}
 
 
 def _fig2a(name: str) -> Job:
-    """Return a run in setup 1 with L (mm), h (mm) and F_N (N) as in its name."""
+    """Return a run in setup 1 with L (mm), h (mm) and F_N (N) from its name."""
     values, _, finite = name.partition(" ")
     L, h, F_N = map(float, values.split("/"))
     words = f"L = {L:g} mm, h = {h:g} mm, F_N = {F_N:g} N"
@@ -52,8 +52,9 @@ FIG2A |= {"200/10/2700": FIG4B[3], "fig1": FIG1}
 FIG2A |= {
     name: _fig2a(name) for name in ("140/5/1750 finite", "200/5/1750 finite", "200/5/3500 finite")
 }
-"""Setup 1 up to about the first event over the whole interface, by "L/h/F_N" in mm and N: all L and
-h, one of them run 4, and other F_N in finite geometry at h = 5 mm."""
+"""Name of a run, "L/h/F_N" in mm and N -> the run in setup 1, up to about the first event over the
+whole interface. All L and h have runs, one of which is run 4. Runs with other F_N are in finite
+geometry at h = 5 mm."""
 
 SETUP2 = ("setup2-", "setup2", "setup2+")
 FIG2B = tuple(
@@ -79,13 +80,13 @@ ELEVENTH = 0.75
 BY_MU_S = {f"mu_s {mu_s:g}": mu_s for mu_s in (0.5, 0.6, 0.8, 0.9)}
 BY_D_C = {f"d_c {d_c * 1e6:g}": d_c for d_c in (0.0, 0.5e-6, 1e-6, 2e-6, 5e-6, 10e-6)}
 BY_ETA = {f"eta {share:g}": share for share in (0.15, 0.22, 0.42)}
-"""Values of eta in sqrt(k m); the default is 0.316."""
+"""Name of a run -> eta in sqrt(k m); the default is 0.316."""
 BY_K_F = {f"k_f {share:g}": share for share in (1.5, 3.0, 1000.0)}
-"""Values of k_f in k."""
+"""Name of a run -> k_f over k."""
 BY_V = {f"V {share:g}": share for share in (0.5, 2.0)}
-"""Values of V, over that of the Fig. 1 scene."""
+"""Name of a run -> V over V of the Fig. 1 scene."""
 MATTRESS = {"mattress on each": "0.4 MN/m on each top block", "mattress rigid": "rigid"}
-"""Run -> its mattress. In all other runs the mattress has 0.4 MN/m in total."""
+"""Name of a run -> its mattress. In all other runs the mattress has 0.4 MN/m in total."""
 BASE = "140/5/3500"
 """Name of the Fig. 1 scene in linear geometry, up to its first system-size event."""
 AT_F_N = ("140/5/1750 finite", "140/5/2700 finite")
@@ -97,12 +98,12 @@ SPEEDS = {
     "fig4a heavy": "located switching, mass per area M/(L H)",
     "fig4a paper heavy": "switching at the ends of steps of 0.2 us, mass per area M/(L H)",
 }
-"""Run of the Fig. 1 scene up to its 11th main precursor -> how contacts switch, and its mass."""
+"""Name of a run of the Fig. 1 scene up to its 11th main precursor -> switching and mass."""
 
 
 @functools.cache
 def jobs() -> dict[str, Job]:
-    """Return all runs behind the claims by name."""
+    """Return name -> job of each run behind the claims."""
     fig1 = preset("fig1")
     unit = math.sqrt(fig1.slider.k * fig1.m)
 

@@ -10,12 +10,12 @@ Each label costs a run, so the search needs few labels. The first point of a lin
 bisection. For each later point, the earlier points predict where the line is. A first run at the
 prediction shows on which side the line lies. A second run lies on this side, at half the error of
 the last prediction. Further runs, each twice as far away as the previous run, bracket the line.
-Bisection then narrows the bracket. Between known labels, steps are chosen so that no point needs
-more than one run beyond those of bisection.
+Bisection then narrows the bracket. Between known labels, steps are so short that each point needs
+at most one run more than bisection.
 
-A label may be the sign of a continuous number, such as a speed minus a limit. If this number is
-given, too (`measure`), the line is its root. Interpolation between the ends of the bracket finds
-the root in two or three runs.
+A label may be the sign of a continuous number, such as a speed minus a limit. If a function
+`measure` gives this number, the line is its root. Interpolation between the ends of the bracket
+finds the root in two or three runs.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ Label = Callable[[float, float], Hashable]
 Measure = Callable[[float, float], float]
 
 POINTS = 3
-"""Predictions are parabolas through the last points."""
+"""Number of last points of a line through which a parabola predicts the next point."""
 FIRST = 16.0
 """First step across the line from the second point on, over the width of the last bracket."""
 NEAR = 0.9
 """If a root is nearer to one end of its bracket than this share of the wanted width, the next run
-is on its other side."""
+is on the other side of the root."""
 FAINT = 1e-3
 """Weight of a cell whose corners have the same label, over that of a cell with different labels."""
 
@@ -86,14 +86,14 @@ def boundary(
 ) -> pd.DataFrame:
     """Follow a line on which a label changes.
 
-    At each value of `over`, the line is where the label first differs from that at the lower end of
-    `along`. After a value without a line, the search begins again in the whole range.
+    At each value of `over`, the line is where the label first differs from the label at the lower
+    end of `along`. After a value without a line, the search begins again in the whole range.
 
     Args:
         f: a function of a value of `along` and a value of `over`. f returns a label that can be
-            compared, such as text or a truth value; NaN is a label, too. If it makes its runs with
-            `run_all`, they are kept, and a line that was stopped goes on. Its runs may share one
-            verification (`pyfric.Shared`).
+            compared, such as text or a truth value; NaN is a label, too. If f makes runs with
+            `run_all`, finished runs are stored, and a line that was stopped goes on. Runs of f may
+            share one verification (`pyfric.Shared`).
         along: ends of the searched range, the lower end first.
         over: values at which the line is wanted, rising or falling.
         scale: scale of the range, "log" or "linear".
@@ -135,8 +135,10 @@ def boundary(
 
 
 class _Line:
-    """The points of a line so far, and known labels at the next value of `over`; positions and
-    widths are shares of the range."""
+    """The points of a line, and the known labels at its next value of `over`.
+
+    Positions and widths are shares of the range.
+    """
 
     columns = ("over", "along", "low", "high", "below", "above", "runs")
 
@@ -226,9 +228,9 @@ class _Line:
         """Return a bracket narrowed to the wanted width; None if the range ends first.
 
         Runs are made where the line is expected. With a measure, the place is its root. Otherwise
-        the first place is the guess, and further places are further away until labels differ. In a
-        known bracket, runs are so near to its middle that at most one run beyond those of bisection
-        is needed.
+        the first place is the guess. Further places move away from the guess until labels differ.
+        In a known bracket, runs are so near to the middle that the search needs at most one run
+        more than bisection.
         """
         left, step, guess_is_below = math.inf, self.step, None
         while high - low > (1 + 1e-9) * self.width:

@@ -54,8 +54,8 @@ def ensemble(
         columns: numbers of each run, names in `pyfric.RUN_COLUMNS`; None means all.
         events: columns of events, such as "F_T_start" or "n_blocks", for a table of the events of
             all runs.
-        seed: seed of the first run; the next runs have the next numbers. Numbers in ranges are
-            drawn with this seed, too.
+        seed: seed of the first run; the next runs have the next seeds. Numbers in ranges are drawn
+            with this seed, too.
         options: options of all runs, as in `Sweep`; None means quasi-static sequences.
         cache: as in `run_all`, for parts of the table.
         threads: largest number of threads; None means one for each processor. Results do not depend

@@ -1,7 +1,7 @@
 """Numbers of many runs in one table, which is stored in parts.
 
-Quasi-static sequences run in the core, many at a time (`pyfric.engines.together`). Their results
-equal those of single runs, bit for bit. Runs of other engines are made as in `Sweep.run`.
+Quasi-static sequences run in the core, many at a time (`pyfric.engines.together`). The results
+equal the results of single runs, bit for bit. Runs of other engines are made as in `Sweep.run`.
 `pyfric.record.outlines` defines the numbers of a run.
 
 The table of sequences in the core is stored in parts of `PART` runs. The name of a part is a hash
@@ -40,7 +40,7 @@ Row = dict[str, Any]
 
 
 class Points(Protocol):
-    """The attributes of a `Sweep` that are used here."""
+    """The attributes of a `Sweep` that an `Ensemble` uses."""
 
     @property
     def scene(self) -> SceneLike: ...
@@ -84,7 +84,7 @@ class Ensemble:
 
     @property
     def columns(self) -> list[str]:
-        """The requested numbers."""
+        """Names of the requested numbers."""
         return [name for name in self.table if name in RUN_COLUMNS]
 
     @property
@@ -104,7 +104,7 @@ class Ensemble:
             NaN means too few runs.
 
         Raises:
-            SceneError: there is no such number.
+            SceneError: the table has no number of a given name.
         """
         for name in columns:
             if name not in self.columns:
@@ -118,7 +118,7 @@ class Ensemble:
         """Return the run of a row of the table as a record. Labels of an ensemble are its seeds.
 
         Raises:
-            SceneError: there is no such row, or the run is refused.
+            SceneError: the table has no row with this label, or the run is refused.
         """
         if label not in self.table.index:
             allowed = f"a label of the table, {self.table.index[0]!r} to {self.table.index[-1]!r}"
@@ -243,7 +243,7 @@ def _parts(
 
 
 def _made(sweep: Points, points: Sequence[int], threads: int | None) -> Iterator[Any]:
-    """Yield the outlines of some points."""
+    """Yield the outline of the run of each point, or the error of a refused point."""
     t_gap = sweep.options.t_gap
 
     def asked(n: int) -> Asked | Exception:
@@ -254,7 +254,7 @@ def _made(sweep: Points, points: Sequence[int], threads: int | None) -> Iterator
 
 
 def _row(outcome: Outline | Exception, columns: tuple[str, ...], events: tuple[str, ...]) -> Row:
-    """Return the requested numbers of a run."""
+    """Return status, reason, and the requested numbers and events of a run."""
     if isinstance(outcome, Exception):
         status = "refused" if isinstance(outcome, SceneError) else "failed"
         nothing = [np.zeros(0) for _ in events]
@@ -308,7 +308,7 @@ def _key(sweep: Points, about: list[Any], points: Sequence[int]) -> str:
 
 
 def _said(sweep: Points, n: int, row: Mapping[Any, Any]) -> Any:
-    """Return the values of a point as JSON; if JSON cannot hold them, the hash of the run."""
+    """Return the values of a point as lists for JSON; the hash of its run for other values."""
     if all(isinstance(value, PLAIN) for value in row.values()):
         return [[str(name), value] for name, value in row.items()]
     if all(isinstance(value, (Spread, *PLAIN)) for value in row.values()):

@@ -7,7 +7,7 @@
 
 Each point is one run. Lines are found between neighbouring points of the map (`pyfric.boundary`).
 Where the pace changes, a line is the root of a speed minus its limit. All other lines are found by
-bisection, and each point is predicted from the previous points. Finished runs are kept, so that a
+bisection, and each point is predicted from the previous points. Finished runs are stored, so that a
 diagram that was stopped goes on.
 
 Source: K. Thøgersen et al., Phys. Rev. E 100, 043004 (2019), for the chain and its two numbers.
@@ -47,7 +47,7 @@ TAU_BAR = np.logspace(-3, -0.01, 20)
 BLOCKS = 100
 """Number of blocks of the paper's chain."""
 STEP = 0.17
-"""Longest step of chains, in sqrt(m/k). Runs with half of it differ in speed by 2e-5."""
+"""Longest step of chains, in sqrt(m/k). Half of this step changes speeds by 2e-5."""
 MORE = 1e-9
 """Force by which the first block of a chain is pushed beyond its threshold, over the threshold."""
 
@@ -64,7 +64,7 @@ PACES: Mapping[frozenset[str], tuple[float, int]] = {
     frozenset({"sub-Rayleigh", "beyond c_R"}): (1.0, 0),
     frozenset({"beyond c_R", "supershear"}): (1.0, 1),
 }
-"""Two paces -> the speed that separates them, as a share of one of the two limits of a scene."""
+"""Two paces -> the speed between them: its share of a speed limit of the scene, and which limit."""
 
 MEASURED = ("speed", "speed_over_c", "reached", "status")
 """Columns of each point that are not labels."""
@@ -105,7 +105,7 @@ class PhaseDiagram(Shown):
 
 
 def chain_job(alpha: float, tau_bar: float, blocks: int = BLOCKS) -> Job:
-    """Return the run of a chain whose first block is pushed for ever, just beyond its threshold.
+    """Return the run of a chain whose first block is always pushed just beyond its threshold.
 
     The chain is setup 1 lumped into one row, with another length and without bond viscosity. The
     run ends when the front arrests or reaches the last block.
@@ -184,7 +184,8 @@ def phase_diagram(
         t_end: end of the runs of a scene, s; None for the chain and for a function.
         options: options of the runs of a scene, as in a `Sweep`; None for the chain and for a
             function.
-        changes: names of other fields of a scene to values; None for the chain and for a function.
+        changes: name of another field of a scene -> its value; None for the chain and for a
+            function.
         lines: whether to find the lines on which labels change, along y.
         tolerance: largest error of lines, in decades if y is spaced logarithmically, otherwise over
             the range of y.
@@ -227,8 +228,8 @@ def phase_diagram(
     def line(name: str, pair: Pair, cells: Mapping[float, tuple[float, float]]) -> pd.DataFrame:
         """Return the line between two labels; at each x of `cells`, y lies between two points.
 
-        If there is a third label between them, the line is where the lower label ends. All runs so
-        far are used, also those of other lines.
+        If there is a third label between them, the line is where the lower label ends. The line
+        uses all finished runs, including the runs of other lines.
         """
 
         def below(b: float, a: float) -> bool:

@@ -38,7 +38,7 @@ MEASURED = {
 
 
 class Points(Protocol):
-    """The attributes of a `Sweep` that are used here."""
+    """The attributes of a `Sweep` that `Results` uses."""
 
     @property
     def scene(self) -> Scene: ...
@@ -102,7 +102,7 @@ class Results(Shown):
         """Return the mean of a column of `MEASURED` over finished points that differ in seeds only.
 
         Args:
-            column: the column. Points at which it is unknown (NaN) do not count.
+            column: the column. Points at which the column is NaN do not count.
 
         Returns:
             One row for each set of values of the fields that do not end in ".seed". Columns: these
@@ -110,7 +110,7 @@ class Results(Shown):
             over sqrt(n), NaN for one point; and ``n``, the number of points.
 
         Raises:
-            SceneError: there is no such column, or no field is a seed.
+            SceneError: `MEASURED` has no such column, or no field is a seed.
         """
         if column not in MEASURED:
             raise unknown("column", column, str(column), MEASURED)
@@ -173,7 +173,7 @@ class Results(Shown):
 
 
 def _netcdf(dataset: xr.Dataset) -> bytes:
-    """Return a dataset as the bytes of a netCDF 4 file, made in memory: HDF5 would lock a file."""
+    """Return a dataset as the bytes of a netCDF 4 file, made in memory because HDF5 locks files."""
     import h5netcdf
     from xarray.backends import H5NetCDFStore
 

@@ -45,7 +45,7 @@ OPTIONS = tuple(name for name, known in Options.declared().items() if known.owne
 """Options that a job may have. Options of the machine do not change the result of a run."""
 DEFAULTS = Options()
 ROOMS = ("scene", "theory", "core", "statics", "record", "engines", "planning")
-"""Rooms whose code determines the result of a run."""
+"""Subpackages whose code determines the result of a run."""
 POLL = 0.05
 """Time between two checks of runs in other processes, s."""
 MAX_LOSSES = 10
@@ -115,7 +115,7 @@ class Job:
         return f"{self.scene.name or 'scene'} to t = {self.t_end:g} s{options}"
 
     def made(self, progress: Callable[..., None]) -> Record:
-        """Return the record of its run."""
+        """Return the record of a run with these arguments."""
         return simulate(self.scene, self.t_end, self.options, threads=1, progress=progress)
 
     def answered(self, _: Record) -> bool:
@@ -124,7 +124,7 @@ class Job:
 
     @functools.cached_property
     def key(self) -> str:
-        """Hash of all that determines the record: scene (not its name), end, options, code.
+        """Hash of scene (without its name), end, options and code, which determine the record.
 
         The number of points that chose the level of a point is left out. The record holds this
         number.
@@ -190,9 +190,9 @@ def run_all(
 ) -> Any:
     """Run jobs side by side, in their order, each on one thread of a process of its own.
 
-    Worker processes do not run the script that calls this. Jobs with objects of classes that the
-    script defines, such as a friction law, are therefore made in this process, one by one. Ctrl-C
-    stops all workers; finished runs stay in the cache.
+    Worker processes do not run the calling script. Jobs with objects of classes that the script
+    defines, such as a friction law, are therefore made in this process, one by one. Ctrl-C stops
+    all workers; finished runs stay in the cache.
 
     Args:
         jobs: the jobs; put long ones first. Equal jobs are run once.
@@ -275,7 +275,7 @@ def run_all(
 
 
 def side_by_side(jobs: Sequence[Job | Point], workers: int | None) -> Workers | InThisProcess:
-    """Return an executor for jobs."""
+    """Return worker processes for jobs, or an executor in this process if one suffices."""
     count = min(_count(workers), len({job.key for job in jobs}))
     with suppress(Exception):  # a job that cannot be sent fails later
         if count > 1 and b"__main__" in pickle.dumps(jobs):
@@ -331,7 +331,7 @@ def _outcomes(
 
 
 class Unwanted(Exception):
-    """The caller has stopped, so that this run is not needed."""
+    """Stops a run that is not needed, because its caller has stopped."""
 
 
 def _made(job: Job | Point, store: Store, key: str, wanted: str) -> Record:

@@ -39,7 +39,7 @@ CALIBRATION = 5
 CHECKED, LEAST = 0.05, 2
 """Share of the other points that are checks, and their least number (choices)."""
 CONFIDENCE = 0.95
-"""Confidence of the statement on unmeasured points (a choice)."""
+"""Confidence of the limit for the share of unmeasured points that keep the tolerance (a choice)."""
 GOLDEN = (math.sqrt(5) - 1) / 2
 """The golden ratio. Fractional parts of its multiples are spread evenly, without the period of a
 grid."""
@@ -113,7 +113,7 @@ class Point:
         return self.job.key
 
     def made(self, progress: Callable[..., None]) -> Record:
-        """Return the record of its run."""
+        """Return the record of a run of the job at its levels."""
         job, options = self.job, dataclasses.replace(self.job.options, threads=1)
         how = {"first": self.first, "count": self.count, "progress": progress}
         record = simulate_point(job.scene, job.t_end, options, **how)
@@ -123,7 +123,7 @@ class Point:
         return record.replace(errors=Errors(**promise, chosen_at=self.chosen_at))
 
     def answered(self, record: Record) -> bool:
-        """Return whether a stored record is sufficient: it has errors, or at least this level."""
+        """Return whether a stored record suffices: it has errors, or at least the level `first`."""
         if record.errors is None or not record.errors.chosen_at:
             return True
         of = able(self.job.scene, self.job.options)
@@ -203,7 +203,7 @@ class _Together:
 
 
 def lower_limit(kept: int, checks: int) -> float:
-    """Return the lower confidence limit of a share of which `kept` of `checks` were found."""
+    """Return the lower confidence limit of a share, if `kept` of `checks` keep the tolerance."""
     if kept == 0:
         return 0.0
     return float(scipy.stats.beta.ppf(1 - CONFIDENCE, kept, checks - kept + 1))
@@ -214,7 +214,7 @@ def _joined(parts: Iterable[dict[str, Point]]) -> dict[str, Point]:
 
 
 class Shared:
-    """Levels found by verified runs, for other runs; see the module.
+    """Levels chosen by verified runs for other runs; see the module.
 
     `run_all` makes a `Shared` for each call. If jobs come one by one, give `run_all` the same
     object each time:
@@ -240,8 +240,8 @@ class Shared:
 
         Args:
             jobs: jobs by their keys.
-            found: records by the same keys; the caller adds those of a stage before it asks for the
-                next.
+            found: records by the same keys. The caller adds the records of a stage before it asks
+                for the next stage.
         """
         levels: dict[str, tuple[Level, ...]] = {}
         new: dict[Hashable, dict[str, Job]] = {}

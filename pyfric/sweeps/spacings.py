@@ -1,4 +1,4 @@
-"""How results of a slab depend on l: the same slab on finer lattices."""
+"""Results of a slab on lattices with different l."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Resolution(Shown):
     Attributes:
         table: one row for each quantity. Columns: its value at each l (m); ``change``, its relative
             change from the last l but one to the last; ``converges``, whether it has a limit for
-            small l. NaN means that a run has no such event.
+            small l. NaN means that a run lacks the quantity.
         records: one `Record` for each l.
     """
 
@@ -83,7 +83,7 @@ class Resolution(Shown):
 
 
 def _viscosity(record: Record) -> str:
-    """Return a note on how viscosity changes as l falls."""
+    """Return a note on the change of viscosity with l."""
     if record.method.engine == "quasistatic":
         return "static states, in which viscosity plays no part"
     slider = record.scene.slider
@@ -110,7 +110,7 @@ def resolve(
     goes on to its first system-size event.
 
     Args:
-        scene: what is simulated: a scene, the name of a preset, or the path of a scene file.
+        scene: a scene, the name of a preset, or the path of a scene file.
         t_end: latest end time, in s.
         levels: number of lattices, 2 to 5.
         options: see `pyfric.Job`; None means fidelity = "quasistatic".

@@ -3,10 +3,10 @@
 A file is the record of a run, or a part of the table of an ensemble (`pyfric.sweeps.measures`).
 
 Records are kept in the folder that `PYFRIC_CACHE` names, or else in the user's cache folder. Files
-are written and deleted as a whole, and contain a hash of their content. Processes and machines may
-share a folder. The process that makes a run holds a lock on a file beside the place of its record.
-The system releases the lock when this process ends, however it ends. If a lock is not available or
-is lost, a run is made twice, with the same result.
+are written and deleted as a whole. Each file contains a hash of its content. Processes and machines
+may share a folder. The process that makes a run holds a lock on a file beside the place of its
+record. The system releases the lock when this process ends, however it ends. If a lock is not
+available or is lost, a run is made twice, with the same result.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ SILENCE = 1.0
 """Waiting time after which a line in the log names the other process, s."""
 
 Cache = bool | str | os.PathLike[str] | None
-"""A store: True for pyfric's own, a path for another folder, False or None for none."""
+"""Choice of the store: pyfric's own (True), another folder (a path), or none (False, None)."""
 
 log = functools.cache(logging.getLogger("pyfric").warning)
 """Write a line to the log, once."""
@@ -137,7 +137,7 @@ class Store:
     def load(self, key: str, scene: Scene) -> Record | None:
         """Return the finished run of a scene; None if there is none.
 
-        A file that is damaged or cannot be read counts as missing; the log has a line on it.
+        A file that is damaged or cannot be read counts as missing, and the log names this file.
         """
         if self.folder is None:
             return None
@@ -155,7 +155,7 @@ class Store:
         return record if same and record.done else None
 
     def save(self, key: str, record: Record) -> None:
-        """Store a finished run; after an error, go on, with a line in the log."""
+        """Store a finished run; if it cannot be written, write a line to the log."""
         if self.folder is None:
             return
         try:
@@ -166,9 +166,9 @@ class Store:
             log(f"finished runs are not kept in {self.folder}: {error.strerror or error}")
 
     def load_table(self, key: str) -> dict[str, np.ndarray] | None:
-        """Return the arrays of a part of a table; None where there is none.
+        """Return the arrays of a part of a table; None if there is none.
 
-        A file that is damaged or cannot be read counts as missing; the log has a line on it.
+        A file that is damaged or cannot be read counts as missing, and the log names this file.
         """
         if self.folder is None:
             return None
@@ -185,7 +185,7 @@ class Store:
         return found
 
     def save_table(self, key: str, arrays: Mapping[str, np.ndarray]) -> None:
-        """Store a part of a table; after an error, go on, with a line in the log."""
+        """Store a part of a table; if it cannot be written, write a line to the log."""
         if self.folder is None:
             return
         content = io.BytesIO()
@@ -197,7 +197,7 @@ class Store:
             log(f"parts of tables are not kept in {self.folder}: {error.strerror or error}")
 
     def note_failure(self, key: str, reason: str) -> None:
-        """Store the reason why a run failed, until it is complete; after an error, go on."""
+        """Store the reason why a run failed; if it cannot be written, do nothing."""
         if self.folder is not None:
             with suppress(OSError):
                 self.folder.mkdir(parents=True, exist_ok=True)
@@ -213,7 +213,7 @@ class Store:
     # --- locks -----------------------------------------------------------------------------------
 
     def lock_file(self, key: str) -> Path:
-        """Return the file that is locked while a run is made."""
+        """Return the path of the file that is locked while a run is made."""
         return (self.folder or Path()) / f".{key}{LOCK}"
 
     @contextmanager
@@ -248,12 +248,12 @@ class Store:
                     path.unlink()
                 lock.release()
 
-    # --- what goes -------------------------------------------------------------------------------
+    # --- deletion --------------------------------------------------------------------------------
 
     def entries(self, *ends: str) -> list[Entry]:
         """Return the files of the store with these endings, most recently used first.
 
-        None means records and tables. The store has no other files.
+        Without endings, all records and parts of tables are returned.
         """
         found, ends = [], ends or (".nc", TABLE)
         for path in self.folder.iterdir() if self.folder and self.folder.is_dir() else ():
@@ -293,5 +293,5 @@ class Store:
 
         for path in self.folder.glob(f".*{LOCK}"):
             with suppress(OSError), FileLock(path, timeout=0, fallback_to_soft=False):
-                path.unlink()  # no process holds it
+                path.unlink()  # no process has locked it
         return gone, clean_drafts(self.folder)

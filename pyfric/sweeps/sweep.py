@@ -61,7 +61,7 @@ ENTRIES = ("scene", "t_end", "points", "n", "seed", "over", "options", "limits")
 LIMITS = ("max_hours", "max_GB")
 NAMES = {"from": "start", "to": "stop", "step": "step"}
 RANGE = (*NAMES, "n", "scale")
-"""Entries of the file of a sweep, of its limits and of its ranges."""
+"""Names of the entries of the file of a sweep, of [limits], and of a range."""
 
 Kind = Literal["grid", "list", "random", "sobol", "halton", "latin"]
 ASKED = 5
@@ -69,7 +69,7 @@ ASKED = 5
 
 
 class Estimate(NamedTuple):
-    """Numbers of points, of refused and of finished ones, and the cost of the others."""
+    """Numbers of all, refused and finished points, and the cost of the other points."""
 
     points: int
     refused: int
@@ -298,7 +298,7 @@ class Sweep(Shown):
         progress: bool | Callable[[int, int], None] | None = None,
         **how: Any,
     ) -> Ensemble:
-        """Return numbers of all points, without records where no record is needed.
+        """Return numbers of the runs of all points in one table.
 
         Quasi-static sequences without conditions for their end run in the core, many at a time.
         Other runs are made as in `run`.
@@ -340,7 +340,7 @@ def _cost(job: Job, share: float) -> np.ndarray:
 
 
 def _as_in_scene(value: Any, mark: Annotation) -> Any:
-    """Return a value as the scene stores it; a value that it refuses is returned unchanged."""
+    """Return a value as the scene stores it; a refused value is returned unchanged."""
     value = value.item() if isinstance(value, np.generic) else value
     try:
         return mark.check(value)

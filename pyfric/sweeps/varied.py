@@ -1,4 +1,4 @@
-"""What may vary in a sweep: fields with their units, and ranges of numbers."""
+"""Fields and options that may vary in a sweep, with their units, and ranges of numbers."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Span:
         n: number of values in a grid or list, ends included, at least 2; None with a step.
         step: distance of the values from `start` on; drawn values are rounded to them. If ends and
             step are integers, so are the values.
-        scale: "linear" or "log"; "linear" with a step.
+        scale: "linear" or "log"; only "linear" with a step.
 
     Raises:
         SceneError: a value is refused.
@@ -93,7 +93,7 @@ class Span:
         return [self.at(share) for share in np.linspace(0.0, 1.0, self.n)]
 
     def _steps(self) -> int:
-        """Return how many steps fit into the range."""
+        """Return the number of steps that fit into the range."""
         return math.floor((self.stop - self.start) / self.step * (1 + 1e-12))
 
     def _stepped(self, n: int) -> float:
@@ -139,7 +139,7 @@ def drawn(spans: Sequence[Span], kind: str, n: int, seed: int) -> list[list[floa
 
 
 def varied(scene: SceneLike) -> dict[str, Annotation]:
-    """Return all that may vary, with annotations, which are empty for options without a unit."""
+    """Return name -> annotation of each field and option that may vary."""
     marks = {name: Options.declared()[name].mark for name in OPTIONS}
     options = {
         f"options.{name}": Quantity(mark.unit) if isinstance(mark, Quantity) else Annotation()
@@ -149,7 +149,7 @@ def varied(scene: SceneLike) -> dict[str, Annotation]:
 
 
 def full_field(scene: SceneLike, name: str, values: Any) -> str:
-    """Return the full name of what varies.
+    """Return the full name of a varied field or option.
 
     Raises:
         SceneError: there is no such field, or it is in several parts.

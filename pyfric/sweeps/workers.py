@@ -1,9 +1,9 @@
 """Worker processes. If a worker dies, only its job is lost; all workers end with this process.
 
 Each worker is a `ProcessPoolExecutor` of one spawned process, so that the job of a dead process is
-known. A worker inherits a mask that blocks the signals that end a command. Each worker holds one
-end of a pipe; only this process has the other end. When this process ends, for any reason, the pipe
-closes and the worker ends, too.
+known. A worker inherits a mask that blocks the signals that end a command. Each worker holds the
+reading end of a pipe; only this process has the writing end. When this process ends, for any
+reason, the pipe closes and the worker ends, too.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Workers(Executor):
         return self._threads.submit(self._run, function, args, kwargs)
 
     def _run(self, function: Callable[..., Any], args: Any, kwargs: Any) -> Any:
-        """Call a function in the worker of this thread."""
+        """Return the result of a function called in the worker of this thread."""
         if not hasattr(self._of_thread, "worker"):
             self._of_thread.worker = _Worker(self._hears)
             self._workers.append(self._of_thread.worker)
@@ -118,12 +118,12 @@ class InThisProcess(Executor):
 
 
 def _begin(hears: Connection) -> None:
-    """Prepare a worker process."""
+    """Limit a worker process to one thread, and end it when its parent ends."""
     threadpool_limits(1)
     threading.Thread(target=_leave, args=(hears,), daemon=True).start()
 
 
 def _leave(hears: Connection) -> None:
-    """End this process when its parent ends."""
+    """Wait for the end of the parent process, then end this process."""
     hears.poll(None)
     os._exit(1)

@@ -12,7 +12,7 @@ In the frame of the front the Fourier transform leads to a Wiener-Hopf problem w
 Im kappa >= 0 for q > 0, and kappa -> 1 for q -> inf. The factor of kappa at q = 0 is tau_bar:
 
     tau_bar = exp(-(1/pi) integral_0^inf arg kappa dq/q)           alpha > 0,
-    tau_bar = sqrt(1 - 1/v^2) times the same                       alpha = 0, v > 1.
+    tau_bar = sqrt(1 - 1/v^2) times this factor                    alpha = 0, v > 1.
 
 For alpha = 0 and eta = 1, kappa = (1 - A(q)/(i v q))(1 - A(-q)/(i v q)) with A = 1 - exp(i q). The
 factors have no zeros in their half planes, because |A| <= |q| there. Hence tau_bar = 1 - 1/v. For
@@ -158,7 +158,7 @@ def _viscosities(alpha: float, eta: float) -> tuple[float, float]:
 
 
 def _arg_over_q(q: ArrayLike, v: float, alpha: float, eta: float) -> np.ndarray:
-    """arg kappa / q; Im kappa >= 0, so that arctan2 is the continuous branch, 0 ... pi."""
+    """Return arg kappa / q. As Im kappa >= 0, arctan2 is the continuous branch, 0 to pi."""
     u, s = v * q, 4 * np.sin(q / 2) ** 2
     w = s / (u * u + alpha * alpha)
     return np.arctan2(w * (alpha / u + eta * u), 1 - w * (1 - alpha * eta)) / q
@@ -194,7 +194,7 @@ def _panels(ends: Sequence[float], *kernel: float, of: Callable[..., Any] = _arg
 
 
 def _damped(v: float, alpha: float, eta: float) -> float:
-    """tau_bar where viscosity damps all waves that the front makes, alpha + 4 eta >> v."""
+    """Return tau_bar where viscosity damps all waves that the front makes, alpha + 4 eta >> v."""
 
     def W(u: complex) -> complex:
         return (1 - 1j * eta * u) / (u * (u + 1j * alpha))
@@ -207,7 +207,7 @@ def _damped(v: float, alpha: float, eta: float) -> float:
 
 
 def _overdamped(w: float) -> float:
-    """tau_bar(w): as `_damped`, with W = 1/(i u), u = w q."""
+    """Return tau_bar(w), computed as in `_damped` with W = 1/(i u), u = w q."""
     ends = 2 * np.pi * np.arange(_PERIODS + 1.0)
     near = _panels(ends, w, of=lambda q, w: math.atan2(4 * math.sin(q / 2) ** 2, w * q) / q)
     return np.exp(-(near + _beyond(lambda u: -1j / u, lambda u: 1j / u**2, w)) / np.pi)
@@ -241,7 +241,7 @@ def _beyond(W: Callable[[float], complex], dW: Callable[[float], complex], v: fl
 def _inverse(
     of: Callable[[float], float], tau_bar: float, slowest: float, fastest: float, what: str
 ) -> float:
-    """Return v with of(v) = tau_bar, or raise ValueError if it is not in the range."""
+    """Return v with of(v) = tau_bar, or raise ValueError if v is not in the range."""
 
     def excess(v: float) -> float:
         return of(v) - tau_bar

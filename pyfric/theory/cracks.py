@@ -43,7 +43,7 @@ ACCURACY = 1e-8
 """Largest error accepted from the quadrature of a stress drop, over its largest value."""
 
 ANDREWS_S = 1.77
-"""In two dimensions a crack can become supershear only if S is below this (Andrews 1985)."""
+"""Limit of S, below which a crack in two dimensions can become supershear (Andrews 1985)."""
 
 # Trapezoidal rule in y = ln(v x), which is exponentially accurate: the integrand of I is analytic
 # for |Im y| < pi/2 and falls as exp(-|y|).
@@ -165,7 +165,7 @@ def energy_release_rate(
     Args:
         K_II: static stress intensity, Pa sqrt(m), any shape; see `stress_intensity`.
         v: front speed, m/s, 0 to c_R, any shape that broadcasts.
-        bodies: 1, on a rigid plane, or 2.
+        bodies: 1 (a body on a rigid plane) or 2 (two bodies).
     """
     share = _share(bodies)
     K, xi = same_shape(
@@ -186,7 +186,7 @@ def crack_length(
         v: front speed, m/s, 0 to c_R (not included), any shape.
         stress_drop: dtau, Pa.
         Gamma: fracture energy in the convention of `bodies`, J/m^2.
-        bodies: 1, on a rigid plane, or 2.
+        bodies: 1 (a body on a rigid plane) or 2 (two bodies).
 
     Source: Freund (1990), chapter 7; see the approximation at the top of the module.
     """
@@ -218,7 +218,7 @@ def crack_speed(
         stress_drop, breaks: as in `stress_intensity`.
         Gamma: fracture energy at the tip in the convention of `bodies`, J/m^2, a number or one for
             each a; 0 gives c_R.
-        bodies: 1, on a rigid plane, or 2.
+        bodies: 1 (a body on a rigid plane) or 2 (two bodies).
 
     Source: Freund (1990), chapter 7; see the approximation at the top of the module.
     """
@@ -276,7 +276,7 @@ def cohesive_zone(
         p: normal stress, Pa, > 0, any shape.
         d_c: slip of weakening in the convention of `bodies`, m, any shape that broadcasts.
         v: front speed, m/s, 0 to c_R (not included), any shape that broadcasts.
-        bodies: 1, on a rigid plane, or 2.
+        bodies: 1 (a body on a rigid plane) or 2 (two bodies).
 
     Source: Palmer and Rice (1973).
     """
@@ -314,7 +314,7 @@ def strength_excess(tau_p: ArrayLike, tau_0: ArrayLike, tau_r: ArrayLike) -> np.
 
 
 def _share(bodies: Bodies) -> float:
-    """Share of the two bodies' energy in the convention of `bodies`."""
+    """Return the share of the energy of two bodies that `bodies` of them have: 1/2 or 1."""
     return choice("bodies", bodies, (1, 2)) / 2
 
 
@@ -324,7 +324,7 @@ def _friction_drop(mu_s: float, mu_k: float, p: ArrayLike) -> np.ndarray:
 
 
 def _xi(material: Material, v: ArrayLike, top: float, open_: bool = False) -> np.ndarray:
-    """v/c_S, checked to lie between 0 and `top`."""
+    """Return v/c_S, after a check that v is between 0 and `top` (m/s)."""
     return checked_array("v", v, "m/s", ge=0, **{"lt" if open_ else "le": top}) / material.c_S
 
 

@@ -20,7 +20,7 @@ def refusal(field: str, value: Any, unit: str, allowed: str) -> ValueError:
 
 
 def _has_unit(value: Any) -> bool:
-    """Whether a value is a quantity of a unit library; some of these are NumPy arrays."""
+    """Whether a value is a quantity of a unit library; some quantities are NumPy arrays."""
     names = ("magnitude", *("unit", "units") * isinstance(value, np.ndarray | np.generic))
     return any(hasattr(value, name) for name in names)
 

@@ -113,7 +113,7 @@ def rayleigh_speed(c_P: float, c_S: float) -> float:
         c_P, c_S: longitudinal and shear speed of plane waves, m/s; see `Material`.
 
     Raises:
-        ValueError: not positive, or c_P/c_S outside `SOFTEST` ... `STIFFEST`.
+        ValueError: a value is not positive, or c_P/c_S is outside `SOFTEST` ... `STIFFEST`.
 
     Source: Freund (1990), chapter 2; the root at v = 0 is divided out.
 
@@ -137,7 +137,7 @@ class Material:
         rho: density, kg/m^3.
 
     Raises:
-        ValueError: not positive, or c_P/c_S outside `SOFTEST` ... `STIFFEST`.
+        ValueError: a value is not positive, or c_P/c_S is outside `SOFTEST` ... `STIFFEST`.
     """
 
     c_P: float
@@ -208,7 +208,7 @@ class Material:
 
     @property
     def E_prime(self) -> float:
-        """E in plane stress, E/(1 - nu^2) in plane strain: 4 mu (1 - r) in both, Pa."""
+        """E in plane stress, E/(1 - nu^2) in plane strain, Pa; both are 4 mu (1 - r)."""
         return 4 * self.mu * (1 - self.r)
 
     @property

@@ -27,7 +27,7 @@ TORNADO = figure_ends("sensitivity")
 
 
 def _pairs(name: str, texts: tuple[str, ...], form: str) -> dict[str, str]:
-    """Return NAME=VALUE as a dict.
+    """Return NAME -> VALUE of texts NAME=VALUE.
 
     Raises:
         click.UsageError: an entry has no "=".

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 HERE = "\0"  # value of --resume without a file
 DRAWN = figure_ends("curve", "slip")
-"""Ends of the names of the files of --figure."""
+"""Endings of the names of the files that --figure writes."""
 
 
 @main.command(section="Simulate")
@@ -178,7 +178,7 @@ def _run(
     progress: bool,
     how: dict[str, Any],
 ) -> tuple[Record, list[Path]]:
-    """Return the record and its file. After the run, Ctrl-C no longer prevents the save."""
+    """Return the record and a list with its file. Ctrl-C after the run does not prevent saving."""
     from pyfric.signals import saved_first
 
     files: list[Path] = []
@@ -197,7 +197,7 @@ def _run(
 
 
 def _saved(record: Record, out: Path) -> Path:
-    """Write the record. If this fails, write it elsewhere, print the place, and stop."""
+    """Write the record and return its path; after an error, write it elsewhere, and stop."""
     try:
         return record.save(out, overwrite=True)  # the command has checked overwriting
     except OSError as error:

@@ -1,4 +1,4 @@
-"""A case: a published result, its measured values, and damages for which it must miss."""
+"""A case: a published result, its measured values, and damages for which the case must miss."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Found(NamedTuple):
 
 
 Find = Callable[..., Found]
-"""Function of a `Runner`. Damages and tests change its keywords, which all have defaults."""
+"""Function of a `Runner` that measures a case. Its keywords have defaults, which damages change."""
 
 
 @dataclass(frozen=True)
@@ -42,13 +42,13 @@ class Case:
     """A published result.
 
     Attributes:
-        name: its name, which is the name of the function.
+        name: name of the case and of its function.
         title: the published result, in short.
         source: authors, journal, DOI.
         target: "number", or "trend" if the source gives only a direction, or numbers for another
             system.
         seen: parameter -> its place in the source, or the reason for its value.
-        find: function that measures it.
+        find: function that measures the result.
     """
 
     name: str
@@ -73,7 +73,7 @@ class Case:
 
 
 CASES: dict[str, Case] = {}
-"""Name -> case."""
+"""Name of a case -> the case."""
 
 
 def case(

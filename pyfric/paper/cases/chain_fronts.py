@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from pyfric.record import Record
 
 TYPES = ("arrested", "alternating", "pulse", "crack", "slow", "sub-Rayleigh", "supershear")
-"""Front types that the abstract names."""
+"""Front types that the abstract of the source names."""
 ALPHA = (0.01, 0.1, 0.3, 0.5456, 1.0, 3.0)
 TAU_BAR = (0.003, 0.02, 0.05, 0.1111, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9)
 BOTTOM = 3e-4
-"""v/c at which the figure shows fronts that arrest."""
+"""v/c at which the figure shows arrested fronts."""
 STEADY = {"alpha": (0.3, 1.0), "tau_bar": (0.35, 0.5, 0.65, 0.8, 0.9)}
 """Points whose fronts are steady after 100 blocks."""
 
@@ -44,7 +44,7 @@ def chain_fronts(
     tau_bar: tuple[float, ...] = TAU_BAR,
     eta: float = 0.0,
 ) -> Found:
-    """Fronts as functions of prestress and viscosity; eta is a bond viscosity in sqrt(k m)."""
+    """Measure fronts against prestress and viscosity; eta is a bond viscosity in sqrt(k m)."""
     points = [(a, b) for a in alpha for b in tau_bar]
     jobs = [_with_eta(chain_job(a, b), eta) for a, b in points]
     rows = [
@@ -83,14 +83,14 @@ def chain_fronts(
 
 
 def _class(record: Record) -> dict[str, Any]:
-    """Kind and pace of the rupture, and its speed over c."""
+    """Return kind and pace of the rupture of a run, and its speed over c."""
     found, slider = record.rupture_class(), record.scene.slider
     c = slider.l * (slider.k / slider.m) ** 0.5
     return {"kind": found.kind, "pace": found.pace, "speed_over_c": found.speed / c}
 
 
 def _with_eta(job: Job, eta: float) -> Job:
-    """The job with a bond viscosity eta, in sqrt(k m)."""
+    """Return the job with a bond viscosity eta, in sqrt(k m)."""
     scene = job.scene
     eta *= float(np.sqrt(scene.slider.k * scene.m))
     return Job(scene.replace({"slider.eta": eta}), job.t_end, job.options)

@@ -1,4 +1,4 @@
-"""Cases run by name: verdicts, files, and a page made from a folder of cases."""
+"""Runs of cases by name; their verdicts, files, and page."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Result:
         return "holds" if all(part.holds for part in self.parts) else "misses"
 
     def as_dict(self) -> dict[str, Any]:
-        """Case, verdict and parts as plain values for JSON."""
+        """Return case, verdict and parts as plain values for JSON."""
         about = vars(self.case) | {"seen": dict(self.case.seen)}
         del about["find"]
         own = {"verdict": self.verdict, "seconds": round(self.seconds, 1)}
@@ -90,7 +90,7 @@ def run(
         workers, cache, progress: as in `pyfric.run_all`, for the runs of one case.
 
     Raises:
-        SceneError: no such case; nothing has been done.
+        SceneError: there is no case of a given name, and nothing has been run.
         JobError: a run failed.
         KeyboardInterrupt: after Ctrl-C.
     """
@@ -143,6 +143,6 @@ def write_page(folder: str | os.PathLike[str]) -> Path:
 
 
 def listed() -> str:
-    """Return names and titles of all cases, one a line."""
+    """Return the names and titles of all cases, one case in each line."""
     width = max(map(len, CASES), default=0)
     return "\n".join(f"{name:<{width}}  {entry.title}" for name, entry in CASES.items())

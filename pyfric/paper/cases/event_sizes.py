@@ -42,7 +42,7 @@ PERIODS = 4.0
 def event_sizes(
     run: Runner, *, alpha: tuple[float, ...] = ALPHA, N: int = 80, periods: float = PERIODS
 ) -> Found:
-    """Exponent of event sizes as a function of weakening, without events of one block."""
+    """Measure the exponent of event sizes against weakening, without events of one block."""
     t_end = periods * F_0 / (K_P * V)
     options = {"fidelity": "hybrid", "switching": "step_end", "t_gap": 1e-3}
     jobs = [Job(_weakening(a, N), t_end, options) for a in alpha]
@@ -69,7 +69,7 @@ def event_sizes(
 
 
 def _weakening(alpha: float, N: int) -> Scene:
-    """The chain, with random initial stress of 0.88 to 0.98 of the strength."""
+    """Return the chain with random initial stress of 0.88 to 0.98 of the strength."""
     v_0 = F_0 / np.sqrt(K_P * M)
     v = np.concatenate([[0.0], np.geomspace(1e-3, 10, 40)])
     factor = 1 / (1 + 2 * alpha * v / (1 - SIGMA))
@@ -92,14 +92,14 @@ def _weakening(alpha: float, N: int) -> Scene:
 
 
 def _sizes(record: Record) -> np.ndarray:
-    """Potency (m^2) of the finished events of two to N/2 blocks, ascending."""
+    """Return the potency (m^2) of finished events of two to N/2 blocks, ascending."""
     events = record.events
     inside = events["finished"] & events["n_blocks"].between(2, record.scene.N_x // 2)
     return np.sort(events.loc[inside, "potency"].to_numpy())
 
 
 def _drawn(table: pd.DataFrame, sizes: dict[float, np.ndarray]) -> DataFigure:
-    """Draw the number of events at least as large over potency."""
+    """Draw the number of events of at least each potency against potency."""
     fig, (axes,) = panels(2.6)
     for (a, size), colour in zip(sizes.items(), (BLACK, BLUE, VERMILION), strict=False):
         number = np.arange(size.size, 0, -1)

@@ -14,11 +14,11 @@ from pyfric.paper.claims.claim import Band, Claim
 from pyfric.paper.claims.damage import given
 
 L_C = 32
-"""Blocks in the nucleation length at the mean rate."""
+"""Number of blocks in the nucleation length at the mean rate of weakening."""
 SIZES = (1, 2, 4, 8, 16, 32, 64, 128)
 """Sizes of asperities in blocks."""
 CONTRAST = 0.5
-"""Contrast c: rates are 1 - c and 1 + c times their mean."""
+"""Contrast c. Rates of weakening are 1 - c and 1 + c times their mean."""
 
 
 @case(
@@ -39,7 +39,7 @@ def heterogeneous_weakening(
     shape: tuple[int, int] = (240, 120),
     length: int = L_C,
 ) -> Found:
-    """Nucleation length as a function of the size of asperities; computed without runs."""
+    """Compute nucleation lengths against the size of asperities, from static stiffness."""
     K = stiffness_of(half_space(*shape))
     mean = 2 * 1.158 * MODULUS / length
     uniform = _length(K, np.full(len(K), mean))
@@ -76,7 +76,7 @@ def heterogeneous_weakening(
 
 
 def _asperities(N_x: int, size: int, seed: int) -> np.ndarray:
-    """Rates over their mean, high or low at random in asperities from a random begin on."""
+    """Return rates over their mean, high or low at random, in asperities that begin at random."""
     rng = np.random.default_rng([seed, size])
     coins = 1 + CONTRAST * rng.choice([-1.0, 1.0], N_x // size + 2)
     begin = int(rng.integers(size))
@@ -84,7 +84,7 @@ def _asperities(N_x: int, size: int, seed: int) -> np.ndarray:
 
 
 def _length(K: np.ndarray, w: np.ndarray) -> float:
-    """Number of blocks, interpolated, of the central patch that loses stability."""
+    """Return the length, in blocks (interpolated), at which the central patch loses stability."""
     middle = len(K) // 2
 
     def largest(half: int) -> float:

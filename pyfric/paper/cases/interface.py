@@ -68,8 +68,8 @@ def strength(K: np.ndarray, tau_p: np.ndarray, w: float) -> tuple[float, int]:
 
     Uniform shear rises from 0. A block slips when its shear reaches the strength tau_p, and then
     loses w of strength per slip, without a lower limit. The slips u of the slipping blocks follow
-    from (K - w) u = tau - tau_p while K - w is positive definite. When it is not, the slider has no
-    state of rest.
+    from (K - w) u = tau - tau_p while K - w is positive definite. Otherwise the slider has no state
+    of rest.
 
     Args:
         K: stiffness of the interface, N/m, shape (N_x, N_x).

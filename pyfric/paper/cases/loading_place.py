@@ -40,7 +40,7 @@ T_END = 0.8
 def loading_place(
     run: Runner, *, places: Mapping[str, Mapping[str, Any]] = PLACES, l: float = 2e-3
 ) -> Found:
-    """Ruptures of a slider loaded at different places."""
+    """Measure ruptures of a slider loaded at different places."""
     how = {"fidelity": "hybrid", "geometry": "linear", "verify": "none"}
     records = run([Job(preset("setup2", at, l=l), T_END, how) for at in places.values()])
     found = dict(zip(places, records, strict=True))
@@ -60,7 +60,7 @@ def loading_place(
 
 
 def _mode(record: Record) -> str:
-    """Starting places of ruptures of at least 8 blocks, and whether the first is short."""
+    """Return where the first rupture of at least 8 blocks starts, and whether it is short."""
     scene, events = record.scene, record.events[record.events["n_blocks"] >= 8]
     if events.empty:
         return "none"

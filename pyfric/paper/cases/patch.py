@@ -23,7 +23,7 @@ DROP, OVER = 0.25, 1e-3
 BARRIER = 10.0
 """mu_s of the barriers."""
 STEP, T_END = 0.3, 400.0
-"""Step and end of runs in sqrt(m/k)."""
+"""Time step and end of runs, in sqrt(m/k)."""
 
 
 @case(
@@ -47,7 +47,7 @@ def patch(
     edge: bool = False,
     beta: Sequence[float] = BETA,
 ) -> Found:
-    """Critical weakening of a patch of n blocks, in the middle or at a free edge."""
+    """Measure the critical weakening of a patch of n blocks, in the middle or at a free edge."""
     static = 1 / slipping(stiffness_of(half_space(*shape)), _blocks(shape[0], n, edge), 1.0)
     size = shape[0] // 2, shape[1] // 2
     records = run([_job(b, size, n, edge) for b in beta])
@@ -85,7 +85,7 @@ def _blocks(N_x: int, n: int, edge: bool) -> slice:
 
 
 def _job(beta: float, size: tuple[int, int], n: int, edge: bool) -> Job:
-    """A patch that initially carries a little more than its strength."""
+    """Return the run of a patch that initially carries a little more than its strength."""
     mu_s, tau, inside = np.full(size[0], BARRIER), np.zeros(size[0]), _blocks(size[0], n, edge)
     mu_s[inside] = 0.7
     tau[inside] = 0.7 * (1 + OVER)

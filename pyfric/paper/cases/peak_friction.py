@@ -42,7 +42,7 @@ def peak_friction(
     N: int = 60,
     kept: float = 0.0,
 ) -> Found:
-    """The ratio of the first peak to steady friction.
+    """Measure the ratio of the first peak to steady friction.
 
     `kept` is the share of strain that a spring keeps when it breaks.
     """
@@ -76,7 +76,7 @@ def peak_friction(
 
 
 def _springs(N: int, width: float, kept: float) -> Scene:
-    """Blocks coupled only by the plate; mu_k lets a block that slips keep the share `kept`."""
+    """Return blocks coupled only by the plate; in slip a block keeps the share `kept` of strain."""
     mu_s = MU_S * (1 + width * np.linspace(-1, 1, N))
     return chain(
         L=(N - 1) * L,
@@ -94,7 +94,7 @@ def _springs(N: int, width: float, kept: float) -> Scene:
 
 
 def _forces(record: Record, period: float) -> dict[str, float]:
-    """First peak, and mean force of the second ten periods, over the mean threshold."""
+    """Return the first peak and the steady mean force, over the mean threshold, and their ratio."""
     curve, events, whole = record.curve, record.events, record.scene.N_x * MU_S * P
     peak = float(events["F_T_start"][events["t_start"] < 1.5 * period].max()) / whole
     steady = curve["F_T"][(curve["t"] > 10.25 * period) & (curve["t"] <= 20.25 * period)]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pyfric.record import Record
 
 ROWS, COLUMNS, RATIO = 21, 320, 1.3
-"""Numbers of blocks of the strip; G_0 over the mean of Gamma, approximately."""
+"""Numbers of rows and columns of blocks of the strip; approximate G_0 over the mean of Gamma."""
 PERIOD, CONTRAST = 24, 0.15
 """Number of blocks in a period; half the difference of strengths over their mean."""
 
@@ -36,7 +36,7 @@ PERIOD, CONTRAST = 24, 0.15
 def periodic_strength(
     run: Runner, *, contrast: float = CONTRAST, rows: int = ROWS, columns: int = COLUMNS
 ) -> Found:
-    """A front in a strip of periodic strength, and the period of its speed."""
+    """Measure the front speed in a strip of periodic strength, and the period of the speed."""
     n = np.arange(columns)
     sign = np.where(((n - START) // (PERIOD // 2)) % 2, 1.0, -1.0)
     (record,) = run([job(RATIO, rows, columns, 1, STRENGTH * (1 + contrast * sign))])
@@ -71,7 +71,7 @@ def periodic_strength(
 
 
 def _speeds(record: Record, sign: np.ndarray) -> pd.DataFrame:
-    """Front speed over c at each block beyond the start, from passage times of its neighbours."""
+    """Return front speeds over c at blocks beyond the start, from rupture times of neighbours."""
     first = record.episodes.groupby("n")["t_start"].min().reindex(range(1, record.scene.N_x + 1))
     t = np.maximum.accumulate(first.to_numpy())
     known = np.flatnonzero(np.isfinite(t))

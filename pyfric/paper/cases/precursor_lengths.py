@@ -18,7 +18,7 @@ from pyfric.sweeps import Job
 
 BASE: dict[str, dict[str, Any]] = {"as in Fig. 1": {}}
 MOVING: dict[str, dict[str, Any]] = {"with inertia": {}, "V/2": {"V": 0.39375e-3}}
-"""Runs with inertia, because quasi-static runs do not depend on V."""
+"""Name of a run with inertia -> changes of its scene. Quasi-static runs do not depend on V."""
 RUNS = (
     BASE
     | MOVING
@@ -47,7 +47,7 @@ HOW = {"verify": "none"}
 def precursor_lengths(
     run: Runner, *, variants: Mapping[str, Mapping[str, Any]] = RUNS, slider: str = "fig1"
 ) -> Found:
-    """Lengths over force for different speeds, heights and loads; `slider` is a preset."""
+    """Measure lengths against force for different V, h and loads; `slider` is a preset."""
     jobs = []
     for name, changes in variants.items():
         scene = preset(slider, changes)
@@ -112,7 +112,7 @@ def precursor_lengths(
 
 
 def _apart(base: pd.DataFrame, other: pd.DataFrame) -> float:
-    """Largest difference of lengths, over L, at forces within both curves."""
+    """Return the largest difference of lengths, over L, at forces within both curves."""
     low = max(base["force"].min(), other["force"].min())
     high = min(base["force"].max(), other["force"].max())
     force = np.linspace(low, high, 200)
@@ -121,7 +121,7 @@ def _apart(base: pd.DataFrame, other: pd.DataFrame) -> float:
 
 
 def _lines(curve: pd.DataFrame) -> tuple[float, float]:
-    """RMS deviation (L) from the best two lines of at least three points; ratio of slopes."""
+    """Return RMS deviation (L) from the best two lines of three or more points; slope ratio."""
     x, y = curve["force"].to_numpy(), curve["L_p_over_L"].to_numpy()
     best = np.inf, np.nan
     for split in range(3, len(x) - 2):

@@ -38,7 +38,7 @@ def pressure_and_length(
     lengths: Sequence[float] = LENGTHS,
     pressures: Sequence[float] = PRESSURES,
 ) -> Found:
-    """Static friction: force at the first event in which nine tenths of the interface slip."""
+    """Measure static friction: force at the first event in which 90 % of the interface slip."""
     jobs = [_job(L, 1.0) for L in lengths] + [_job(0.14, pressure) for pressure in pressures]
     forces = []
     for record in run(jobs):

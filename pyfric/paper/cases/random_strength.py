@@ -15,11 +15,11 @@ from pyfric.paper.claims.damage import given
 from pyfric.scene import Spread, Walls
 
 L_C = 24
-"""Blocks in the nucleation length."""
+"""Number of blocks in the nucleation length."""
 LENGTHS = (0.125, 0.25, 0.5, 1.0, 2.0)
 """Correlation lengths over the nucleation length."""
 MEAN, STD = 0.7, 0.035
-"""mu_s and its standard deviation."""
+"""Mean and standard deviation of mu_s."""
 
 
 @case(
@@ -42,7 +42,7 @@ def random_strength(
     L_c: int = L_C,
     std: float = STD,
 ) -> Found:
-    """Load at which slow slip loses stability, against correlation length; without runs."""
+    """Compute the load at which slow slip loses stability, against correlation length."""
     walls = Walls(left="mirrored", right="mirrored", top="held")
     K = stiffness_of(half_space(*shape, walls=walls))
     w = 2 * 1.158 * MODULUS / L_c

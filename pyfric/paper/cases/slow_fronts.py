@@ -31,9 +31,9 @@ PUSHED, EXCESS = 5, 0.2
 HEIGHT, T_END = 30e-3, 30e-3
 """Height of the slab (m), end of runs (s): 15 mean times t_R."""
 SLOW = 0.03
-"""Front speed over c_S below which it counts as slow."""
+"""Front speed over c_S below which a front counts as slow."""
 AVERAGED = 4
-"""Number of blocks over which a speed is averaged."""
+"""Number of blocks over which a front speed is averaged."""
 
 
 @case(
@@ -51,7 +51,7 @@ AVERAGED = 4
 def slow_fronts(
     run: Runner, *, t_R: float = 2e-3, shear: Sequence[float] = SHEAR, t_end: float = T_END
 ) -> Found:
-    """Fronts on slabs under uniform shear; t_R is the mean time of slip of a junction, s."""
+    """Measure fronts on slabs under uniform shear; t_R is the mean slip time of a junction, s."""
     rows = []
     for tau, record in zip(shear, run([_job(tau, t_R, t_end) for tau in shear]), strict=True):
         passed = passages(record, int(record.events["n_blocks"].idxmax()))
@@ -124,7 +124,7 @@ def prepared(tau: float, law: FrictionLaw, name: str = "") -> Scene:
 
 
 def passages(record: Record, event: int) -> np.ndarray:
-    """Return passage times of the front at blocks from the trailing edge, (N_x,), s, or NaN."""
+    """Return times (s) at which the front passes blocks from the trailing edge, or NaN, (N_x,)."""
     of_event = record.episodes[record.episodes["event"] == event]
     first = of_event.groupby("n")["t_start"].min()
     times = first.reindex(np.arange(1, record.scene.N_x + 1)).to_numpy()
@@ -132,7 +132,7 @@ def passages(record: Record, event: int) -> np.ndarray:
 
 
 def speeds(t: np.ndarray, l: float) -> np.ndarray:
-    """Return front speeds from passages, (N_x,), m/s; NaN at two blocks from either end."""
+    """Return front speeds (m/s) from passage times, NaN at two blocks from either end, (N_x,)."""
     v, half = np.full(len(t), np.nan), AVERAGED // 2
     with np.errstate(divide="ignore"):
         v[half:-half] = AVERAGED * l / (t[AVERAGED:] - t[:-AVERAGED])

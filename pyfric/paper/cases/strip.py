@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pyfric.record import Record
 
 ROWS, COLUMNS = 21, 320
-"""Blocks of the strip: H = 20 l."""
+"""Numbers of rows and columns of blocks of the strip; H = 20 l."""
 STRENGTH, D_C = 0.25, 1.7
 """(mu_s - mu_k) p in p, and d_c in p/k: the cohesive zone at rest spans eight blocks."""
 START = 40
@@ -30,7 +30,7 @@ RATIOS = (0.8, 0.9, 0.97, 1.03, 1.1, 1.2, 1.35)
 """G_0 over Gamma of the other blocks."""
 HIGHER = (0.4, 0.5, 0.6, 0.7)
 STEP = 0.3
-"""Step in sqrt(m/k)."""
+"""Time step, in sqrt(m/k)."""
 
 
 @case(
@@ -52,7 +52,7 @@ def strip(
     columns: int = COLUMNS,
     higher: int = 1,
 ) -> Found:
-    """Fronts as functions of G_0/Gamma; a damage holds the top `higher` times as high."""
+    """Measure fronts against G_0/Gamma; a damage holds the top `higher` times as high."""
     jobs = [job(ratio, rows, columns, higher) for ratio in ratios]
     H = rows - 1
     reached = [(_reached(record) - START) / H for record in run(jobs)]
@@ -81,13 +81,13 @@ def strip(
 def job(
     ratio: float, rows: int, columns: int, higher: int, strength: np.ndarray | float = STRENGTH
 ) -> Job:
-    """A strip whose first blocks are weaker than the others.
+    """Return the run of a strip whose first blocks are weaker than the others.
 
     Args:
         ratio: G_0 over Gamma.
         rows, columns: numbers of rows and columns of blocks.
         higher: height of the held top, over that of `rows`.
-        strength: (mu_s - mu_k) p of each block, in p; Gamma is that of `STRENGTH`.
+        strength: (mu_s - mu_k) p of each block, in p; Gamma belongs to `STRENGTH`.
     """
     Gamma = STRENGTH * D_C / 2
     H = rows - 1
@@ -110,7 +110,7 @@ def job(
 
 
 def _reached(record: Record) -> int:
-    """Number of blocks of the event that starts at the mirror."""
+    """Return the number of blocks that the front from the mirror line has reached."""
     return int(record.events["last_block"].max())
 
 

@@ -32,7 +32,7 @@ T_END = 1.3
     },
 )
 def surface_grooves(run: Runner, *, grooves: Sequence[int] = GROOVES) -> Found:
-    """Largest force as a function of the number of grooves."""
+    """Measure the largest force as a function of the number of grooves."""
     how = {"fidelity": "quasistatic", "geometry": "linear", "verify": "none"}
     records = run([Job(preset("fig1", contact=_contact(n)), T_END, how) for n in grooves])
     largest = [record.events["F_T_start"].max() / record.scene.F_N for record in records]
@@ -63,7 +63,7 @@ def surface_grooves(run: Runner, *, grooves: Sequence[int] = GROOVES) -> Found:
 
 
 def _contact(grooves: int, N_x: int = 57) -> list[bool]:
-    """Which blocks touch the substrate: all but those at a number of evenly spread grooves."""
+    """Return whether each block touches the substrate; blocks at evenly spread grooves do not."""
     touches = np.ones(N_x, bool)
     touches[[round((n + 1) * (N_x - 1) / (grooves + 1)) for n in range(grooves)]] = False
     return touches.tolist()

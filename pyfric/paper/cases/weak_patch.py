@@ -36,7 +36,7 @@ WEAK = 0.4, 0.38
     },
 )
 def weak_patch(run: Runner, *, weak: tuple[float, float] = WEAK, l: float = 2e-3) -> Found:
-    """Ruptures on an interface with a patch of these mu_s and mu_k, and without a patch."""
+    """Measure ruptures without a patch, and with a patch that has mu_s and mu_k in `weak`."""
     without, with_patch = run([_job(None, l), _job(weak, l)])
     forces = [record.events["F_T_start"].max() for record in (without, with_patch)]
     N = with_patch.scene.N_x

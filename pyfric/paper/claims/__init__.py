@@ -1,4 +1,4 @@
-"""The paper's claims, measured: value, band, verdict.
+"""Claims of the paper: measured value, band and verdict of each.
 
     for claim in pyfric.claims.measure():
         print(claim.number, claim.verdict, claim.value, claim.text)
@@ -8,7 +8,8 @@ several statements has several parts (1a, 1b ...). Each `Claim` says how its val
 where its band comes from: the paper's words, a convergence study, or the resolution of the compared
 values. A value outside its band is a miss.
 
-Runs are those behind the paper's figures (`pyfric.paper.runs`) and variations of the Fig. 1 scene.
+Claims use the runs behind the paper's figures (`pyfric.paper.runs`) and variations of the Fig. 1
+scene.
 
 Source: PRL 107, 074301 (2011).
 """

@@ -1,4 +1,4 @@
-"""A claim: a statement, its band, its value, and damages for which it must miss."""
+"""A claim: a statement, its band, its value, and damages for which the claim must miss."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ class Damage(NamedTuple):
     """A change of a claim's runs or measurement for which the claim must miss.
 
     Attributes:
-        what: the change in words.
+        what: the change, in words.
         change: function that changes the runs.
-        given: other keywords of its measurement.
+        given: other keywords of the measurement.
     """
 
     what: str
@@ -59,7 +59,7 @@ class Band:
         return f">= {self.low:.6g}" if self.high is None else f"{self.low:.6g} to {self.high:.6g}"
 
     def outside(self, value: float) -> float:
-        """Distance of a value from the band, 0 inside; infinite for NaN."""
+        """Return the distance of a value from the band: 0 inside, infinite for NaN."""
         if math.isnan(value):
             return math.inf
         low = -math.inf if self.low is None else self.low
@@ -77,7 +77,7 @@ class Claim:
         value: the measured value.
         band: band of the value.
         how: description of the measurement.
-        damages: damages for which it must miss; empty after they were tried.
+        damages: damages for which the claim must miss; empty after all have been tried.
         note: remarks, such as why the claim misses.
         damage: the tried damage whose value is nearest to the band.
         damaged: the value with this damage.
@@ -106,7 +106,7 @@ class Claim:
         return "holds" if self.holds else "misses"
 
     def as_dict(self) -> dict[str, Any]:
-        """Attributes of the claim and of its band, and the verdict."""
+        """Return the attributes of the claim and of its band, and the verdict."""
         own = vars(self) | vars(self.band) | {"band": str(self.band), "verdict": self.verdict}
         return {name: value for name, value in own.items() if name != "damages"}
 
@@ -143,11 +143,11 @@ class Measured(NamedTuple):
 
 
 CLAIMS: dict[str, Measured] = {}
-"""Number -> claim."""
+"""Number of a claim -> the claim, not yet measured."""
 
 
 def claim(number: str, *runs: str) -> Callable[[Measure], Measure]:
-    """Register the decorated function: it measures a claim from runs of these names."""
+    """Register the decorated function, which measures a claim from the named runs."""
 
     def enter(measure: Measure) -> Measure:
         CLAIMS[number] = Measured(runs, measure)

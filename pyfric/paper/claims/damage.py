@@ -58,27 +58,27 @@ def with_force(function: Callable[[Record, np.ndarray], np.ndarray]) -> Change:
 
 
 def drops_undone(record: Record) -> Record:
-    """Start and arrest forces of events are exchanged."""
+    """Return the record with start and arrest forces of events exchanged."""
     events = record.events
     return with_events(record, F_T_start=events["F_T_arrest"], F_T_arrest=events["F_T_start"])
 
 
 def every_second(record: Record) -> Record:
-    """Every other main event counts as unfinished."""
+    """Return the record with every other main event unfinished."""
     events = record.events
     kept = events["is_main"].cumsum() % 2 == 1
     return with_events(record, finished=events["finished"] & kept)
 
 
 def without_long(record: Record) -> Record:
-    """Precursors longer than 0.8 L count as unfinished."""
+    """Return the record with precursors longer than 0.8 L unfinished."""
     events = record.events
     short = (events["L_p_over_L"] <= 0.8) | (events["L_p_over_L"] == 1)
     return with_events(record, finished=events["finished"] & short)
 
 
 def lengths_backwards(record: Record) -> Record:
-    """Lengths of precursors are in reverse order."""
+    """Return the record with lengths of precursors in reverse order."""
     events = record.events
     chosen = (events["is_main"] & events["is_precursor"]).to_numpy()
     L_p = events["L_p_over_L"].to_numpy().copy()
@@ -87,7 +87,7 @@ def lengths_backwards(record: Record) -> Record:
 
 
 def turned(record: Record) -> Record:
-    """The curve of length over force is rotated by half a turn."""
+    """Return the record with the curve of length against force rotated by half a turn."""
     events = record.events
     top = float(events["F_T_start"].max())
     chosen = (events["is_main"] & events["is_precursor"]).to_numpy()
@@ -98,37 +98,37 @@ def turned(record: Record) -> Record:
 
 
 def mirrored(record: Record) -> Record:
-    """Left and right are exchanged: stresses are reversed, events start at the other end."""
+    """Return the record with left and right of the interface exchanged."""
     arrays = {name: getattr(record, name)[..., ::-1] for name in (*STATES, *INITIAL)}
     events = record.events.assign(at_trailing_edge=~record.events["at_trailing_edge"])
     return record.replace(**arrays, rupture_times=record.rupture_times[:, ::-1], events=events)
 
 
 def before_for_after(record: Record) -> Record:
-    """Stresses after events are replaced by those before."""
+    """Return the record with stresses after events replaced by stresses before events."""
     return record.replace(tau_after=record.tau_before, p_after=record.p_before)
 
 
 def loaded_for_initial(record: Record) -> Record:
-    """Stresses at F_T = 0 are replaced by those before the first event."""
+    """Return the record with stresses at F_T = 0 replaced by stresses before the first event."""
     return record.replace(tau_initial=record.tau_before[0], p_initial=record.p_before[0])
 
 
 def p_unchanged(record: Record) -> Record:
-    """p after events is replaced by p at F_T = 0."""
+    """Return the record with p after events replaced by p at F_T = 0."""
     p = np.broadcast_to(record.p_initial, record.p_after.shape)
     return record.replace(p_after=np.array(p))
 
 
 def p_shuffled(record: Record) -> Record:
-    """After each event, p over its initial value is shuffled along the interface."""
+    """Return the record with p/p_initial after each event shuffled along the interface."""
     rng = np.random.default_rng(0)
     ratio = record.p_after / record.p_initial
     return record.replace(p_after=rng.permuted(ratio, axis=1) * record.p_initial)
 
 
 def fronts_backwards(record: Record) -> Record:
-    """Times from block to block along each front are in reverse order."""
+    """Return the record with times from block to block of each front in reverse order."""
     return _with_intervals(record, lambda intervals: intervals[::-1])
 
 
@@ -148,5 +148,5 @@ def _with_intervals(record: Record, change: Callable[[np.ndarray], np.ndarray]) 
 
 
 def in_scene(**changes: float) -> Change:
-    """Return a change by which the scene of a record has other values."""
+    """Return a change that gives other values to the scene of a record."""
     return lambda record: record.replace(scene=record.scene.replace(**changes))

@@ -1,4 +1,4 @@
-"""Claims E1 to E10, whose exact answers are known."""
+"""Claims E1 to E10, which have exact answers."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ ROUNDING = "rounding"
 
 
 def _small(**changes: Any) -> Scene:
-    """A small setup 1 that slips after about a millisecond."""
+    """Return a small setup 1 that slips after about a millisecond."""
     return setup1(**{"L": 0.02, "H": 0.0125, "V": 0.5} | changes)
 
 
 def _without_diagonals(bonds: Any) -> Any:
-    """Stiffness of the lattice with negligible diagonal springs."""
+    """Return the stiffness of the lattice with negligible diagonal springs."""
     diagonal = np.abs(bonds.d).min(axis=1) > 0
     return spring_stiffness(dataclasses.replace(bonds, k=np.where(diagonal, 1e-6, 1.0) * bonds.k))
 
 
 def _strip(stiffness: Callable[..., Any]) -> tuple[float, float]:
-    """Relative error of E B and error of nu, for a strip between rollers pulled along z."""
+    """Return the relative error of E B and the error of nu for a strip pulled along z."""
     scene = setup2(L=8e-3, H=64e-3)
     N_x, N_z, l, k = scene.N_x, scene.N_z, scene.slider.l, scene.slider.k
     dof = np.arange(2 * N_x * N_z).reshape(N_z, 2, N_x)
@@ -103,13 +103,13 @@ def _sums(runs: Runs) -> Iterator[Claim]:
 
 
 def _weighed_down(record: Record) -> Record:
-    """One block carries 1e-7 F_N more, and its friction is smaller by as much."""
+    """Return the record with 1e-7 F_N more on one block, and its friction smaller by as much."""
     share = 1e-7 * record.scene.F_N * np.eye(record.scene.N_x)[0]
     return record.replace(p_before=record.p_before + share, tau_before=record.tau_before - share)
 
 
 def _pulled(model: Any, state: State, t: float) -> Any:
-    """The forces, with 1e-9 of the total force added to one block."""
+    """Return the forces with 1e-9 of the total force added to one block."""
     forces = core.evaluate(model, state, t)
     a = forces.a.copy()
     a[0, 0, 0] += 1e-9 * np.abs(a).max() * a.size
@@ -138,7 +138,7 @@ def _momentum(runs: Runs, evaluate: Callable[..., Any] = core.evaluate) -> Itera
 
 
 def shaken(scene: Scene, geometry: str, dt: float, speed: float) -> State:
-    """Return the loaded state with random velocities of this size (m/s), the same every time."""
+    """Return the loaded state with random velocities of size `speed` (m/s), from a fixed seed."""
     state = loaded_state(scene, geometry).state(scene, dt)
     noise = np.random.default_rng(0).standard_normal((scene.N_z, 2, scene.N_x))
     state.y[:, 2:] = speed * noise
@@ -149,7 +149,7 @@ def shaken(scene: Scene, geometry: str, dt: float, speed: float) -> State:
 
 
 def _without_heat(curve: pd.DataFrame) -> pd.Series:
-    """The remainder of the energy budget with 1 % less heat of friction."""
+    """Return the remainder of the energy budget with 1 % less heat of friction."""
     return budget_left(curve.assign(friction_heat=0.99 * curve["friction_heat"]))
 
 

@@ -1,4 +1,4 @@
-"""Claims 12 to 16: speeds of fronts and waves, and insensitive parameters."""
+"""Claims 12 to 16: speeds of fronts and waves, and parameters with little effect."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def _front_of_fig4a(runs: Runs, speeds: Speeds = lambda points: points) -> Itera
         _described(found, "beyond", LEFT.format("tau/p"), points),
         _without_prestress(
             scatter=("shuffled",)
-        ),  # data with random signs resemble these, and are in the band
+        ),  # null data with random signs are in the band, too
         "along the one front of the paper's Fig. 4(a) tau/p and position fall together, which "
         "cannot tell them apart: here are all fronts of its scene up to the first event over the "
         "whole interface",
@@ -84,12 +84,12 @@ def _front_of_fig4a(runs: Runs, speeds: Speeds = lambda points: points) -> Itera
 
 
 def _eleventh(record: Record) -> pd.DataFrame:
-    """The front of the 11th main precursor."""
+    """Return the front of the 11th main precursor."""
     return analysis.front(record, int(analysis.precursors(record)["event"].iloc[10]))
 
 
 def _points(record: Record) -> pd.DataFrame:
-    """Speeds of all fronts of a run, with their positions along the front."""
+    """Return the speeds of all fronts of a run, with positions along the front."""
     table, friction = analysis.fronts(record), record.scene.interface
     n = table.groupby("event")["n"]
     first, last = n.transform("min"), n.transform("max")
@@ -101,13 +101,13 @@ def _points(record: Record) -> pd.DataFrame:
 
 
 def _up_to_sliding(record: Record) -> pd.DataFrame:
-    """Points up to the first event over the whole interface."""
+    """Return the points of fronts up to the first event over the whole interface."""
     points, whole = _points(record), record.events["L_p_over_L"] >= 1
     return points[points["event"] <= whole.idxmax()] if whole.any() else points
 
 
 def _shuffled(points: pd.DataFrame) -> pd.DataFrame:
-    """The points, with v_c shuffled along each front."""
+    """Return the points with v_c shuffled along each front."""
     rng = np.random.default_rng(0)
     v_c = points.groupby("front")["v_c"].transform(
         lambda speeds: rng.permutation(speeds.to_numpy())
@@ -116,7 +116,7 @@ def _shuffled(points: pd.DataFrame) -> pd.DataFrame:
 
 
 def _without_prestress(by: str = "", scatter: Sequence[str] = SCATTER) -> list[Damage]:
-    """Damages for claims that prestress sets the speed."""
+    """Return damages for claims that prestress sets the speed."""
     what = "v_c that depends on the position along the front alone, the rest "
     words = {"signs": "with a random sign for each front", "shuffled": "shuffled"}
     alone = [
@@ -127,7 +127,7 @@ def _without_prestress(by: str = "", scatter: Sequence[str] = SCATTER) -> list[D
 
 
 def _above_position(found: pd.DataFrame, share: str, least: float, source: str) -> Band:
-    """The band of a share: at least `least`, and above the share in data of position alone."""
+    """Return the band of a share: at least `least`, and above the share in null data."""
     null = math.ceil(100 * found.loc["null", share]) / 100
     alone = f"and no less than the {null:.2f} of data that depend on the position alone"
     return Band(max(least, null), None, f"{source}; {alone}")

@@ -131,7 +131,7 @@ def _collapse(runs: Runs) -> Iterator[Claim]:
 
 
 SMALL = {L: names[:3] for L, names in AT_2700.items()}
-"""Runs with h = 2.5, 5 and 7.5 mm by L in mm."""
+"""L (mm) -> names of the runs with h = 2.5, 5 and 7.5 mm."""
 H_SMALL = np.array(H_2A[:3])  # mm
 UNITS = {"L_p": "mm", "F_T": "F_N"}
 ONE_H = {name: names[1] for names in SMALL.values() for name in names}
@@ -204,7 +204,7 @@ def _steps_over_h(runs: Runs) -> Iterator[Claim]:
 
 
 def _steps(runs: Runs, name: str, L: int) -> tuple[np.ndarray, np.ndarray]:
-    """Mean steps of L_p (mm) or F_T (F_N) below L/2 for small h, and their resolution.
+    """Return mean steps of L_p (mm) or F_T (F_N) below L/2 for small h, and their errors.
 
     The error of a mean of n steps of L_p is 1/n of a block. The error of the mean step of force is
     the change of force while L_p grows by the error of its step.

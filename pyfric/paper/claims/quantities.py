@@ -20,31 +20,31 @@ if TYPE_CHECKING:
 
 
 def growing(record: Record) -> pd.DataFrame:
-    """Precursors of the first loading that reach further than all earlier ones."""
+    """Return the precursors of the first loading that reach further than all earlier precursors."""
     table = analysis.precursor_lengths(record)
     before = table["L_p_over_L"].cummax().shift(fill_value=0.0)
     return table[table["L_p_over_L"] > before].reset_index(drop=True)
 
 
 def short(table: pd.DataFrame) -> pd.DataFrame:
-    """The precursors shorter than L/2."""
+    """Return the precursors shorter than L/2."""
     return table[table["L_p_over_L"] < 0.5]
 
 
 def force_step(table: pd.DataFrame) -> float:
-    """Mean step of the force between precursors, over F_N; NaN with fewer than two."""
+    """Return the mean step of force between precursors, over F_N; NaN for fewer than two."""
     force = table["force"].to_numpy()
     return float((force[-1] - force[0]) / (len(force) - 1)) if len(force) > 1 else np.nan
 
 
 def force_at(table: pd.DataFrame, lengths: Iterable[float]) -> np.ndarray:
-    """Force at given L_p/L, between precursors by interpolation; NaN outside."""
+    """Return forces (F_N) at L_p/L in `lengths`, interpolated between precursors; NaN outside."""
     L_p, force = table["L_p_over_L"].to_numpy(), table["force"].to_numpy()
     return np.interp(list(lengths), L_p, force, left=np.nan, right=np.nan)
 
 
 def furthest(tables: Iterable[pd.DataFrame], base: pd.DataFrame) -> tuple[float, list[float]]:
-    """Largest difference of force from a base at equal L_p, over its mean step, and all of them."""
+    """Return the largest difference of force at equal L_p, over a step, and all differences."""
     apart = [
         float(np.abs(table["force"] - force_at(base, table["L_p_over_L"])).max())
         for table in tables
@@ -53,13 +53,13 @@ def furthest(tables: Iterable[pd.DataFrame], base: pd.DataFrame) -> tuple[float,
 
 
 def straight(table: pd.DataFrame, N_x: int) -> float:
-    """RMS deviation of lengths, in blocks, from a straight line over force."""
+    """Return the RMS deviation of lengths, in blocks, from a straight line over force."""
     force, L_p = table["force"].to_numpy(), table["L_p_over_L"].to_numpy()
     return rms(L_p - np.polyval(np.polyfit(force, L_p, 1), force)) * N_x
 
 
 def prediction_error(record: Record) -> np.ndarray:
-    """Force after each precursor minus the force at which its last block slips if mu_s = mu_k."""
+    """Return forces after precursors minus forces of the prediction curve at equal L_p."""
     curve = _prediction(record.scene)
     L_p, F_T = curve["L_p_over_L"].to_numpy(), curve["F_T"].to_numpy() / record.scene.F_N
     table = growing(record)
@@ -69,25 +69,25 @@ def prediction_error(record: Record) -> np.ndarray:
 
 @functools.lru_cache(maxsize=128)
 def _prediction(scene: Scene) -> pd.DataFrame:
-    """The prediction curve of a scene, computed once."""
+    """Return the prediction curve of a scene, computed once."""
     return prediction_curve(scene).curve
 
 
-# --- what precursors leave behind ----------------------------------------------------------------
+# --- stresses after precursors -------------------------------------------------------------------
 
 
 def reach(record: Record, event: int) -> int:
-    """L_p in blocks."""
+    """Return L_p of an event in blocks."""
     return round(record.events["L_p_over_L"].loc[event] * record.scene.N_x)
 
 
 def corner(record: Record) -> int:
-    """Number of blocks at x <= h + l."""
+    """Return the number of blocks at x <= h + l."""
     return record.scene.j_h + 2
 
 
 def left_behind(record: Record, events: Iterable[int] | None = None) -> pd.DataFrame:
-    """Stresses after precursors on slipped, closed blocks, without the tip block.
+    """Return stresses after precursors on slipped, closed blocks, without the tip block.
 
     Args:
         events: numbers of events; None means the precursors of the first loading.
@@ -108,12 +108,12 @@ def left_behind(record: Record, events: Iterable[int] | None = None) -> pd.DataF
 
 
 def size(left: pd.DataFrame) -> float:
-    """RMS of the scaled prestress after precursors; NaN without blocks."""
+    """Return the RMS of the scaled prestress after precursors; NaN without blocks."""
     return rms(left["scaled"]) if len(left) else np.nan
 
 
 def weighted(left: pd.DataFrame) -> str:
-    """The RMS without the corner, and weighted by p, as text."""
+    """Return the RMS of the scaled prestress without the corner, and weighted by p, as text."""
     if left.empty:
         return "no such blocks left behind"
     inner = size(left[left["inner"]])
@@ -125,15 +125,15 @@ def weighted(left: pd.DataFrame) -> str:
 
 
 def rms(x: Iterable[float]) -> float:
-    """Root mean square."""
+    """Return the root mean square of numbers."""
     return float(np.sqrt(np.mean(np.square(np.asarray(x)))))
 
 
 def stated(number: float, digits: str = ".3f") -> str:
-    """A number as text; NaN is "none"."""
+    """Return a number as text; NaN is "none"."""
     return "none" if np.isnan(number) else format(number, digits)
 
 
 def listed(numbers: dict[str, float], digits: str = ".3f") -> str:
-    """Numbers by name, as text."""
+    """Return names and their numbers as text."""
     return ", ".join(f"{name}: {stated(value, digits)}" for name, value in numbers.items())

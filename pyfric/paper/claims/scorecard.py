@@ -1,4 +1,4 @@
-"""All claims, measured together."""
+"""Measurement of all claims, and of the runs that they need."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def measure(
         The claims, in order. A claim with several parts gives one entry for each part.
 
     Raises:
-        SceneError: there is no claim of that number, or no such part of it.
+        SceneError: there is no claim of a given number, or the claim has no such part.
         JobError: a run failed.
         KeyboardInterrupt: after Ctrl-C.
     """
@@ -63,7 +63,7 @@ def measure(
 
 
 def _measured(number: str, runs: Runs) -> list[Claim]:
-    """Return the parts of a claim, measured."""
+    """Return the measured parts of a claim, with their processor time."""
     start = time.process_time()
     found = CLAIMS[number].tried(runs)
     seconds = sum(run.timings["processor"] for run in runs.values())

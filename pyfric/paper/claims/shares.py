@@ -1,4 +1,4 @@
-"""How much prestress and position along the front explain of front speeds.
+"""Shares of front speeds that prestress and position along the front explain.
 
 y = ln v_c is fitted by least squares: by a curve of prestress, by a curve of position, or by the
 sum of both curves. Curves are constant in bins with equal numbers of points. A fit explains the
@@ -10,15 +10,15 @@ Of the variance that the position x leaves, the prestress s explains the partial
 
     (R^2(s and x) - R^2(x)) / (1 - R^2(x)).
 
-The share is larger than what a curve of s explains of y minus the curve of x. If s and x are
-correlated, the curve of x has already taken the part that both explain.
+This partial share is larger than the share of y minus the curve of x that a curve of s explains. If
+s and x are correlated, the curve of x has already taken the part that both explain.
 
 Speeds along a front are correlated. Intervals are therefore from a bootstrap over fronts.
 
 Null data depend on the position alone. Null data keep the curve of the position and scatter its
 residuals in one of two ways. Residuals are shuffled over all points, or get one random sign for
-each front, which keeps the correlation along a front. Null data show how much a prestress explains
-only because it varies with the position.
+each front, which keeps the correlation along a front. Null data show the share that a prestress
+explains only because it varies with the position.
 
 Sources: B. Efron, Ann. Statist. 7, 1 (1979), the bootstrap; A. C. Cameron, J. B. Gelbach and
 D. L. Miller, Rev. Econ. Stat. 90, 414 (2008), signs by groups of dependent points.
@@ -32,7 +32,7 @@ import numpy as np
 import pandas as pd
 
 BINS = 10
-"""Bins of a curve."""
+"""Number of bins of a curve."""
 DRAWS = 999
 """Number of draws of the bootstrap and of null data."""
 INTERVAL = 0.025, 0.975
@@ -40,8 +40,8 @@ INTERVAL = 0.025, 0.975
 SCATTER = ("shuffled", "signs")
 """Ways to scatter the residuals of the curve over the position."""
 ZERO = 1e-10
-"""Eigenvalues below this share of the largest count as 0; one is, because two curves share a
-constant."""
+"""Eigenvalues below this share of the largest count as 0. One eigenvalue is 0, because two curves
+share a constant."""
 Groups = list[tuple[np.ndarray, np.ndarray, np.ndarray]]
 """Groups of points with curves of their own: their rows, their bins of s, their bins of x. Bins are
 columns that are 1 in the bin and 0 elsewhere."""
@@ -101,7 +101,7 @@ def position_alone(points: pd.DataFrame, by: str = "", scatter: str = "signs") -
 def _prepared(
     points: pd.DataFrame, prestress: str, by: str
 ) -> tuple[np.ndarray, np.ndarray, Groups]:
-    """ln v_c about its mean, the number of the front, and the groups."""
+    """Return ln v_c minus its mean, the number of the front of each point, and the groups."""
     y = np.log(points["v_c"].to_numpy())
     every = points.groupby(by).indices.values() if by else [np.arange(y.size)]
     groups = [
@@ -165,7 +165,7 @@ def _explained(y: np.ndarray, groups: Groups, weight: np.ndarray) -> pd.DataFram
 
 
 def _over(x: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """x over the weight in bins, 0 in empty ones."""
+    """Return x over the weight in each bin, 0 in empty bins."""
     return np.divide(
         x, count, out=np.zeros(np.broadcast_shapes(x.shape, count.shape)), where=count > 0
     )

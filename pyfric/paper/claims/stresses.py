@@ -63,7 +63,7 @@ def _loading(runs: Runs) -> Iterator[Claim]:
 
 
 def _decay_length(record: Record) -> float:
-    """Distance from the peak of the rise of tau to 1/e of it, in units of h."""
+    """Return the distance over which the rise of tau falls from its peak to 1/e of it, in h."""
     scene = record.scene
     rise = analysis.stress_profile(record, 1)["tau"] - analysis.stress_profile(record)["tau"]
     rise = rise.to_numpy() / rise.max()
@@ -74,7 +74,7 @@ def _decay_length(record: Record) -> float:
 
 
 def _other_h(runs: Runs) -> Runs:
-    """Each run of Fig. 2(a) with the h of another run, in reverse order."""
+    """Return the runs of Fig. 2(a), each with the h of another run, in reverse order."""
     changed = dict(runs)
     for name, other in HEIGHTS_BACKWARDS.items():
         changed[name] = to.in_scene(h=runs[other].scene.driver.h)(runs[name])
@@ -176,7 +176,7 @@ def _towards_mu_s(record: Record) -> Record:
 
 
 def _by_mu_s(runs: Runs) -> dict[float, Record]:
-    """The runs in linear geometry by mu_s, in order."""
+    """Return mu_s -> run in linear geometry, in the order of mu_s."""
     return dict(sorted((runs[name].scene.interface.mu_s, runs[name]) for name in (BASE, *BY_MU_S)))
 
 
@@ -224,7 +224,7 @@ def _force_at_sliding(runs: Runs) -> Iterator[Claim]:
 
 
 def _largest(record: Record) -> float:
-    """`Law.scaled` of the largest start force of events up to the first system-size event."""
+    """Return the largest scaled start force of events up to the first system-size event."""
     sliding = analysis.system_size_events(record)["event"]
     if not len(sliding):
         return np.nan
@@ -278,7 +278,7 @@ def _normal_force(runs: Runs) -> Iterator[Claim]:
 
 
 def _falls(record: Record) -> tuple[list[float], list[np.ndarray]]:
-    """For each precursor, the largest fall of p/p_initial behind it, and p/p_initial - 1 ahead."""
+    """Return for each precursor the largest fall of p/p_initial behind, and its change ahead."""
     falls, ahead = [], []
     for event in analysis.precursor_lengths(record)["event"]:
         table, tip = analysis.stress_profile(record, event, "after"), reach(record, event)

@@ -117,7 +117,7 @@ def row_of(scene: pyfric.Scene, curve: Curve) -> dict[str, Any]:
 
 
 def population(table: pd.DataFrame, sizes: Sizes) -> dict[str, float]:
-    """Return means, spreads and correlations of large events."""
+    """Return means, spreads and correlations of forces and recurrence of large events."""
     known = sizes.table(table.iloc[:0], At({})).set_index("at")
     row: dict[str, float] = {"events": len(table), "noise": table.attrs["noise"]}
     part = table[table["drop"] >= 0.2 * table["drop"].max()]

@@ -6,8 +6,8 @@ checked out into a temporary folder, installed there, and removed.
 
 Steps are counted by spells. A spell is the time from a first slip until no block slips, and its
 kind is the number of blocks that slip in it. If a run jumps over stable slip, the steps of a spell
-are unknown, and steps are not counted by spells. The same holds for runs with d_c in builds that do
-not count such jumps.
+are unknown, and steps are not counted by spells. Nor are they counted for runs with d_c in builds
+that do not count such jumps.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Case(NamedTuple):
     geometry: str = "linear"
     accuracy: float | None = None
     dt: float | None = None
-    """Cases of this build only; None means the default."""
+    """Step, s, in cases of this build only; None means the default."""
 
 
 WEAK = {"d_c": 1e-6}
@@ -80,7 +80,7 @@ LINES = {"d_c = 0": LATTICES}
 LINES |= size({"d_c = 1 um": tuple(f"{name}, d_c" for name in LATTICES)}, {})
 """Cases of the chart of cost against l."""
 SLOPES = {3: r"$\times$ 8", 4: r"$\times$ 16"}
-"""Powers of 1/l in the chart: blocks times steps, and the same with waits in proportion to 1/l."""
+"""Powers of 1/l in the chart: 3 for blocks times steps, 4 with waits in proportion to 1/l."""
 BUILDS = (("-", "o"), (":", "s"), ("-.", "^"))
 """Line and marker of each build."""
 QUICK = ("2.5 mm", "sequence", "plan")

@@ -9,8 +9,8 @@ crack      A two-sided crack under a uniform stress drop at S = 3, where a conti
 length     Precursors of the Fig. 1 scene with d_c = 1 um. Their lengths are compared with the
            length at which the energy release of static states falls to the fracture energy, and
            with the quasi-static sequence without weakening.
-Fig. 4     Front speeds of these precursors, and their collapse over runs 1 to 4, on finer and finer
-           lattices: which results remain? A fine lattice may start from the state of a lattice
+Fig. 4     Front speeds of these precursors, and their collapse over runs 1 to 4: which results are
+           the same on finer and finer lattices? A fine lattice may start from a state of a lattice
            twice as coarse just before an event (`finer`). If the fine lattice also has a whole run,
            the study gives the difference of the two.
 

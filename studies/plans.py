@@ -175,7 +175,7 @@ def drawn_wide(seed: int, n: int) -> tuple[Scene, float, str, float]:
 
 
 def _way(scene: Scene) -> float:
-    """Return the way of the driver up to `EVENTS` main events in quasi-static slip, in m."""
+    """Return the driver's displacement up to `EVENTS` main events in quasi-static slip, in m."""
     one = dataclasses.replace(scene, driver=dataclasses.replace(scene.driver, V=1.0))
     most = 2 * scene.F_N * (1 / scene.driver.K + 1 / scene.slider.k)
     ladder = QuasistaticRun(one, t_gap=0.0)

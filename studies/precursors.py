@@ -33,7 +33,7 @@ Collapse   y = ln(1 + mean count) of a series at a value of L_c/L. The curve of 
            weakening takes twice the energy). All series of slip weakening count, with l = 5 and 2.5
            mm. L_c/L holds if its share is `ENOUGH` or more, and larger than that of each null in 95
            % or more of `DRAWS` draws of series with replacement. L_c/L is refuted if a null has the
-           larger share in 95 % or more. Otherwise the data do not tell.
+           larger share in 95 % or more. Otherwise the data are inconclusive.
 End        Precursors end where the mean count falls below 1/2 for good, interpolated in ln(L_c/L).
            Error bars are 16 to 84 % of draws of seeds. All series of a scale have one end if the
            ratio of the largest to the smallest is below `ONE`. Scales are ranked by the standard
@@ -95,7 +95,7 @@ NEAR = size((0.1, 0.15, 0.2, 0.25, 0.3), (0.05,))
 V = 0.7875e-3
 """Speed of the driver in the Fig. 1 scene, m/s."""
 PUSHED = size(1.6e-3, 0.4e-3)
-"""Longest way of the driver in a run, m."""
+"""Largest displacement of the driver in a run, m."""
 BASE = size({"l": 5e-3}, {"l": 5e-3, "L": 0.03, "H": 0.01, "F_N": 750.0})
 """Changes of the scene in all series."""
 HOW = {

@@ -32,7 +32,7 @@ RATIOS, LENGTHS, FASTER = size(
 )
 """a/b, D_c (m), and V (in units of the preset's) of the other runs; b is that of the preset."""
 PUSHED = size(0.7e-3, 0.2e-3)
-"""Way of the driver in the other runs, m."""
+"""Displacement of the driver in the other runs, m."""
 CHECK = size({"half the step": {"dt": 0.3e-6}, "accuracy 1e-5": {"accuracy": 1e-5}}, {})
 """Options with which the first case is repeated."""
 BEFORE = 2e-5

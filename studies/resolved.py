@@ -31,8 +31,8 @@ Verdict    The verdict is on resolved variants with little viscosity, on all of 
            variant keeps the collapse if the lower end of the share of the prestress exceeds 0.5 and
            the upper end for synthetic speeds. It loses the collapse if the upper end of its share
            is below 0.5, or its value is below the upper end for synthetic speeds. Otherwise the
-           data do not tell. The paper's collapse survives if all three variants keep it, and does
-           not survive if all three lose it.
+           data are inconclusive. The paper's collapse survives if all three variants keep it, and
+           does not survive if all three lose it.
 
 The study also gives the share that G/Gamma explains, the ratio of energy release in static states
 to fracture energy.
@@ -324,7 +324,7 @@ def checks(runs: Path, say: Callable[[str], None] = lambda _: None) -> pd.DataFr
 
 
 def _change(case: str, table: pd.DataFrame, other: pd.DataFrame, L_x: float) -> dict[str, Any]:
-    """Return how the speeds of a front differ from those of another front."""
+    """Return the differences of ln v_c and of length between two fronts."""
     kept_there = other[other["inside"] & other["v_c"].notna()]
     both = kept_there.assign(key=(kept_there["x"] / L).round()).merge(
         table.assign(key=(table["x"] / L).round()), on="key", suffixes=("", "_new")

@@ -51,7 +51,7 @@ GROUPS = 20
 """Number of groups of seeds; each group is left out in turn."""
 COMPLETE = 0.01
 """Least potency of compared events, as a share of the largest of all sets. Smaller events are few,
-and slips of single blocks at the trailing edge. A policy."""
+and slips of single blocks at the trailing edge. The value is a choice."""
 LEAST = 1e-5
 """Smallest potency in the figure, as a share of the largest of all sets."""
 COLUMNS = ("F_slide", "F_precursor", "L_p_first", "n_precursors", "t_slide")

@@ -18,7 +18,7 @@ TINY = "PYFRIC_TINY"
 
 
 def tiny() -> bool:
-    """Whether sizes are tiny; set before a study is imported."""
+    """Return whether sizes are tiny; `TINY` is set before a study is imported."""
     return os.environ.get(TINY) == "1"
 
 

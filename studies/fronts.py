@@ -59,7 +59,7 @@ D_C = 1e-6
 COARSE = 1.2e-3
 """Least lattice constant of runs without weakening, m; no lattice resolves their zone."""
 PACE = 5e-9
-"""Processor time of these runs per block and force evaluation, s."""
+"""Processor time of runs of the Fig. 1 scene per block and force evaluation, s."""
 LAST = 2
 """Number of precursors, the last of each of runs 1 to 4, that start from a coarser lattice."""
 AFTER = 3e-3

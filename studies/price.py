@@ -34,7 +34,7 @@ VERLET = "velocity Verlet, step ends"
 """The steps on which LAMMPS is timed; not drawn."""
 WANT = "precursors"
 NEAR = 0.5
-"""Largest ratio of errors whose points share a label, in decades."""
+"""Largest ratio of errors, in decades, at which points share a label."""
 RED, BLUE, GREY = "#C00000", "#0072B2", "0.35"
 
 

@@ -72,11 +72,11 @@ __all__ = ["D_C", "VISCOSITIES", "Event", "checks", "front", "study"]
 L = size(1.25e-3, 5e-3)
 """Lattice constant of the runs that give the tractions, and distance between places, m."""
 OF_RUNS = 1e-6
-"""Slip of weakening of these runs, m."""
+"""Slip of weakening of the runs that give the tractions, m."""
 LAST = size(2, 1)
-"""Number of the last precursors of each run."""
+"""Number of precursors, the last of each run, that the study repeats."""
 D_C = size((4e-6, 3e-6, 2e-6), (1e-6,))
-"""Slip of weakening, m."""
+"""Slip of weakening of the released cracks, m."""
 SPACING = size(
     {"run1": 0.625e-3 / 3, "run2": 0.625e-3 / 3, "run3": 0.625e-3 / 3, "run4": 1.25e-3 / 3},
     {"run1": 5e-3},

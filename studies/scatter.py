@@ -62,7 +62,7 @@ QUANTITIES = {
     "first_length": "L_p_first",
     "precursors": "n_precursors",
 }
-"""Name in the table -> number of runs."""
+"""Name in the table -> column of `pyfric.RUN_COLUMNS`."""
 
 
 def field(width: float, length: float) -> Spread:

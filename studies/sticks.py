@@ -400,7 +400,7 @@ def chains(say: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
 
 
 def renewed(table: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
-    """Return a table whose rows of some programs are replaced, in the order of `PEERS`."""
+    """Return a table with rows of some programs replaced by new rows, in the order of `PEERS`."""
     kept = table[~table["program"].isin(rows["program"])]
     place = {peer.name: n for n, peer in enumerate(PEERS)}
     found = pd.concat([kept, rows], ignore_index=True)

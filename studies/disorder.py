@@ -2,7 +2,7 @@
 
 For each seed mu_s of each block is drawn from a uniform distribution about 0.7, independent of its
 neighbours. The width is the standard deviation of mu_s, divided by its mean. Lengths of precursors
-are those of the quasi-static sequence in the Fig. 1 scene (Fig. 2a). They are compared with the
+are those of the quasi-static sequence in the Fig. 1 scene (Fig. 2a). Lengths are compared with the
 curve through the lengths without disorder. Front speeds are those of hybrid runs with located
 transitions and blocks of 5 mm (Fig. 4). Their medians in bins of the prestress are over all seeds
 of one width.

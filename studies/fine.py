@@ -6,8 +6,8 @@ checked out into a temporary folder, installed there, and removed.
 
 Steps are counted by spells. A spell is the time from a first slip until no block slips, and its
 kind is the number of blocks that slip in it. If a run jumps over stable slip, the steps of a spell
-are unknown, and steps are not counted by spells. Nor are they counted for runs with d_c in builds
-that do not count such jumps.
+are unknown, and steps are not counted by spells. Builds that do not count jumps over stable slip
+give no steps by spells for runs with d_c.
 """
 
 from __future__ import annotations
@@ -183,7 +183,7 @@ def built(commit: str) -> Iterator[Path]:
 
 
 def _alone(case: Case, folder: Path | None) -> dict[str, Any]:
-    """Return the cost of a case with the package in a folder; None means the installed one."""
+    """Return the cost of a case with the package in a folder; None means the installed package."""
     env = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"}
     found = [folder, THERE.parent] if folder is not None else [THERE.parent]
     env["PYTHONPATH"] = os.pathsep.join(map(str, found))

@@ -29,10 +29,10 @@ Shares     Shares of the variance of ln v_c as in claim 13 (`pyfric.paper.claims
            all variants of an event have.
 Verdict    The verdict is on resolved variants with little viscosity, on all of their places. A
            variant keeps the collapse if the lower end of the share of the prestress exceeds 0.5 and
-           the upper end for synthetic speeds. It loses the collapse if the upper end of its share
-           is below 0.5, or its value is below the upper end for synthetic speeds. Otherwise the
-           data are inconclusive. The paper's collapse survives if all three variants keep it, and
-           does not survive if all three lose it.
+           the upper end for synthetic speeds. A variant loses the collapse if the upper end of its
+           share is below 0.5, or its value is below the upper end for synthetic speeds. Otherwise
+           the data are inconclusive. The paper's collapse survives if all three variants keep it,
+           and does not survive if all three lose it.
 
 The study also gives the share that G/Gamma explains, the ratio of energy release in static states
 to fracture energy.
@@ -120,7 +120,7 @@ class Event:
         self._held: tuple[float, Any] = (0.0, None)
 
     def scene(self, d_c: float, viscosity: str, l: float | None) -> Scene:
-        """Return the scene with d_c (m), one of `VISCOSITIES` and l (m), None for the rule's."""
+        """Return the scene with d_c (m), one of `VISCOSITIES`, and l (m) or that of the rule."""
         l = SPACING[self.name] * d_c / 1e-6 if l is None else l
         return preset(self.name, l=l, d_c=d_c, **VISCOSITIES[viscosity])
 
@@ -276,7 +276,7 @@ def _path(runs: Path, name: str) -> Path:
 
 
 def kept_table(path: Path, make: Callable[[], pd.DataFrame]) -> pd.DataFrame:
-    """Return a table to six digits, from its file if that exists."""
+    """Return a table to six digits, from its file if the file exists."""
     if not path.is_file():
         write(path, make().to_csv(index=False).encode())
     return pd.read_csv(path).map(lambda one: float(f"{one:.6g}") if isinstance(one, float) else one)
@@ -284,7 +284,7 @@ def kept_table(path: Path, make: Callable[[], pd.DataFrame]) -> pd.DataFrame:
 
 @at_once()
 def checks(runs: Path, say: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
-    """Return how speeds of one front depend on settings, with little viscosity and the largest d_c.
+    """Return changes of one front's speeds with settings, for little viscosity and the largest d_c.
 
     Args:
         runs: folder of `study` with its runs.

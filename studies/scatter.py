@@ -127,7 +127,7 @@ def table(found: dict[tuple[float, float], Ensemble]) -> pd.DataFrame:
     """Return one row for each set.
 
     Columns: width; correlation_length (m); runs; for each of `QUANTITIES` mean and std with their
-    errors, and n, the number of runs that have it; events, the number of compared sizes; b and its
+    errors, and n, the number of runs with a value; events, the number of compared sizes; b and its
     error.
     """
     sizes = {key: _sizes(one) for key, one in found.items()}
@@ -168,7 +168,7 @@ def _sizes(found: Ensemble) -> tuple[np.ndarray, np.ndarray]:
 def counts(found: dict[tuple[float, float], Ensemble]) -> pd.DataFrame:
     """Return the number of events per run with at least a given potency, for each set.
 
-    Columns: width; correlation_length (m); potency (m^2); number for each run; error of it.
+    Columns: width; correlation_length (m); potency (m^2); number for each run; its error.
     """
     rows = []
     for (width, length), one in found.items():

@@ -223,7 +223,7 @@ def _scene(N_x: int, N_z: int) -> Scene:
 
 
 def _core(scene: Scene, n_threads: int) -> dict[tuple, Timed]:
-    """Return the core's runs by (what, geometry, variant, budget)."""
+    """Return functions that run the core, by (what, geometry, variant, budget)."""
     small = scene.N_x * scene.N_z <= 10**4
     found: dict[tuple, Timed] = {}
     for geometry in ("linear", "finite"):
@@ -240,7 +240,7 @@ def _core(scene: Scene, n_threads: int) -> dict[tuple, Timed]:
 
 
 def _laws(scene: Scene) -> dict[tuple, Timed]:
-    """Return runs in which all bottom blocks slip, with steps so short that none stops."""
+    """Return runs in which all bottom blocks slip, with steps so short that no block stops."""
     found: dict[tuple, Timed] = {}
     if scene.N_x * scene.N_z > 10**4:
         return found
@@ -299,7 +299,7 @@ def _forces(scene: Scene, geometry: Geometry, state: State, variant: str) -> Tim
 
 
 def _peers(scene: Scene, stack: ExitStack) -> dict[tuple, Timed]:
-    """Return the installed programs of `peers`, by (what, geometry, variant, budget)."""
+    """Return functions that run installed programs, by (what, geometry, variant, budget)."""
     rng = np.random.default_rng(0)
     y = 1e-6 * rng.standard_normal((scene.N_z, 4, scene.N_x))
     found: dict[tuple, Timed] = {}

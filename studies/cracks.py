@@ -119,7 +119,7 @@ class Crack:
 
 
 def crack(which: Crack, **options: Any) -> tuple[pd.DataFrame, Record]:
-    """Run a crack.
+    """Run a crack, and compare its speed with fracture mechanics.
 
     Returns:
         A table: a (m), v and v_theory (m/s) from `FROM` to `TO`, up to the end of the crack; and

@@ -179,7 +179,7 @@ def report(table: pd.DataFrame) -> str:
 
 
 def report_of_laws(table: pd.DataFrame) -> str:
-    """Return the differences of curves from one law, in lines."""
+    """Return the differences of curves from one law as text."""
     return "\n".join(
         f"{row['number']} of {row['curves']}: {row['mean']:.3f}, from curve to curve "
         f"+- {row['std']:.3f}, each known to {row['error']:.3f}, chi^2 {row['chi2']:.3g} "

@@ -29,7 +29,7 @@ from pyfric.measured import events, sampled
 __all__ = ["pulls", "report", "report_of_pulls", "study"]
 
 SETS: dict[str, int] = {"right": size(200, 1), "disorder": size(10, 0), "height": size(10, 0)}
-"""Sets of truths, and the number of truths in each."""
+"""Set of truths -> number of truths in this set."""
 RANGES = {"mu_s": (0.6, 0.8), "mu_k": (0.35, 0.55)}
 RANGES = size(RANGES, {"mu_s": (0.7, 0.71)})
 """Ranges from which parameters of truths are drawn uniformly."""

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 __all__ = ["BLOCKS", "SPACINGS", "begun", "kept", "main_events", "planned", "study"]
 
 BLOCKS = size((2.0, 4.0, 6.0, 8.0), (2.0, 2.0, 2.0))
-"""Blocks in X_c0 of the cracks."""
+"""Numbers of blocks in X_c0 of the cracks."""
 SPACINGS = size((2.5e-3, 1.25e-3, 0.625e-3), (5e-3,))
 """Lattice constants of the Fig. 1 scene, m."""
 T_END = size(0.745, 0.4)
@@ -55,7 +55,7 @@ T_END = size(0.745, 0.4)
 COLLAPSE = size({"run1": 0.56, "run2": 0.63, "run3": 0.7, "run4": 0.77}, {"run1": 0.56})
 """Runs of Fig. 4(b) and their ends, s: 0.7 of the time to the first event over all blocks."""
 D_C = 1e-6
-"""Slip of weakening, m."""
+"""Slip of weakening in the Fig. 1 scene, m."""
 COARSE = 1.2e-3
 """Least lattice constant of runs without weakening, m; no lattice resolves their zone."""
 PACE = 5e-9

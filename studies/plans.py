@@ -47,7 +47,7 @@ __all__ = ["QUANTITIES", "drawn", "drawn_wide", "run", "stored", "table", "trial
 WORK = size(3e7, 1e5)
 """Largest number of block evaluations of full dynamics with steps of `WAY`."""
 EVENTS = 10
-"""Main events of a trial in the quasi-static sequence."""
+"""Number of main events of a trial in the quasi-static sequence."""
 FINE = size(0.04, 0.25)
 """Step of the reference run, as a share of the stability limit."""
 WAY = 0.1

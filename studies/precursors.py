@@ -107,7 +107,7 @@ HOW = {
     "threshold": FAST,
     "stop_when": "system_size",
 }
-"""Options of all runs."""
+"""Options of `simulate` in all runs."""
 TEXT = {"lengths": str, "lengths_by_rate": str}
 """Columns that are text: lengths in units of L, separated by blanks."""
 SAMPLES = 2000
@@ -150,7 +150,7 @@ SERIES = {
     "rate and state, F_N = 1750 N": Series({"F_N": 1750.0}, **_RATED, seeds=FEW),
     "rate and state, l = 2.5 mm": Series({"l": 2.5e-3}, **_RATED, seeds=FEW),
 }
-"""Series by name."""
+"""Name -> series of runs."""
 SERIES = size(SERIES, {name: SERIES[name] for name in ("base", "l = 2.5 mm", "rate and state")})
 CHECKED = size((("base", 0.05), ("base", 0.2), ("h = 20 mm", 0.2)), ())
 """Series and L_c/L at which the first seed also runs by full dynamics."""

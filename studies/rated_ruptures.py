@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 CASES = size(("V = 0.4 mm/s", "V = 4 mm/s", "V = 0.04 mm/s", "slip law"), ("V = 4 mm/s",))
-"""Cases of `rated`."""
+"""Names of the cases of `rated` whose precursors are measured."""
 RATIOS, LENGTHS, FASTER = size(
     ((1 / 3, 1 / 2, 2 / 3, 4 / 5), (2e-7, 4e-7, 8e-7), (0.1, 1.0, 10.0)),
     ((1 / 2, 4 / 5), (8e-7, 16e-7), (20.0,)),

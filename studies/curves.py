@@ -6,7 +6,7 @@ um/s; F/(m g) is sampled at 2 kHz. Its events do not repeat, so they are compare
 model is a stiff slider on the spring.
 
 The curves are those of J. Colas, N. Pustelnik, C. Oliver, P. Abry, J.-C. Geminard, V. Vidal,
-accepted by Phys. Rev. E in 2019. pyfric does not include them: `SOURCE` says where they are.
+accepted by Phys. Rev. E in 2019. pyfric does not include the curves; `SOURCE` gives their address.
 """
 
 from __future__ import annotations

@@ -166,7 +166,7 @@ def built(commit: str) -> Iterator[Path]:
     """Install the package as it was at a commit into a temporary folder.
 
     Raises:
-        subprocess.CalledProcessError: there is no such commit, or it cannot be built.
+        subprocess.CalledProcessError: there is no such commit, or the commit cannot be built.
     """
     git = ["git", "-C", str(THERE.parents[1])]
     with tempfile.TemporaryDirectory() as folder:

@@ -6,8 +6,8 @@ ratio of L_c to the length L of the slider, and their number should be a functio
 series of runs changes one parameter of the Fig. 1 scene (l = 5 mm), or the law, at the same values
 of L_c/L.
 
-This rule was fixed before the runs. These counts were known before: with linear weakening 11
-precursors at 6 um and 0 at 8 um for l = 2.5 mm; 9, 2 and 0 at 8, 10 and 20 um for l = 5 mm; with
+This rule was fixed before the runs. Some counts were known before the rule: with linear weakening
+11 precursors at 6 um and 0 at 8 um for l = 2.5 mm; 9, 2 and 0 at 8, 10 and 20 um for l = 5 mm; with
 rate and state (l = 5 mm) 5 at 0.4 mm/s and 27 at 4 mm/s. Pilot runs measured times. Their counts
 were read only for two seeds of four points of a slider of nine blocks.
 

@@ -1,7 +1,7 @@
 """Sizes of studies: full sizes, or tiny ones, with which each command ends in seconds.
 
-With --tiny, or `PYFRIC_TINY` set to 1, every study takes its tiny sizes. Its numbers then mean
-nothing; the run only shows that the command works.
+With --tiny, or `PYFRIC_TINY` set to 1, every study takes its tiny sizes. Numbers of a tiny study
+mean nothing; the run only shows that the command works.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """One block on a spring in another program: `python sticks_peers.py '{"peer": ..., "dt": ...}'`.
 
-`studies sticks` runs this with the interpreter of the other program, without pyfric. A block of
-mass `M` lies on a plane under its weight `P`. The end of a spring `K` is held, or pulled at `V`.
+`studies sticks` runs this script with the interpreter of the other program, without pyfric. A block
+of mass `M` lies on a plane under its weight `P`. The end of a spring `K` is held, or pulled at `V`.
 The script prints JSON: t (s) and u (m) at most once in `SAMPLE`, processor time of the steps, and
 the version. Each program has the settings that its documentation recommends for friction.
 """

@@ -8,7 +8,7 @@ which it measures its own error (`Record.errors`). Cost is processor time, divid
 dynamics by velocity Verlet with switches at step ends. Scenes of different size thus share one
 axis.
 
-Methods without an answer to a question, or with other events than the reference, have a cost but no
+A method without a result for a want, or with other events than the reference, has a cost but no
 error. Such methods are drawn above the axes.
 """
 
@@ -67,9 +67,9 @@ WANTS = {
 REFERENCE = size(1 / 16, 1 / 2)
 """Step of the reference, as a share of the stability limit."""
 SCENE = {"L": 0.07, "H": 0.04, "l": 5e-3, "F_N": 1750.0, "V": 20e-3}
-"""End of the run of the only scene at tiny sizes."""
+"""Fields of the only scene at tiny sizes."""
 TRIES = size(2, 1)
-"""Repeats of a method, of which the quickest counts. Full dynamics runs once."""
+"""Number of repeats of a method, of which the quickest counts. Full dynamics runs once."""
 
 
 FULL = Method("dynamic", "finite", "step_end", 0.45, "verlet")
@@ -249,7 +249,7 @@ def errors(record: Record, truth: Record) -> dict[str, Any]:
 
 
 def _high(off: np.ndarray) -> float:
-    """Return the 95th percentile of the numbers other than NaN, or NaN without any."""
+    """Return the 95th percentile of the values other than NaN, or NaN if all are NaN."""
     known = off[np.isfinite(off)]
     return float(np.quantile(known, 0.95)) if len(known) else math.nan
 
@@ -270,7 +270,7 @@ def _speeds(record: Record, rows: np.ndarray) -> np.ndarray:
 
 
 def frontier(part: pd.DataFrame, want: str) -> pd.DataFrame:
-    """Return the points of one scene that no other point beats in both cost and error, by cost."""
+    """Return the points of a scene that none beats in both cost and error, sorted by cost."""
     part = part[np.isfinite(part[want]) & (part["status"] == "ok")].sort_values("seconds")
     least = part[want].cummin()
     return part[part[want] < least.shift(fill_value=math.inf)]

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 __all__ = ["LATTICES", "RIVAL", "kernel", "limit", "report", "scenes", "threads", "time_peer"]
 
 LATTICES = size(((40, 25), (57, 31), (200, 50), (400, 250), (1000, 1000)), ((5, 4),))
-"""Blocks along x and z; 57 x 31 is the paper's setup 1."""
+"""Numbers of blocks along x and z; 57 x 31 is the paper's setup 1."""
 RIVAL = "LAMMPS harmonic + nve"
 """The reference of ratios: a plain LAMMPS run, `bond_style harmonic`, `fix nve`."""
 RIVAL_FORCES = "LAMMPS harmonic, forces only"
@@ -223,7 +223,7 @@ def _scene(N_x: int, N_z: int) -> Scene:
 
 
 def _core(scene: Scene, n_threads: int) -> dict[tuple, Timed]:
-    """Return the core's runs by (what, geometry, variant, budget)."""
+    """Return functions that run the core, by (what, geometry, variant, budget)."""
     small = scene.N_x * scene.N_z <= 10**4
     found: dict[tuple, Timed] = {}
     for geometry in ("linear", "finite"):
@@ -240,7 +240,7 @@ def _core(scene: Scene, n_threads: int) -> dict[tuple, Timed]:
 
 
 def _laws(scene: Scene) -> dict[tuple, Timed]:
-    """Return runs in which all bottom blocks slip, with steps so short that none stops."""
+    """Return runs in which all bottom blocks slip, with steps so short that no block stops."""
     found: dict[tuple, Timed] = {}
     if scene.N_x * scene.N_z > 10**4:
         return found
@@ -254,7 +254,7 @@ def _laws(scene: Scene) -> dict[tuple, Timed]:
 
 
 def _state(scene: Scene, geometry: Geometry, *, loaded: bool) -> State:
-    """Return the loaded state, or for large lattices the unstrained one, which is as fast."""
+    """Return the loaded state, or the unstrained state, in which large lattices are as fast."""
     if loaded:
         return loaded_state(scene, geometry).state(scene, 1e-7)
     N_x, N_z = scene.N_x, scene.N_z
@@ -299,7 +299,7 @@ def _forces(scene: Scene, geometry: Geometry, state: State, variant: str) -> Tim
 
 
 def _peers(scene: Scene, stack: ExitStack) -> dict[tuple, Timed]:
-    """Return the installed programs of `peers`, by (what, geometry, variant, budget)."""
+    """Return functions that run installed programs, by (what, geometry, variant, budget)."""
     rng = np.random.default_rng(0)
     y = 1e-6 * rng.standard_normal((scene.N_z, 4, scene.N_x))
     found: dict[tuple, Timed] = {}
@@ -331,7 +331,7 @@ def _peers(scene: Scene, stack: ExitStack) -> dict[tuple, Timed]:
 
 
 def _minima(timed: dict[tuple, Timed], n_blocks: int, progress: bool) -> dict[tuple, float]:
-    """Return for each function the least time of one force evaluation, s."""
+    """Return the least time of one force evaluation of each function, s."""
     count = {}
     for key, run in timed.items():
         run(4)

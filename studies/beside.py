@@ -49,7 +49,7 @@ AMPLITUDE = 1e-3
 def wave_points(say: Callable[[str], None] = lambda _: None) -> Iterator[dict[str, Any]]:
     """Yield the points of the standing wave; see `methods.table`."""
     scene = preset("fig1")
-    unit = math.sqrt(scene.m / scene.slider.k)  # of time
+    unit = math.sqrt(scene.m / scene.slider.k)  # unit of time, s
     u = np.zeros((scene.N_z, 2, scene.N_x))
     u[:, 0] = AMPLITUDE * scene.slider.l * np.cos(np.pi * (scene.x / scene.slider.L + 0.5))
     t_end = 4 * (scene.N_x - 1) / math.sqrt(1.5) * unit
@@ -176,7 +176,7 @@ def _slider_row(
 
 
 def _ivp(scene: Scene, rtol: float) -> tuple[list[tuple], float, int]:
-    """Return the switches (t, block, old, new) by SciPy, seconds, and the number of evaluations."""
+    """Return SciPy's switches (t, block, old, new), wall time, s, and number of evaluations."""
     N, m, eta = scene.N_x, scene.m, scene.eta
     law = scene.law.static
     p, k, driver = scene.load, scene.slider.k, scene.driver
@@ -223,7 +223,7 @@ def _ivp(scene: Scene, rtol: float) -> tuple[list[tuple], float, int]:
 
 
 LAMMPS_STEPS = size(2000, 20)
-"""Steps that are timed for the chart."""
+"""Number of steps that are timed for the chart."""
 
 
 def chart_points(points: pd.DataFrame) -> Iterator[dict[str, Any]]:

@@ -32,7 +32,7 @@ SHARES = {
     "position": ("position", ["value", "low", "high"]),
     "beyond": ("prestress, of what position leaves", ["value", "low", "high", "null"]),
 }
-"""Column of `shares` -> its meaning, and its rows."""
+"""Column of `shares` -> its meaning, and those of its rows that the study gives."""
 
 
 def collapse(fronts: pd.DataFrame) -> pd.DataFrame:
@@ -75,7 +75,7 @@ def _numbered(table: pd.DataFrame) -> pd.DataFrame:
     """Return the fronts, numbered from 1 in order of time, with the position of each block."""
     table = table.reset_index(drop=True)
     about = table[["scene", "d_c", "l", "begun", "event"]]
-    # an event that began from a coarser lattice is the first of its run
+    # an event that began from the state of a coarser lattice is the first event of its run
     new = (about != about.shift()).any(axis=1) | (table["n"].diff() <= 0)
     table = table.assign(front=new.cumsum())
     n = table.groupby("front")["n"]

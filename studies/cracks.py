@@ -119,7 +119,7 @@ class Crack:
 
 
 def crack(which: Crack, **options: Any) -> tuple[pd.DataFrame, Record]:
-    """Run a crack.
+    """Run a crack, and compare its speed with fracture mechanics.
 
     Returns:
         A table: a (m), v and v_theory (m/s) from `FROM` to `TO`, up to the end of the crack; and
@@ -146,7 +146,7 @@ def viscosity(
     cases: Sequence[tuple[float, float, Literal["along", "full"]]] = VISCOSITIES,
     say: Callable[[str], None] = lambda _: None,
 ) -> pd.DataFrame:
-    """Return by how much dashpots change the speed of a crack, against fracture mechanics.
+    """Return the relative change of crack speed by dashpots, against fracture mechanics.
 
     Returns:
         One row for each crack: blocks in X_c0, eta2, dashpots; mean and worst of v/v_theory - 1
@@ -165,7 +165,7 @@ def viscosity(
 
 
 def kept_crack(path: Path, which: Crack) -> pd.DataFrame:
-    """Return the table of a crack with its cost, from its file if that exists."""
+    """Return the table of a crack with its cost, from its file if the file exists."""
     if path.is_file():
         return pd.read_csv(path)
     begin = time.process_time()

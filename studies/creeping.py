@@ -52,9 +52,9 @@ ROWS = size((2, 3, 5), (2,))
 ALPHA = size((0.3, 1.0, 3.0), (1.0,))
 """Viscosities of slip, in units of sqrt(k m) of the equivalent chain."""
 TAU_BAR = size((0.1, 0.2, 0.4, 0.6), (0.6,))
-"""Prestresses."""
+"""Scaled prestresses."""
 WEAKENING = size((3.0, 30.0, 300.0), (3.0,))
-"""Times t_w, in units of l/c."""
+"""Times t_w of weakening, in units of l/c."""
 COLOURS = (BLUE, VERMILION, GREEN)
 """Colours of slabs in pictures."""
 BLOCKS = size(120, 20)
@@ -199,7 +199,7 @@ def _symbols(axes: Axes, name: str, values: Sequence[float], fillstyle: str) -> 
 
 
 def report(found: dict[str, pd.DataFrame]) -> str:
-    """Return the tables in lines."""
+    """Return the tables as text."""
     return "\n\n".join(
         f"{name}\n{table.to_string(index=False, float_format=lambda x: f'{x:.3g}')}"
         for name, table in found.items()

@@ -6,7 +6,7 @@ um/s; F/(m g) is sampled at 2 kHz. Its events do not repeat, so they are compare
 model is a stiff slider on the spring.
 
 The curves are those of J. Colas, N. Pustelnik, C. Oliver, P. Abry, J.-C. Geminard, V. Vidal,
-accepted by Phys. Rev. E in 2019. pyfric does not include them: `SOURCE` says where they are.
+accepted by Phys. Rev. E in 2019. pyfric does not include the curves; `SOURCE` gives their address.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def row_of(scene: pyfric.Scene, curve: Curve) -> dict[str, Any]:
 
 
 def population(table: pd.DataFrame, sizes: Sizes) -> dict[str, float]:
-    """Return means, spreads and correlations of large events."""
+    """Return means, spreads and correlations of forces and recurrence of large events."""
     known = sizes.table(table.iloc[:0], At({})).set_index("at")
     row: dict[str, float] = {"events": len(table), "noise": table.attrs["noise"]}
     part = table[table["drop"] >= 0.2 * table["drop"].max()]
@@ -179,7 +179,7 @@ def report(table: pd.DataFrame) -> str:
 
 
 def report_of_laws(table: pd.DataFrame) -> str:
-    """Return the differences of curves from one law, in lines."""
+    """Return the differences of curves from one law as text."""
     return "\n".join(
         f"{row['number']} of {row['curves']}: {row['mean']:.3f}, from curve to curve "
         f"+- {row['std']:.3f}, each known to {row['error']:.3f}, chi^2 {row['chi2']:.3g} "

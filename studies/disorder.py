@@ -2,7 +2,7 @@
 
 For each seed mu_s of each block is drawn from a uniform distribution about 0.7, independent of its
 neighbours. The width is the standard deviation of mu_s, divided by its mean. Lengths of precursors
-are those of the quasi-static sequence in the Fig. 1 scene (Fig. 2a). They are compared with the
+are those of the quasi-static sequence in the Fig. 1 scene (Fig. 2a). Lengths are compared with the
 curve through the lengths without disorder. Front speeds are those of hybrid runs with located
 transitions and blocks of 5 mm (Fig. 4). Their medians in bins of the prestress are over all seeds
 of one width.
@@ -37,14 +37,14 @@ WIDTHS = size((0.0, 0.01, 0.03, 0.1), (0.0, 0.1))
 """Widths: standard deviations of mu_s, divided by its mean; 0 is run once."""
 SEEDS = tuple(range(1, size(21, 3)))
 BINS = 6
-"""Bins of the prestress; the run without disorder has few points."""
+"""Number of bins of the prestress; few, because the run without disorder has few points."""
 COLOURS = ("black", "#0072B2", "#009E73", "#D55E00")
 LADDER = {"fidelity": "quasistatic"}
 FRONTS = {"fidelity": "hybrid", "geometry": "linear", "verify": "none"}
 
 
 def disordered(scene: Scene, width: float, seed: int) -> Scene:
-    """Return the scene with uniformly drawn mu_s of this width."""
+    """Return the scene with mu_s from a uniform distribution; width is its relative std."""
     if not width:
         return scene
     mean = scene.interface.mu_s
@@ -52,7 +52,7 @@ def disordered(scene: Scene, width: float, seed: int) -> Scene:
 
 
 def jobs(width: float, seed: int) -> tuple[Job, Job]:
-    """Return the quasi-static sequence and the run for fronts of one draw."""
+    """Return the two runs of one draw: the quasi-static sequence, and the run for front speeds."""
     lengths, fronts = preset("fig1"), preset("fig1", l=5e-3, V=5e-3)
     return (
         Job(scene=disordered(lengths, width, seed), t_end=0.8, options=LADDER),

@@ -124,10 +124,10 @@ def fidelity(*, progress: bool = False) -> pd.DataFrame:
 
 
 def agreement(record: Record, reference: Record) -> dict[str, float]:
-    """Return the largest differences of main events.
+    """Return the numbers of main events, and their largest differences between two runs.
 
-    These are the number of events, the number in only one of the runs, start and arrest forces
-    over F_N, and blocks of L_p.
+    The numbers are those of all events, and of events in only one of the runs. The differences are
+    those of start and arrest forces over F_N, and of L_p in blocks.
     """
     found = differences(record, reference)
     most, alone = found.events[["start", "arrest", "length"]].max(), found.events["other"] == 0

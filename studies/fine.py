@@ -6,8 +6,8 @@ checked out into a temporary folder, installed there, and removed.
 
 Steps are counted by spells. A spell is the time from a first slip until no block slips, and its
 kind is the number of blocks that slip in it. If a run jumps over stable slip, the steps of a spell
-are unknown, and steps are not counted by spells. The same holds for runs with d_c in builds that do
-not count such jumps.
+are unknown, and steps are not counted by spells. Builds that do not count jumps over stable slip
+give no steps by spells for runs with d_c.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Case(NamedTuple):
     geometry: str = "linear"
     accuracy: float | None = None
     dt: float | None = None
-    """Cases of this build only; None means the default."""
+    """Step, s, in cases of this build only; None means the default."""
 
 
 WEAK = {"d_c": 1e-6}
@@ -80,7 +80,7 @@ LINES = {"d_c = 0": LATTICES}
 LINES |= size({"d_c = 1 um": tuple(f"{name}, d_c" for name in LATTICES)}, {})
 """Cases of the chart of cost against l."""
 SLOPES = {3: r"$\times$ 8", 4: r"$\times$ 16"}
-"""Powers of 1/l in the chart: blocks times steps, and the same with waits in proportion to 1/l."""
+"""Powers of 1/l in the chart: 3 for blocks times steps, 4 with waits in proportion to 1/l."""
 BUILDS = (("-", "o"), (":", "s"), ("-.", "^"))
 """Line and marker of each build."""
 QUICK = ("2.5 mm", "sequence", "plan")
@@ -166,7 +166,7 @@ def built(commit: str) -> Iterator[Path]:
     """Install the package as it was at a commit into a temporary folder.
 
     Raises:
-        subprocess.CalledProcessError: there is no such commit, or it cannot be built.
+        subprocess.CalledProcessError: there is no such commit, or the commit cannot be built.
     """
     git = ["git", "-C", str(THERE.parents[1])]
     with tempfile.TemporaryDirectory() as folder:
@@ -183,7 +183,7 @@ def built(commit: str) -> Iterator[Path]:
 
 
 def _alone(case: Case, folder: Path | None) -> dict[str, Any]:
-    """Return the cost of a case with the package in a folder; None means the installed one."""
+    """Return the cost of a case with the package in a folder; None means the installed package."""
     env = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"}
     found = [folder, THERE.parent] if folder is not None else [THERE.parent]
     env["PYTHONPATH"] = os.pathsep.join(map(str, found))

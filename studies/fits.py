@@ -7,7 +7,7 @@ height ("height").
 
 Coverage depends on the draws of noise. `pulls` separates the effect of draws from that of
 intervals. A pull is one step of Gauss and Newton from the truth, divided by its standard deviation.
-It has a variance of one.
+The variance of pulls is one.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from pyfric.measured import events, sampled
 __all__ = ["pulls", "report", "report_of_pulls", "study"]
 
 SETS: dict[str, int] = {"right": size(200, 1), "disorder": size(10, 0), "height": size(10, 0)}
-"""Sets of truths, and the number of truths in each."""
+"""Set of truths -> number of truths in this set."""
 RANGES = {"mu_s": (0.6, 0.8), "mu_k": (0.35, 0.55)}
 RANGES = size(RANGES, {"mu_s": (0.7, 0.71)})
 """Ranges from which parameters of truths are drawn uniformly."""
@@ -123,7 +123,7 @@ def _row(name: str, seed: int) -> dict[str, Any]:
 
 
 def covered(table: pd.DataFrame, name: str) -> pd.Series:
-    """Whether the interval of a parameter holds its true value, for each fit."""
+    """Return whether the interval of a parameter holds its true value, for each fit."""
     low, high = table[f"{name}_low"].fillna(-np.inf), table[f"{name}_high"].fillna(np.inf)
     return (low <= table[f"{name}_true"]) & (table[f"{name}_true"] <= high)
 
@@ -147,8 +147,8 @@ def report_of_pulls(table: pd.DataFrame) -> str:
 def parts_of_pulls(table: pd.DataFrame, key: str) -> tuple[float, float]:
     """Return the variance of pulls between draws of noise, and between truths.
 
-    Deviations between truths are the same in all draws of noise: their causes are times of falls
-    between samples, and small events that noise hides.
+    Deviations between truths are the same in all draws of noise: their causes are times of force
+    drops between samples, and small events that noise hides.
     """
     draws = table.pivot(index="seed", columns="draw", values=key)
     of_noise = float(draws.var(axis=1).mean())
@@ -156,7 +156,7 @@ def parts_of_pulls(table: pd.DataFrame, key: str) -> tuple[float, float]:
 
 
 def report(table: pd.DataFrame) -> str:
-    """Return results of the fits: errors, coverage, and models that were found not to fit."""
+    """Return results of the fits: errors, coverage, and the number of fits that are rejected."""
     lines = []
     for name, part in table.groupby("set", sort=False):
         flagged = int((part["probability"] < 0.01).sum())

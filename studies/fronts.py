@@ -9,8 +9,8 @@ crack      A two-sided crack under a uniform stress drop at S = 3, where a conti
 length     Precursors of the Fig. 1 scene with d_c = 1 um. Their lengths are compared with the
            length at which the energy release of static states falls to the fracture energy, and
            with the quasi-static sequence without weakening.
-Fig. 4     Front speeds of these precursors, and their collapse over runs 1 to 4, on finer and finer
-           lattices: which results remain? A fine lattice may start from the state of a lattice
+Fig. 4     Front speeds of these precursors, and their collapse over runs 1 to 4: which results are
+           the same on finer and finer lattices? A fine lattice may start from a state of a lattice
            twice as coarse just before an event (`finer`). If the fine lattice also has a whole run,
            the study gives the difference of the two.
 
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 __all__ = ["BLOCKS", "SPACINGS", "begun", "kept", "main_events", "planned", "study"]
 
 BLOCKS = size((2.0, 4.0, 6.0, 8.0), (2.0, 2.0, 2.0))
-"""Blocks in X_c0 of the cracks."""
+"""Numbers of blocks in X_c0 of the cracks."""
 SPACINGS = size((2.5e-3, 1.25e-3, 0.625e-3), (5e-3,))
 """Lattice constants of the Fig. 1 scene, m."""
 T_END = size(0.745, 0.4)
@@ -55,11 +55,11 @@ T_END = size(0.745, 0.4)
 COLLAPSE = size({"run1": 0.56, "run2": 0.63, "run3": 0.7, "run4": 0.77}, {"run1": 0.56})
 """Runs of Fig. 4(b) and their ends, s: 0.7 of the time to the first event over all blocks."""
 D_C = 1e-6
-"""Slip of weakening, m."""
+"""Slip of weakening in the Fig. 1 scene, m."""
 COARSE = 1.2e-3
 """Least lattice constant of runs without weakening, m; no lattice resolves their zone."""
 PACE = 5e-9
-"""Processor time of these runs per block and force evaluation, s."""
+"""Processor time of runs of the Fig. 1 scene per block and force evaluation, s."""
 LAST = 2
 """Number of precursors, the last of each of runs 1 to 4, that start from a coarser lattice."""
 AFTER = 3e-3

@@ -100,7 +100,7 @@ def costs(
 
 
 def _alone(name: str, quick: bool, folder: Path | None) -> dict[str, Any]:
-    """Return the cost of a case with the package in a folder; None means the installed one."""
+    """Return the cost of a case with the package in a folder; None means the installed package."""
     env = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"}
     found = [*([] if folder is None else [folder]), THERE.parent]
     env["PYTHONPATH"] = os.pathsep.join(map(str, found))

@@ -101,8 +101,8 @@ def table(*, progress: bool = False) -> pd.DataFrame:
         One row per point. Columns: scene, engine, stepper, switching, geometry, dt (s), share (dt
         as a share of the stability limit of RK4), rtol, seconds, evaluations, status ("ok", or why
         it failed), the errors of `QUESTIONS`, start, blocks, missing (blocks with a rupture time in
-        only one of the two), and the same errors against the reference of the same geometry, with
-        "own_" before their names. NaN where a question does not apply.
+        only one of the two runs), and the same errors against the reference of the same geometry,
+        with "own_" before their names. NaN where a question does not apply.
     """
 
     def say(text: str) -> None:

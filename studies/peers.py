@@ -117,9 +117,9 @@ def numba_forces(scene: Scene, geometry: Geometry) -> Forces:
     """Return a compiled function that evaluates all springs and dashpots, on one thread.
 
     Each block sums the forces of its eight neighbours; inside the lattice the loop does not test
-    whether they exist. Of the loops tried this is the fastest. This loop evaluates each bond twice,
-    but all stores are independent, so the compiler vectorises it. The compiler does not use
-    fastmath.
+    whether they exist. This loop is the fastest of several that were compared. It evaluates each
+    bond twice, but all stores are independent, so the compiler vectorises it. The compiler does not
+    use fastmath.
 
     The function takes y (N_z, 4, N_x) as in `numpy_forces` and returns F (N_z, 2, N_x) in N, a new
     array. The function is compiled before the first call, and once for all lattices of equal k, l,

@@ -47,7 +47,7 @@ __all__ = ["QUANTITIES", "drawn", "drawn_wide", "run", "stored", "table", "trial
 WORK = size(3e7, 1e5)
 """Largest number of block evaluations of full dynamics with steps of `WAY`."""
 EVENTS = 10
-"""Main events of a trial in the quasi-static sequence."""
+"""Number of main events of a trial in the quasi-static sequence."""
 FINE = size(0.04, 0.25)
 """Step of the reference run, as a share of the stability limit."""
 WAY = 0.1
@@ -175,7 +175,7 @@ def drawn_wide(seed: int, n: int) -> tuple[Scene, float, str, float]:
 
 
 def _way(scene: Scene) -> float:
-    """Return the way of the driver up to `EVENTS` main events in quasi-static slip, in m."""
+    """Return the driver's displacement up to `EVENTS` main events in quasi-static slip, in m."""
     one = dataclasses.replace(scene, driver=dataclasses.replace(scene.driver, V=1.0))
     most = 2 * scene.F_N * (1 / scene.driver.K + 1 / scene.slider.k)
     ladder = QuasistaticRun(one, t_gap=0.0)

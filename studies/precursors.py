@@ -6,8 +6,8 @@ ratio of L_c to the length L of the slider, and their number should be a functio
 series of runs changes one parameter of the Fig. 1 scene (l = 5 mm), or the law, at the same values
 of L_c/L.
 
-This rule was fixed before the runs. These counts were known before: with linear weakening 11
-precursors at 6 um and 0 at 8 um for l = 2.5 mm; 9, 2 and 0 at 8, 10 and 20 um for l = 5 mm; with
+This rule was fixed before the runs. Some counts were known before the rule: with linear weakening
+11 precursors at 6 um and 0 at 8 um for l = 2.5 mm; 9, 2 and 0 at 8, 10 and 20 um for l = 5 mm; with
 rate and state (l = 5 mm) 5 at 0.4 mm/s and 27 at 4 mm/s. Pilot runs measured times. Their counts
 were read only for two seeds of four points of a slider of nine blocks.
 
@@ -33,7 +33,7 @@ Collapse   y = ln(1 + mean count) of a series at a value of L_c/L. The curve of 
            weakening takes twice the energy). All series of slip weakening count, with l = 5 and 2.5
            mm. L_c/L holds if its share is `ENOUGH` or more, and larger than that of each null in 95
            % or more of `DRAWS` draws of series with replacement. L_c/L is refuted if a null has the
-           larger share in 95 % or more. Otherwise the data do not tell.
+           larger share in 95 % or more. Otherwise the data are inconclusive.
 End        Precursors end where the mean count falls below 1/2 for good, interpolated in ln(L_c/L).
            Error bars are 16 to 84 % of draws of seeds. All series of a scale have one end if the
            ratio of the largest to the smallest is below `ONE`. Scales are ranked by the standard
@@ -95,7 +95,7 @@ NEAR = size((0.1, 0.15, 0.2, 0.25, 0.3), (0.05,))
 V = 0.7875e-3
 """Speed of the driver in the Fig. 1 scene, m/s."""
 PUSHED = size(1.6e-3, 0.4e-3)
-"""Longest way of the driver in a run, m."""
+"""Largest displacement of the driver in a run, m."""
 BASE = size({"l": 5e-3}, {"l": 5e-3, "L": 0.03, "H": 0.01, "F_N": 750.0})
 """Changes of the scene in all series."""
 HOW = {
@@ -107,7 +107,7 @@ HOW = {
     "threshold": FAST,
     "stop_when": "system_size",
 }
-"""Options of all runs."""
+"""Options of `simulate` in all runs."""
 TEXT = {"lengths": str, "lengths_by_rate": str}
 """Columns that are text: lengths in units of L, separated by blanks."""
 SAMPLES = 2000
@@ -150,7 +150,7 @@ SERIES = {
     "rate and state, F_N = 1750 N": Series({"F_N": 1750.0}, **_RATED, seeds=FEW),
     "rate and state, l = 2.5 mm": Series({"l": 2.5e-3}, **_RATED, seeds=FEW),
 }
-"""Series by name."""
+"""Name -> series of runs."""
 SERIES = size(SERIES, {name: SERIES[name] for name in ("base", "l = 2.5 mm", "rate and state")})
 CHECKED = size((("base", 0.05), ("base", 0.2), ("h = 20 mm", 0.2)), ())
 """Series and L_c/L at which the first seed also runs by full dynamics."""

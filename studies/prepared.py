@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 __all__ = ["CHECKS", "checks", "diagram", "figure", "job", "kind", "slowest"]
 
 TAU = size(tuple(np.round(np.arange(0.1, 0.1701, 0.005), 3)), (0.1, 0.17))
-"""tau_0/p."""
+"""Values of tau_0/p."""
 WIDTH = size(tuple(np.round(np.arange(0.0, 0.501, 0.1), 3)), (0.0, 0.2))
 """Half width of the distribution of stretches, in units of u_s."""
 T_END = size(60e-3, 2e-3)

@@ -34,7 +34,7 @@ VERLET = "velocity Verlet, step ends"
 """The steps on which LAMMPS is timed; not drawn."""
 WANT = "precursors"
 NEAR = 0.5
-"""Largest ratio of errors whose points share a label, in decades."""
+"""Largest ratio of errors, in decades, at which points share a label."""
 RED, BLUE, GREY = "#C00000", "#0072B2", "0.35"
 
 
@@ -71,7 +71,7 @@ def points(*, progress: bool = False) -> pd.DataFrame:
 
 
 def figure(table: pd.DataFrame) -> DataFigure:
-    """Draw the table of `points`."""
+    """Return a figure of the table of `points`: error over cost of each method."""
     fig = DataFigure(figsize=(6.2, 3.6))
     axes = fig.subplots()
     style(axes)

@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 __all__ = ["CASES", "table"]
 
 SLABS = size(12, 1)
-"""Slabs whose fronts run to the end."""
+"""Number of slabs whose fronts run to the end."""
 
 
 def _slabs() -> list[tuple[str, Any, Any]]:
-    """Prescribed interfaces have no driver's force, and unfinished events have no arrest."""
+    """Return rows for slabs: no driver's force, and no arrest of unfinished events."""
     rows: list[dict[str, Any]] = []
     n = 0
     while len(rows) < SLABS:
@@ -51,7 +51,7 @@ def _slabs() -> list[tuple[str, Any, Any]]:
 
 
 def _light_load() -> list[tuple[str, Any, Any]]:
-    """Small strains, at which linear geometry still has an error near a tolerance of 0.01."""
+    """Return rows for small strains, where linear geometry has an error near 0.01."""
     small, t_end = size(({}, 0.09), ({"l": 5e-3, "V": 8e-3}, 0.0045))
     row = plans.trial(preset("fig1", F_N=350.0, **small), t_end, "precursors", 0.01)
     return [
@@ -69,18 +69,18 @@ def _paid(scene: Any, t_end: float, tolerance: float) -> list[tuple[str, Any, An
 
 
 def _free_slider() -> list[tuple[str, Any, Any]]:
-    """Many events, and a trailing edge that lifts off."""
+    """Return the row of a slider with many events and a trailing edge that lifts off."""
     return _paid(preset("setup2+"), size(0.5, 0.02), 0.05)
 
 
 def _uneven_chain() -> list[tuple[str, Any, Any]]:
-    """About 150 events, a few of which change with any step."""
+    """Return the row of a chain with about 150 events, a few of which change with any step."""
     p = 60 * np.random.default_rng(43).uniform(0.5, 1.5, 43)
     return _paid(chain(p=p.tolist(), L=42 * 2.5e-3, k_top=1e6), size(1.0, 0.04), 0.02)
 
 
 def _rod() -> list[tuple[str, Any, Any]]:
-    """Finite geometry on a stiff foundation, where jumps have the largest errors."""
+    """Return rows for finite geometry on a stiff foundation, where errors of jumps are largest."""
     fixed = {"L": 10 * 2.5e-3, "H": 7 * 2.5e-3, "h": 2.5e-3, "F_N": 660.0}
     k, t_end = setup1(**fixed).slider.k, size(0.3, 0.01)
     scene = setup1(**fixed, K=0.041 * k, k_f=19 * k)
@@ -94,7 +94,7 @@ def _rod() -> list[tuple[str, Any, Any]]:
 
 
 def _benchmark() -> list[tuple[str, Any, Any]]:
-    """TPV3, whose barriers cannot rupture; X_c0 = (3 pi/4) k G/(drop of mu p)^2 in blocks."""
+    """Return X_c0/l of TPV3, which has barriers, beside (3 pi/4) k G/(drop of mu p)^2."""
     scene = preset("tpv3")
     inside = scene.N_x // 4
     drop = (
@@ -106,7 +106,7 @@ def _benchmark() -> list[tuple[str, Any, Any]]:
 
 
 def _viscosity() -> list[tuple[str, Any, Any]]:
-    """TPV3 with l = 100 m, with the viscosity of `slab` and with the paper's."""
+    """Return misfits of TPV3 on 100 m, with the viscosity of `slab` and with the paper's."""
     lattice = {"p": [100.0] * 30, "tau": [69.0] * 30, "L": 29.0, "H": 9.0, "l": 1.0}
     plain = slab(**lattice)
     of = plain.eta / math.sqrt(plain.slider.k * plain.m)
@@ -122,7 +122,7 @@ def _viscosity() -> list[tuple[str, Any, Any]]:
 
 
 def _no_plan() -> list[tuple[str, Any, Any]]:
-    """A run whose engine is given is not verified."""
+    """Return the row of a run without verification, because its engine is given."""
     faster, t_end = size(({}, 0.3), ({"V": 4e-3}, 0.02))
     scene = setup1(L=0.03, H=0.01, h=2.5e-3, F_N=700.0, **faster)
     made = simulate(scene, t_end, fidelity="hybrid", progress=False)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
 V, PUSHED = 0.4e-3, size(0.92e-3, 0.4e-3)
-"""Speed and way of the driver (m/s, m)."""
+"""Speed and displacement of the driver (m/s, m)."""
 CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "V = 0.4 mm/s": ({}, {}),
     "half the step, accuracy 1e-6": ({}, {"dt": 0.3e-6, "accuracy": 1e-6}),
@@ -35,7 +35,7 @@ CASES = size(CASES, {"V = 4 mm/s": ({"V": 10 * V, "l": 5e-3}, {"accuracy": 1e-3}
 OPTIONS = {"fidelity": "hybrid", "geometry": "linear", "accuracy": 1e-4, "progress": False}
 """Default options of runs."""
 SHORT = {"full dynamics": 0.48e-3}
-"""Cases that end earlier, and the way of the driver, m."""
+"""Cases that end earlier -> displacement of the driver, m."""
 SHOWN = ("V = 0.4 mm/s", "V = 4 mm/s", "V = 0.04 mm/s", "slip law", "l = 1.25 mm")
 COLUMNS = {"t_start": "t_s", "L_p_over_L": "L_p_over_L", "n_blocks": "n_blocks"}
 

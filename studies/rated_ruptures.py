@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 CASES = size(("V = 0.4 mm/s", "V = 4 mm/s", "V = 0.04 mm/s", "slip law"), ("V = 4 mm/s",))
-"""Cases of `rated`."""
+"""Names of the cases of `rated` whose precursors are measured."""
 RATIOS, LENGTHS, FASTER = size(
     ((1 / 3, 1 / 2, 2 / 3, 4 / 5), (2e-7, 4e-7, 8e-7), (0.1, 1.0, 10.0)),
     ((1 / 2, 4 / 5), (8e-7, 16e-7), (20.0,)),
 )
 """a/b, D_c (m), and V (in units of the preset's) of the other runs; b is that of the preset."""
 PUSHED = size(0.7e-3, 0.2e-3)
-"""Way of the driver in the other runs, m."""
+"""Displacement of the driver in the other runs, m."""
 CHECK = size({"half the step": {"dt": 0.3e-6}, "accuracy 1e-5": {"accuracy": 1e-5}}, {})
 """Options with which the first case is repeated."""
 BEFORE = 2e-5

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 __all__ = ["SPACINGS", "figure", "study", "summary"]
 
 SPACINGS = size((5e-3, 2.5e-3, 1.25e-3, 0.625e-3), (5e-3, 2.5e-3))
-"""Lattice constants, m."""
+"""Lattice constants of the Fig. 1 scene, m."""
 T_END = 0.45
 """End of the runs, s: six main precursors at l = 2.5 mm."""
 LENGTHS = (0.1, 0.15, 0.2)

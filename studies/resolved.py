@@ -29,10 +29,10 @@ Shares     Shares of the variance of ln v_c as in claim 13 (`pyfric.paper.claims
            all variants of an event have.
 Verdict    The verdict is on resolved variants with little viscosity, on all of their places. A
            variant keeps the collapse if the lower end of the share of the prestress exceeds 0.5 and
-           the upper end for synthetic speeds. It loses the collapse if the upper end of its share
-           is below 0.5, or its value is below the upper end for synthetic speeds. Otherwise the
-           data do not tell. The paper's collapse survives if all three variants keep it, and does
-           not survive if all three lose it.
+           the upper end for synthetic speeds. A variant loses the collapse if the upper end of its
+           share is below 0.5, or its value is below the upper end for synthetic speeds. Otherwise
+           the data are inconclusive. The paper's collapse survives if all three variants keep it,
+           and does not survive if all three lose it.
 
 The study also gives the share that G/Gamma explains, the ratio of energy release in static states
 to fracture energy.
@@ -72,11 +72,11 @@ __all__ = ["D_C", "VISCOSITIES", "Event", "checks", "front", "study"]
 L = size(1.25e-3, 5e-3)
 """Lattice constant of the runs that give the tractions, and distance between places, m."""
 OF_RUNS = 1e-6
-"""Slip of weakening of these runs, m."""
+"""Slip of weakening of the runs that give the tractions, m."""
 LAST = size(2, 1)
-"""Number of the last precursors of each run."""
+"""Number of precursors, the last of each run, that the study repeats."""
 D_C = size((4e-6, 3e-6, 2e-6), (1e-6,))
-"""Slip of weakening, m."""
+"""Slip of weakening of the released cracks, m."""
 SPACING = size(
     {"run1": 0.625e-3 / 3, "run2": 0.625e-3 / 3, "run3": 0.625e-3 / 3, "run4": 1.25e-3 / 3},
     {"run1": 5e-3},
@@ -120,7 +120,7 @@ class Event:
         self._held: tuple[float, Any] = (0.0, None)
 
     def scene(self, d_c: float, viscosity: str, l: float | None) -> Scene:
-        """Return the scene with d_c (m), one of `VISCOSITIES` and l (m), None for the rule's."""
+        """Return the scene with d_c (m), one of `VISCOSITIES`, and l (m) or that of the rule."""
         l = SPACING[self.name] * d_c / 1e-6 if l is None else l
         return preset(self.name, l=l, d_c=d_c, **VISCOSITIES[viscosity])
 
@@ -276,7 +276,7 @@ def _path(runs: Path, name: str) -> Path:
 
 
 def kept_table(path: Path, make: Callable[[], pd.DataFrame]) -> pd.DataFrame:
-    """Return a table to six digits, from its file if that exists."""
+    """Return a table to six digits, from its file if the file exists."""
     if not path.is_file():
         write(path, make().to_csv(index=False).encode())
     return pd.read_csv(path).map(lambda one: float(f"{one:.6g}") if isinstance(one, float) else one)
@@ -284,7 +284,7 @@ def kept_table(path: Path, make: Callable[[], pd.DataFrame]) -> pd.DataFrame:
 
 @at_once()
 def checks(runs: Path, say: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
-    """Return how speeds of one front depend on settings, with little viscosity and the largest d_c.
+    """Return changes of one front's speeds with settings, for little viscosity and the largest d_c.
 
     Args:
         runs: folder of `study` with its runs.
@@ -324,7 +324,7 @@ def checks(runs: Path, say: Callable[[str], None] = lambda _: None) -> pd.DataFr
 
 
 def _change(case: str, table: pd.DataFrame, other: pd.DataFrame, L_x: float) -> dict[str, Any]:
-    """Return how the speeds of a front differ from those of another front."""
+    """Return the differences of ln v_c and of length between two fronts."""
     kept_there = other[other["inside"] & other["v_c"].notna()]
     both = kept_there.assign(key=(kept_there["x"] / L).round()).merge(
         table.assign(key=(table["x"] / L).round()), on="key", suffixes=("", "_new")

@@ -51,7 +51,7 @@ GROUPS = 20
 """Number of groups of seeds; each group is left out in turn."""
 COMPLETE = 0.01
 """Least potency of compared events, as a share of the largest of all sets. Smaller events are few,
-and slips of single blocks at the trailing edge. A policy."""
+and slips of single blocks at the trailing edge. The value is a choice."""
 LEAST = 1e-5
 """Smallest potency in the figure, as a share of the largest of all sets."""
 COLUMNS = ("F_slide", "F_precursor", "L_p_first", "n_precursors", "t_slide")
@@ -62,7 +62,7 @@ QUANTITIES = {
     "first_length": "L_p_first",
     "precursors": "n_precursors",
 }
-"""Name in the table -> number of runs."""
+"""Name in the table -> column of `pyfric.RUN_COLUMNS`."""
 
 
 def field(width: float, length: float) -> Spread:
@@ -127,7 +127,7 @@ def table(found: dict[tuple[float, float], Ensemble]) -> pd.DataFrame:
     """Return one row for each set.
 
     Columns: width; correlation_length (m); runs; for each of `QUANTITIES` mean and std with their
-    errors, and n, the number of runs that have it; events, the number of compared sizes; b and its
+    errors, and n, the number of runs with a value; events, the number of compared sizes; b and its
     error.
     """
     sizes = {key: _sizes(one) for key, one in found.items()}
@@ -168,7 +168,7 @@ def _sizes(found: Ensemble) -> tuple[np.ndarray, np.ndarray]:
 def counts(found: dict[tuple[float, float], Ensemble]) -> pd.DataFrame:
     """Return the number of events per run with at least a given potency, for each set.
 
-    Columns: width; correlation_length (m); potency (m^2); number for each run; error of it.
+    Columns: width; correlation_length (m); potency (m^2); number for each run; its error.
     """
     rows = []
     for (width, length), one in found.items():

@@ -1,7 +1,7 @@
 """Sizes of studies: full sizes, or tiny ones, with which each command ends in seconds.
 
-With --tiny, or `PYFRIC_TINY` set to 1, every study takes its tiny sizes. Its numbers then mean
-nothing; the run only shows that the command works.
+With --tiny, or `PYFRIC_TINY` set to 1, every study takes its tiny sizes. Numbers of a tiny study
+mean nothing; the run only shows that the command works.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ TINY = "PYFRIC_TINY"
 
 
 def tiny() -> bool:
-    """Whether sizes are tiny; set before a study is imported."""
+    """Return whether sizes are tiny; `TINY` is set before a study is imported."""
     return os.environ.get(TINY) == "1"
 
 

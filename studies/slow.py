@@ -287,7 +287,7 @@ def speed_figure(scene: Scene, found: pd.DataFrame, name: str) -> DataFigure:
 
 
 def report(records: Mapping[str, Record]) -> str:
-    """Return the table of accepted stretches in lines."""
+    """Return the table of accepted stretches as text."""
     rows = tables(records)["acceptance"]
     lines = [rows.to_string(index=False, float_format=lambda x: f"{x:.3g}")]
     if {"seed 0", "half the step"} <= set(records):

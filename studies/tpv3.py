@@ -29,7 +29,7 @@ from pyfric.statics import loaded_state
 __all__ = ["STATIONS", "distance", "misfit", "orders", "report", "ruptured", "tpv3"]
 
 STATIONS = np.arange(2.0, 15.0)
-"""Distances from the middle, km."""
+"""Distances of stations from the middle, km."""
 REFERENCE = np.array(
     [
         *(0.6167, 0.9748, 1.3525, 1.7109, 2.0559, 2.3961, 2.7339),
@@ -40,7 +40,7 @@ REFERENCE = np.array(
 SLIP_RATE = 0.5e-3
 """Slip rate of one body at which the front passes, m/s."""
 LATTICES = size((100.0, 50.0, 25.0), (500.0,))
-"""Lattice constants, m."""
+"""Lattice constants of the benchmark, m."""
 PLACES = {5: (4.93, 5.153), 10: (7.63, 4.1435)}
 """Distance (km) -> largest slip rate (m/s, within 1 % at 5 km) and slip at 6 s (m) of the
 reference."""

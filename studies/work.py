@@ -55,7 +55,7 @@ class Case(NamedTuple):
 
 
 def cases() -> list[Case]:
-    """Return the runs."""
+    """Return the runs that are timed, for all scenes, engines and options of the study."""
     small = setup1(L=0.02, H=0.0125, F_N=400.0, V=2e-3)
     scenes = [
         (small, 0.12),

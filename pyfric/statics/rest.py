@@ -122,7 +122,7 @@ class Equilibrium:
 
 
 def check_rests(scene: Scene) -> None:
-    """Raise SceneError for a scene whose only static state is its start.
+    """Raise SceneError for a scene whose only static state is its initial state.
 
     On a prescribed interface in two dimensions p does not follow from displacements, and only
     friction holds the slider.

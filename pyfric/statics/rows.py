@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 
 class Ends(NamedTuple):
-    """Rows of the bottom and the top row of blocks in u_full, or in forces on all blocks.
+    """Indices of the bottom and the top row of blocks in u_full, or in forces on all blocks.
 
-    Coordinates and the condensed slider have the bottom row at the same rows.
+    The bottom row has the same indices in generalised coordinates and in the condensed slider.
     """
 
     u_x: slice

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene, SceneLike
 
 EXCESS = 0.05
-"""Default stress of patches beyond their strength, over the strength."""
+"""Default excess of the stress of a patch over its strength, divided by the strength."""
 
 
 def _at_rest(
@@ -139,7 +139,7 @@ def forced(
 def _stressed(
     scene: SceneLike, x: Any, length: Any, excess: Any, begin: Any, speed: float | None = None
 ) -> Scene:
-    """Return a scene with a stressed patch, at once or at the speed (m/s) of fronts from x."""
+    """Return a scene with a patch stressed at once, or by two fronts of a speed (m/s) from x."""
     scene = as_scene(scene)
     x, length = check_number("x", x, "m", ge=0.0), check_number("length", length, "m", ge=0.0)
     excess = check_number("excess", excess, "", gt=0.0)
@@ -161,7 +161,7 @@ def _stressed(
 
 
 def _steps_from(n: int, x: float, l: float) -> float:
-    """Return the distance of block n from x (m), over l (m); whole numbers are exact."""
+    """Return the distance of block n from x (m), over l (m), rounded to an integer within 1e-9."""
     steps = abs(n - 1 - x / l)
     return round(steps) if math.isclose(steps, round(steps), abs_tol=1e-9) else steps
 

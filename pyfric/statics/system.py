@@ -40,8 +40,9 @@ if TYPE_CHECKING:
     from pyfric.statics.contact import States
 
 LEADING = 13
-"""Bits kept of a Newton step, below the displacement that its residual force gives the stiffest
-spring. Fewer bits need more steps; with more bits, results show the rounding of LAPACK."""
+"""Leading bits of a Newton step that are used, counted from the displacement of the stiffest spring
+under the residual force. Fewer bits need more steps; with more bits, results show the rounding of
+LAPACK."""
 KEPT = 12
 """Number of stored factorisations. On large lattices only one is stored."""
 
@@ -56,7 +57,7 @@ class System:
     Attributes:
         u_drv0: u_x of the driven blocks at drive = 0 and F_T = 0, in m: see `Scene.u_driven`.
         pressed: blocks without friction that touch the foundation, (N_x,), bool. Blocks that are
-            open in the loaded state are left out once it is known.
+            open in the loaded state are left out once this state is computed.
         kept: results that engines store with the slider, by name.
     """
 
@@ -105,7 +106,7 @@ class System:
     # --- coordinates -----------------------------------------------------------------------------
 
     def coordinates(self, u: np.ndarray, rod: np.ndarray) -> np.ndarray:
-        """Return q, shape (n_q,), from u, (N_z, 2, N_x), and rod, (3,); rates in the same way."""
+        """Return q, (n_q,), from u, (N_z, 2, N_x), and rod, (3,), or q' from their velocities."""
         q = np.zeros(len(self.arm))
         n = len(q) - 3 if self.scene.rigid else len(q)
         q[:n] = u.reshape(-1)[:n]
@@ -134,7 +135,7 @@ class System:
         return self._stiffest * float(np.max(np.abs(q * self.arm)))
 
     def leading(self, step: np.ndarray, arm: np.ndarray, residual: float) -> np.ndarray:
-        """Return a step with its leading bits only; later steps correct the rest.
+        """Return a step with its leading bits only; later steps correct the omitted part.
 
         LAPACK kernels round in different orders, which changes the last bits of a step. Without its
         last bits each step, and so the state, is the same with all kernels.
@@ -348,7 +349,7 @@ class System:
             raise EquilibriumError(what, np.nan, 0.0, 0) from error
 
     def banded(self, unknown: np.ndarray) -> tuple[np.ndarray, int]:
-        """Return the order with the narrowest band, rod last, and how many unknowns the rod has."""
+        """Return the order with the narrowest band, rod last, and the number of rod unknowns."""
         scene, n_rod = self.scene, 3 if self.scene.rigid else 0
         row, i = np.divmod(unknown[: len(unknown) - n_rod], scene.N_x)
         tall = scene.N_z > scene.N_x

@@ -1,4 +1,4 @@
-"""Fields as functions of x, linear between knots, such as measured ones from a file."""
+"""Fields as functions of x, linear between points, such as measured fields from a file."""
 
 import csv
 import os
@@ -29,8 +29,8 @@ ROWS = "two columns of numbers, x and value, of at least two rows"
 class Profile:
     """A field given by its values at points along the interface, linear between them.
 
-    Smaller blocks, or a shorter slider, are on the same interface. Blocks beyond the first or the
-    last point are refused.
+    The field is a function of x: sliders with smaller blocks or shorter length have the same
+    interface. Blocks beyond the first or the last point are refused.
 
     Args:
         x: distances from the trailing edge, m, increasing; at least two.

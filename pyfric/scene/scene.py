@@ -34,7 +34,7 @@ class Scene(Composed, Shown):
         slider: a `Slider`.
         top: a `Rod` (setup 1), a `DistributedLoad` (setup 2) or a `PrescribedLoad` (a chain, or a
             prescribed interface in two dimensions).
-        driver: a `Driver`; its h and h_top must be on rows of the slider above the bottom one, or 0
+        driver: a `Driver`; its h and h_top must be on rows of the slider above the bottom row, or 0
             for a chain.
         interface: an `Interface`.
         name: free text of at most `MAX_NAME` characters.
@@ -58,7 +58,7 @@ class Scene(Composed, Shown):
         return scene_text(self)
 
     def __getattr__(self, name: str) -> Any:
-        """Refuse a name that a scene has not, and suggest where the value is."""
+        """Raise AttributeError for an unknown name, and suggest where its value is."""
         if name.startswith("_"):
             raise AttributeError(f"a scene has no {name!r}", name=name, obj=self)
         if instead := line(name, "scene"):

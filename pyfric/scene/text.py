@@ -1,4 +1,4 @@
-"""Texts on a scene: a summary, and notes on values that a run does not reach or resolve."""
+"""Text of a scene, and notes on weakening that a run does not reach or does not resolve."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pyfric.scene.parts import PrescribedLoad
 from pyfric.values import annotations, with_prefix
 
 LEFT = 0.01
-"""Remaining share of mu_s - mu_k at which friction counts as fallen."""
+"""Share of mu_s - mu_k that remains where friction counts as fallen."""
 
 
 def scene_text(scene: Composed) -> str:

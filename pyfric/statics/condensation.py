@@ -60,10 +60,9 @@ class Condensed:
         S: stiffness of the interface, shape (2 N_x, 2 N_x), in N/m.
         G: matrix from w to loads on the interface, shape (2 N_x, 4); columns in N/m, N, 1 and 1.
         c: row from w to F_T at v = 0, shape (4,), in N/m, N, 1 and 1; zeros without the driver.
-            P: loads on the interface per force on each driven block, shape (2 N_x, n).
-            D: matrix from w to u_x of driven blocks, shape (n, 4); columns in 1 (zeros), m, m/N,
-            m/N.
-            F: u_x of driven blocks per force on each driven block, shape (n, n), in m/N.
+        P: loads on the interface per force on each driven block, shape (2 N_x, n).
+        D: matrix from w to u_x of driven blocks, shape (n, 4); columns in 1 (zeros), m, m/N, m/N.
+        F: u_x of driven blocks per force on each driven block, shape (n, n), in m/N.
     """
 
     S: np.ndarray

@@ -69,7 +69,7 @@ class Outline:
         transitions: the log of starts and ends of slip.
     """
 
-    final_state = None  # numbers of finished events do not need it
+    final_state = None  # numbers of finished events do not need the state
 
     def __init__(
         self,
@@ -248,5 +248,5 @@ def b(run: Outline) -> float:
     m = np.log10(size[size > 0])
     try:
         return b_value(m[m >= (m_c := most_frequent(m))], m_c)[0] if len(m) else math.nan
-    except SceneError:  # too few of different size
+    except SceneError:  # too few events of different size
         return math.nan

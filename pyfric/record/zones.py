@@ -35,20 +35,20 @@ from pyfric.scene import PrescribedLoad, Scene
 from pyfric.theory import A_II, Material
 
 RESOLVED = 6
-"""Fewest blocks in X_c0 with which a front is resolved. At low viscosity, fronts of a crack under
-uniform stress drop are then within 5 % of fracture mechanics (`reference_data/fronts`)."""
+"""Smallest number of blocks in X_c0 that resolves a front. At low viscosity, fronts of a crack
+under uniform stress drop are then within 5 % of fracture mechanics (`reference_data/fronts`)."""
 RESOLVED_L_B = 3
-"""Fewest blocks in L_b with which rate-and-state friction counts as resolved."""
+"""Smallest number of blocks in L_b that resolves rate-and-state friction."""
 RESOLVED_ERROR = 0.05
-"""Relative error of front speeds with `RESOLVED` blocks in X_c0. It is proportional to l. Records
-have a note if viscosity slows fronts by more than this."""
+"""Relative error of front speeds with `RESOLVED` blocks in X_c0. The error is proportional to l.
+Records have a note if viscosity slows fronts by more than `RESOLVED_ERROR`."""
 VISCOUS = {"full": 0.136, "along": 0.05}
 """Relative decrease of front speeds with eta = sqrt(k m) and 6 blocks in X_c0, for each kind of
 dashpots, measured with cracks; see the module."""
 
 
 def material_of(scene: Scene) -> Material:
-    """Return the material of a lattice of width 1 m; speeds and g_II are those of any width."""
+    """Return the material of a lattice of width 1 m; speeds and g_II do not depend on width."""
     return Material.of_lattice(scene.slider.k, scene.m, scene.slider.l, 1.0)
 
 
@@ -64,7 +64,7 @@ def pace_limits(scene: Scene) -> tuple[float, float]:
 def zone_at_rest(scene: Scene, p: np.ndarray) -> np.ndarray:
     """Return X_c0/l at each block: 0 without weakening, NaN where p is 0 or NaN.
 
-    It is NaN, too, under a law whose fracture energy is not defined.
+    X_c0/l is NaN, too, under a law whose fracture energy is not defined.
 
     Args:
         p: normal forces on the blocks from left to right, shape (..., N_x), N. A prescribed normal
@@ -124,7 +124,7 @@ def _mean_p(scene: Scene) -> np.ndarray:
 def zone_of_scene(scene: Scene, speed: float = 0.0) -> float:
     """Return the least X_c(v)/l over the blocks of a scene that can rupture; NaN if none can.
 
-    Where p is not prescribed, it is taken as F_N/N_x.
+    If p is not prescribed, the value F_N/N_x replaces p.
 
     Args:
         speed: v over c_R, or over c in a chain; below 1.
@@ -148,7 +148,7 @@ def blocks_needed(scene: Scene, tolerance: float) -> tuple[float, float]:
 def viscous_error(scene: Scene, blocks: float) -> float:
     """Return the relative decrease of front speeds by dashpots, for a number of blocks in X_c0.
 
-    It is NaN for a chain, whose exact speeds are in `pyfric.theory`.
+    The result is NaN for a chain, whose exact speeds are in `pyfric.theory`.
 
     Source: see the module.
     """
@@ -173,11 +173,11 @@ class Slipped(Protocol):
 def zone_notes(scene: Scene, engine: str, catalogue: Slipped) -> tuple[str, ...]:
     """Return notes on results that depend on l or on dashpots: front speeds, short precursors.
 
-    Where no static state is known, as under a push, p is taken as F_N/N_x.
+    If static states are unknown, as under a push, the value F_N/N_x replaces p.
 
     Args:
         engine: name of the engine.
-        catalogue: catalogue of the run. Main events whose fronts have speeds count.
+        catalogue: catalogue of the run, of which main events with front speeds are used.
     """
     main = catalogue["is_main"]
     fast = np.isfinite(catalogue.front_speed) & main[:, None]
@@ -204,7 +204,7 @@ def zone_notes(scene: Scene, engine: str, catalogue: Slipped) -> tuple[str, ...]
         if share:
             span = f"{known.min():.2g} to {known.max():.2g}"
             why.append(f"{100 * share:.0f} % of blocks have {name}/l below {RESOLVED} ({span})")
-    weakens = blocks[blocks > 0]  # others have d_c = 0
+    weakens = blocks[blocks > 0]  # other blocks have d_c = 0
     slow = viscous_error(scene, float(np.median(weakens))) if weakens.size else 0.0
     if slow > RESOLVED_ERROR:
         why.append(f"viscosity slows fronts by about {100 * slow:.0f} %")

@@ -65,7 +65,7 @@ class SceneError(ValueError):
         return type(self)(field, self.value, self.unit, self.allowed, reason, self.others)
 
     def flat(self) -> list[SceneError]:
-        """Return this problem and all others, each as a separate error."""
+        """Return this error and each of `others` as separate errors without `others`."""
         return [type(self)(*self.args[:-1]), *(e for other in self.others for e in other.flat())]
 
     @classmethod
@@ -102,7 +102,7 @@ def show(value: Any) -> str:
 
 
 def unknown(field: str, value: Any, key: str, known: Iterable[str]) -> SceneError:
-    """Return the error for a `key` that is not in `known`, with the line to write instead."""
+    """Return the error for a `key` that is not in `known`; the error suggests a correct name."""
     known = list(known)
     if not meant(key, known) and (instead := line(key)):
         return SceneError(field, value, "", instead, "unknown here")

@@ -73,7 +73,7 @@ def plain(value: Any) -> Any:
 
 
 class Progress(NamedTuple):
-    """State of a run: times in s, F_T over F_N, events so far, steps per second."""
+    """State of a run: times in s, F_T over F_N, number of events so far, steps per second."""
 
     t: float
     t_begin: float

@@ -77,7 +77,7 @@ policy."""
 
 @dataclass(frozen=True, kw_only=True)
 class Level(Model):
-    """A level; see `Model` for the other attributes.
+    """A level of a scene; see `Model` for further attributes.
 
     Attributes:
         answers: whether the run of the level may be returned. If not, the run only measures errors.
@@ -185,7 +185,7 @@ def _stepped(
 
 
 def _rtol(options: Options, shorter: float) -> float:
-    """Return the largest error of a sub-step; it falls with power 4 of the step."""
+    """Return the largest error of a sub-step, proportional to the fourth power of the step."""
     return max((options.rtol or RTOL) * shorter**4, 1e-12)
 
 

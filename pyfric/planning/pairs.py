@@ -43,7 +43,7 @@ class Asked:
         scene: the scene.
         t_begin, t_end: times of the beginning and the end, in s.
         options: options on this scene.
-        run: function of scene, end (s) and options that makes a run; `enough` can end it.
+        run: function of scene, end (s) and options that makes a run, which `enough` can end.
     """
 
     scene: Scene
@@ -69,7 +69,7 @@ class Pair:
         coarse, fine: the runs.
 
     Attributes:
-        answer, other: the run that is returned, and the other run.
+        answer, other: the run that is returned, and the run with which it is compared.
         found: differences of the runs.
     """
 

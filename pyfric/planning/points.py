@@ -1,7 +1,7 @@
 """The level that a scene needs, from the verified run of a similar scene.
 
-The difference of two runs is the error of the coarser run. If it is within the tolerance, the
-coarser level suffices.
+The difference of two runs is the error of the coarser run. If this error is within the tolerance,
+the coarser level suffices.
 """
 
 from __future__ import annotations

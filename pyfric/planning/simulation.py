@@ -249,7 +249,7 @@ def _run(
     progress: bool | Callable[[Progress], None] | None,
     enough: Callable[[Counted], bool] | None = None,
 ) -> Record:
-    """Run one engine; `enough` can end the run."""
+    """Run one engine, until the function `enough` returns True or the run reaches t_end (s)."""
     engine, said = ENGINES[options.fidelity], []
     if engine.name == "dynamic":
         begin = _begin(initial)

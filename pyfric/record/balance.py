@@ -7,11 +7,11 @@ limit of fronts, c in a chain and c_R in two dimensions. l at its onset is the l
 grows slowly, before a fast front.
 
 **Potency.** l times the sum over blocks of their displacement between the first and the last slip
-of the event, in m^2 (per width). By contact, potencies of events add up to all slip except corner
-slip. By rate, slip below the threshold is missing.
+of the event, in m^2 (per width). By contact, the sum of the potencies of events is the potency of
+all slip except corner slip. By rate, slip below the threshold is missing.
 
 **Energies.** Differences of the energy budget between first slip and last stick. Full dynamics and
-the hybrid engine record them with the option `energies`. In one event
+the hybrid engine record the energy budget with the option `energies`. In one event
 
     work = kinetic + elastic + friction_heat + switching_loss + damped + radiated .
 

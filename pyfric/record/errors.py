@@ -80,7 +80,7 @@ class Differences(NamedTuple):
 
     @property
     def lacking(self) -> pd.Series:
-        """Whether each event is missing in one of the runs by its end, shape (n,)."""
+        """Whether each event is missing in one run because this run ends too early, shape (n,)."""
         return self.open & ((self.events["event"] == 0) | (self.events["other"] == 0))
 
     def before(self, t: float) -> Differences:

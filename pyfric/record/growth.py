@@ -1,4 +1,4 @@
-"""Where slip loses stability and how far it grows, from static states before an event.
+"""Onset of unstable slip and energy release of fronts, from static states before an event.
 
 **Nucleation.** From the state of rest before an event, stable slip is followed as a path of static
 states (`pyfric.statics.creep`). The path ends where no static state is nearby. There, an eigenvalue

@@ -70,8 +70,8 @@ class Held(NamedTuple):
         dtype: type of the values.
         unit, meaning: texts for readers.
         required: False if some records lack it.
-        find: function that computes a column of events or an array over events and blocks. It takes
-            a `Catalogue` if the quantity is required, otherwise a `Record`.
+        find: function that computes a column of events or an array over events and blocks. The
+            function takes a `Catalogue` if the quantity is required, otherwise a `Record`.
     """
 
     group: str
@@ -140,8 +140,8 @@ def found_arrays() -> dict[str, Held]:
 def event_column(unit: str, meaning: str, dtype: type = float, **how: bool) -> Enter:
     """Enter the decorated function as a column of the table of events, under its own name.
 
-    The function takes a `Catalogue` and returns one value for each event. With required = False it
-    takes a `Record`, and may return None for no column.
+    The function takes a `Catalogue` and returns one value for each event. With required = False the
+    function takes a `Record`, and may return None for no column.
     """
     return _found("events", ("event",), dtype, unit, meaning, **how)
 

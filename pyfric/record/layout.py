@@ -14,9 +14,9 @@ its unit and meaning. The attributes of a file are:
 
 Variables of the curve and of the interface keep their names. Names in the other groups begin with
 ``event_``, ``episode_``, ``quiet_``, ``switch_``, ``motion_`` and ``final_``. Other programs can
-read the types of all variables (`pyfric.record.netcdf`). A loaded record equals the saved one bit
-for bit. The attribute ``pyfric_seal`` is the SHA-256 of all variables and of the attributes that
-are read. The seal does not change if another program rewrites the file with equal values.
+read the types of all variables (`pyfric.record.netcdf`). A loaded record equals the saved record
+bit for bit. The attribute ``pyfric_seal`` is the SHA-256 of all variables and of the attributes
+that are read. The seal does not change if another program rewrites the file with equal values.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """netCDF 4 files in memory: HDF5 with a scale for each dimension.
 
-Types are those of netCDF's classic model, which every reader knows. Texts are characters of fixed
+Types belong to netCDF's classic model, which every reader supports. Texts are characters of fixed
 length, integers take 32 bits if they fit, and truth values take one byte. The attribute
 `_FillValue` marks variables with gaps. `actual_range` has the extremes.
 

@@ -97,7 +97,7 @@ class Outline:
     def of_catalogue(
         cls, catalogue: Catalogue, curve: Mapping[str, np.ndarray], status: str
     ) -> Outline:
-        """Return the outline of a run whose catalogue is known."""
+        """Return the outline of a run from its catalogue."""
 
         def column(name: str) -> np.ndarray:
             held = held_in("events")[name]

@@ -79,7 +79,7 @@ def full_name(scene: Parts, name: str, value: Any = None, more: Iterable[str] = 
         more: further names that are allowed.
 
     Raises:
-        SceneError: no field, or more than one, has this name.
+        SceneError: no field, or more than one field, has this name.
     """
     name, known = str(name), dict.fromkeys([*scene_fields(scene), *more])
     found = [full for full in known if f".{full}".endswith(f".{name}")]

@@ -174,7 +174,7 @@ def check_push(scene: Composed, push: Push, f: np.ndarray, strength: np.ndarray)
 
     Args:
         scene: the scene.
-        push: one of its pushes.
+        push: a push of the scene.
         f: friction along +x on the blocks at rest, without pushes, shape (N_x,), in N.
         strength: strength of the blocks, shape (N_x,), in N.
 

@@ -97,7 +97,7 @@ class Law(abc.ABC):
     fields: ClassVar[tuple[str, ...]] = ("mu_s", "mu_k", "alpha")
     """Names of the parameters with one number for each column."""
     state: ClassVar[tuple[Variable, ...]]
-    """State variables of a block; all are numbers."""
+    """State variables of a block, each of which is a number."""
     motion: ClassVar[tuple[Variable, ...]] = ()
     """State variables that a run records at points of the loading curve."""
     margin: ClassVar[Variable]
@@ -144,7 +144,7 @@ class Law(abc.ABC):
         return CoulombLaw(self.mu_s, self.mu_k, alpha=self.alpha)
 
     def at(self, which: Any) -> Self:
-        """Return the law of some columns."""
+        """Return the law with its fields at some columns."""
         return replace(self, **{name: of(getattr(self, name), which) for name in self.fields})
 
     @property

@@ -1,7 +1,7 @@
 """The parts of a scene: slider, top boundary, driver, interface.
 
-Symbols and boundaries are those of PRL 107, 074301 (2011). Every part, `Material` and `Spread`
-raise SceneError if a value is missing, unknown, of the wrong type or out of range.
+Symbols and boundaries follow PRL 107, 074301 (2011). Every part, `Material` and `Spread` raise
+SceneError if a value is missing, unknown, of the wrong type or out of range.
 """
 
 import dataclasses
@@ -44,7 +44,7 @@ MULTIPLE_RTOL = 1e-9
 """Relative tolerance of "L, H and h are multiples of l"."""
 OPTIONAL = ("gap", "slip", "limit_from")
 FIELDS = ("mu_s", "mu_k", "d_c", "alpha", "k_f", *OPTIONAL)
-"""Names of the fields of an interface; the last ones are rarely given."""
+"""Names of the fields of an interface; the `OPTIONAL` fields are rarely given."""
 A_LAW = "a friction law, such as pyfric.laws.Ageing, or [interface.law] in a scene file"
 CHAIN_NOTE = ", or 0 for a chain under a prescribed load"
 
@@ -498,7 +498,7 @@ class Interface:
 
     @property
     def tables(self) -> Tables:
-        """The tables of the law."""
+        """Tables of the friction law for the means of mu_s, mu_k and d_c."""
         return self.law.tables(Means(*map(_mean, (self.mu_s, self.mu_k, self.d_c))))
 
 

@@ -502,7 +502,7 @@ def preset(name: str, changes: Changes = None, /, **fields: Unpack[Fields]) -> S
         changes: names of fields to values, as in `Scene.replace`: "driver.h", or "h" if only one
             part has it, or a whole part. A value is a number in SI units, text with a unit such as
             "5 mm", or a quantity of a unit library, such as pint.
-        **fields: the same, for names without a dot.
+        **fields: changes of fields whose names have no dot.
 
     Raises:
         SceneError: a name is unknown (the most similar known name is suggested) or in several

@@ -28,7 +28,7 @@ class Scene(Composed, Shown):
     """The simulated system: slider, top boundary, driver, interface, walls.
 
     A scene is immutable and hashable. `replace` changes values and repeats all checks. Arrays run
-    along the interface from the leftmost block to the rightmost one.
+    along the interface from left to right.
 
     Args:
         slider: a `Slider`.
@@ -84,7 +84,7 @@ class Scene(Composed, Shown):
             changes: names of fields to values: "driver.h", or "h" if only one part has it, or a
                 whole part, or "name". A value is a number in SI units, text with a unit such as
                 "5 mm", or a quantity of a unit library, such as pint.
-            **keywords: the same, for names without a dot.
+            **keywords: changes of fields whose names have no dot.
 
         Raises:
             SceneError: a name is unknown or in several parts, or a value is refused.

@@ -33,7 +33,7 @@ def scene_text(scene: Composed) -> str:
 
 
 def _block(scene: Composed) -> str:
-    """Return mass, load and speeds of long waves, which follow from k; see `Material`."""
+    """Return a text with block mass, mean load and speeds of long waves; see `Material`."""
     c = scene.slider.l * math.sqrt(scene.slider.k / scene.m)
     waves = {"c": c} if scene.N_z == 1 else {"c_P": math.sqrt(1.5) * c, "c_S": math.sqrt(0.5) * c}
     speeds = [f"{name} = {speed:.6g} m/s" for name, speed in waves.items()]

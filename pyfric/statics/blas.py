@@ -1,4 +1,5 @@
-"""Threads of BLAS. Small problems and products use one thread, which is faster than several."""
+"""Threads of BLAS. Small problems and products use one thread, which is faster than several
+threads."""
 
 from __future__ import annotations
 

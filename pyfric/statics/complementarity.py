@@ -112,9 +112,9 @@ class ContactProblem:
 
     @property
     def loads(self) -> tuple[np.ndarray, np.ndarray]:
-        """Loads on the interface, shape (2 N_x, 2), and F_T at u = 0, (2,): by drive, constant.
+        """Loads on the interface, shape (2 N_x, 2), and F_T at u = 0, shape (2,).
 
-        Derivatives by drive are in N/m, constants in N.
+        The two columns are the derivative by drive (N/m) and the value at drive = 0 (N).
         """
         return self._loads, self._F_T
 
@@ -425,7 +425,7 @@ class Contact(States):
         return definiteness(*self.slip_operator(self.slip))
 
     def definiteness_of_sliding(self) -> float:
-        """Return the definiteness of the slip operator if all blocks in contact slip one way.
+        """Return the definiteness of the slip operator for slip of all blocks in one direction.
 
         The smaller of the values for the two directions is returned. Definiteness is larger if
         fewer blocks slip.

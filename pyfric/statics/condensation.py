@@ -8,8 +8,8 @@ v = (u_x, u_z) and of driver and loads w = (drive, 1, F_N, T). With matrices S, 
 
 The driver spring is relaxed at drive = 0 if the driven block is at u_x = 0, so that
 drive = V t + d u_drv0. For a plate u_drv0 is the mean over its blocks. The second component of w
-stands for the constant forces: those of differences between the blocks of a plate, weights, and
-the prescribed shear of a chain.
+stands for constant forces: weights, the prescribed shear of a chain, and forces due to differences
+of u_drv0 between the blocks of a plate.
 
 The lattice couples only neighbouring rows. Elimination of row j + 1 therefore changes only row j:
 

@@ -8,12 +8,12 @@ height over the foundation, p = -k_f z while it touches it):
     bare    f = 0,                    p >= 0
     open    p = f = 0,                z >= 0
 
-Blocks without friction are bare or open, and those without contact are always open.
+Blocks without friction are bare or open, and blocks without contact are always open.
 
 Conditions are checked in this order. First, blocks on the wrong side of the foundation open or
 land. Second, blocks that moved along their friction force stick again. Third, the block with the
-largest |f| - mu_s p is released. Because p is coupled to slip, there can be several solutions; this
-order selects one.
+largest |f| - mu_s p is released. Because p is coupled to slip, there can be several solutions, and
+this order selects one solution.
 
 There are no absolute tolerances: forces are compared with F_N/N_x, displacements with other
 displacements. In linear geometry, doubling F_N and all displacements therefore doubles every result
@@ -109,7 +109,7 @@ class States:
         return mode.astype(np.int32)
 
     def misplaced(self, now: Values, landed: np.ndarray | int, u_x: np.ndarray) -> Unmet | None:
-        """Return closed blocks with z > 0, which open, and open ones with z < 0, which land.
+        """Return closed blocks with z > 0, which open, and open blocks with z < 0, which land.
 
         Blocks that land get the state `landed`; blocks that stick are held at `u_x` (m).
         """

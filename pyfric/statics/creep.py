@@ -15,7 +15,7 @@ path until one of these changes:
     an eigenvalue of J becomes zero, so that slip continues without the driver.
 
 The friction force is a product of two linear functions, mu and p. Newton's method finds the states.
-Changes are the zeros of gap functions, found to rounding.
+Changes are the zeros of gap functions, located to rounding.
 
 Source: J. R. Rice and A. L. Ruina, J. Appl. Mech. 50, 343 (1983), stability against a stiffness;
 K. Uenishi and J. R. Rice, J. Geophys. Res. 108, 2042 (2003), for weakening with slip alone.
@@ -119,7 +119,7 @@ class Creep(Weakening):
             begin: a nearby state; the search begins on its tangent.
 
         Returns:
-            The state, or None if there is no stable one.
+            The state, or None if there is no stable state.
         """
         row, table = table_rows(self.N_x), self.problem.base(self.closed)
         a = np.flatnonzero(self.free)
@@ -176,7 +176,7 @@ class Creep(Weakening):
             drive_end: position of the driver at the end, in m.
 
         Returns:
-            States along the path, the last one just before the change, and the change.
+            States along the path, of which the last is just before the change, and the change.
         """
         path = [begin]
         for _ in range(STEPS):
@@ -213,7 +213,7 @@ class Creep(Weakening):
         return self.at(point.drive, point)
 
     def nucleate(self, drive: float, drive_end: float) -> tuple[list[Point], list[Change]]:
-        """Follow slip through all changes of contact state until it becomes unstable.
+        """Follow slip through all changes of contact state until slip becomes unstable.
 
         Args:
             drive: position of the driver at the start, in m.

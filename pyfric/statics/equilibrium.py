@@ -10,8 +10,8 @@ proportionally and quasi-statically. In linear geometry this loading is self-sim
 slips does so from the smallest load on, always in one direction. Conditions on the final state
 (`contact`, with displacements counted from u_x = 0) therefore suffice. For mu_s = mu_k this is a
 linear complementarity problem. For mu_s > mu_k blocks that slipped have mu_k, and there can be
-several solutions; the order of the conditions selects one. In finite geometry the same conditions
-are imposed at full load.
+several solutions; the order of the conditions selects one solution. In finite geometry the same
+conditions are imposed at full load.
 
 Newton's method, on all blocks, finds the static state for given contact states. If this state
 violates their conditions, the contact solver (`complementarity`) finds other contact states. The

@@ -2,8 +2,8 @@
 
 With p prescribed, the bottom row is at u_z where S_zz u_z = loads + p - S_zx u_x, and a block that
 carries p_i has the gap g_i = -u_z,i - p_i/k_f,i. Translation of a slider (and tilt, without a rod)
-changes no force. Of all gaps that are nowhere negative, those with the smallest mean are chosen. If
-the slider can tilt freely, they have no mean slope.
+changes no force. Of all gaps that are nowhere negative, the gaps with the smallest mean are chosen.
+If the slider can tilt freely, the gaps have no mean slope.
 """
 
 from __future__ import annotations

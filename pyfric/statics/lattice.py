@@ -70,7 +70,7 @@ class Bonds:
 
     @functools.cached_property
     def gather(self) -> tuple[sp.csr_array, sp.csr_array]:
-        """Minus the transposes of `difference`: from bond tensions to forces on the blocks."""
+        """Matrices from bond tensions to forces on blocks: minus the transposes of `difference`."""
         return tuple((-D.T).tocsr() for D in self.difference)
 
 

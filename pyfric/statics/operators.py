@@ -21,7 +21,8 @@ from pyfric.statics.lattice import DIRECTIONS, Bonds, assembled, bonds, spring_t
 from pyfric.statics.rows import ends
 
 INDEPENDENT = 1e-10
-"""Norm, and eigenvalue, of parts of unit vectors outside a basis, up to which they are rounding."""
+"""Largest norm, or eigenvalue, that counts as rounding for parts of unit vectors outside a
+basis."""
 
 
 def coordinates(scene: Scene) -> sp.csr_array:

@@ -21,7 +21,7 @@ class Ends(NamedTuple):
 class TableRows(NamedTuple):
     """Rows u_x, f, u_z, F_T and columns u_x, drive, 1 of the table of the condensed interface.
 
-    The rows and the columns of u_x have the same numbers. `given` are the columns drive and 1.
+    The rows and the columns of u_x have the same indices. `given` are the columns drive and 1.
     """
 
     u_x: slice

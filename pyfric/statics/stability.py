@@ -204,7 +204,7 @@ def _reduced(scene: Scene) -> Scene:
     K = scene.driver.K / scene.n_driven * driven
     l, m, half, rod = scene.slider.l, scene.m, scene.slider.edges == "half", (0.0, 0.0)
     if scene.rigid:
-        # kappa over the moment of inertia is kept. Its factor 12/L^2 cancels: times this factor,
+        # kappa over the moment of inertia is unchanged. The factor 12/L^2 cancels: times 12/L^2,
         # m sum x_i^2 of a row of n blocks is m n (n + 1)/(n - 1), and half of
         # m ((n - 1) + 2/(n - 1)) with half blocks.
         rest = scene.top.mass * share
@@ -321,9 +321,9 @@ def stability_limit(scene: SceneLike, stepper: str = "rk4") -> tuple[float, Mapp
     RK4. For this stepper the value is the largest sub-step that the error control can allow.
     "symplectic_euler" and "verlet" treat u and v differently; the matrix of their whole step must
     have no eigenvalue outside the unit circle. For a plane wave of frequency omega and damping rate
-    gamma this means (omega dt)^2 + 2 gamma dt <= 4 for "symplectic_euler". For "verlet" it is a
-    polynomial condition, which is omega dt <= 2 without damping and gamma dt <= 2 without
-    stiffness.
+    gamma this means (omega dt)^2 + 2 gamma dt <= 4 for "symplectic_euler". For "verlet" the
+    condition is a polynomial inequality, which is omega dt <= 2 without damping and gamma dt <= 2
+    without stiffness.
 
     The motion that sets the limit is local. The result is therefore the smaller of two limits: for
     plane waves of the infinite lattice, and for all modes of a small lattice with the boundaries of

@@ -190,7 +190,7 @@ class System:
         return self._on_coordinates(self._springs(self.displacements(q)[0]))
 
     def _on_coordinates(self, force: np.ndarray) -> np.ndarray:
-        """Return forces on the coordinates, (n_q,), from those on blocks, (N_z, 2, N_x), in N."""
+        """Return generalised forces, (n_q,), from forces on blocks, (N_z, 2, N_x), in N."""
         found = self.coordinates(force, np.zeros(3))
         if self.scene.rigid:
             x, z = force[-1]

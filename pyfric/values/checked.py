@@ -33,7 +33,7 @@ MAX_LISTED = 10_000
 
 @dataclasses.dataclass(frozen=True)
 class Written:
-    """A value from a scene file. It may name files in `folder`; None means no files."""
+    """A value from a scene file, which may name files in `folder`; None forbids files."""
 
     value: Any
     folder: Path | None = None
@@ -196,7 +196,7 @@ class Words(Annotation):
 
 @dataclasses.dataclass(frozen=True)
 class Name(Annotation):
-    """A line of text without control characters, such as those for its direction."""
+    """A line of text without control characters, such as characters that set its direction."""
 
     longest: int
 

@@ -60,7 +60,7 @@ class SceneError(ValueError):
         return f"{type(self).__name__}({str(self)!r})"
 
     def at(self, field: str, where: str = "") -> SceneError:
-        """Return the same error with another dotted name, and a place before its reason."""
+        """Return this error with another dotted name, and with a place before its reason."""
         reason = f"{where}: {self.reason or 'not allowed'}" if where else self.reason
         return type(self)(field, self.value, self.unit, self.allowed, reason, self.others)
 

@@ -1,10 +1,10 @@
 """Extent of slip in an event, onset of its fast part, potency and energies.
 
-**Extent.** l(t) is l times the number of blocks that have slipped in the event by t. Its speed is
-averaged over five blocks, 4 l/(t_{k+4} - t_k), with t_k the time of first slip of the k-th block to
-slip. The *fast part* is the longest row of blocks at which this speed is at least `SLOW` times the
-limit of fronts, c in a chain and c_R in two dimensions. l at its onset is the length to which slip
-grows slowly, before a fast front.
+**Extent.** l(t) is l times the number of blocks that have slipped in the event by t. The speed of
+l(t) is averaged over five blocks, 4 l/(t_{k+4} - t_k), with t_k the time of first slip of the k-th
+block to slip. The *fast part* is the longest row of blocks at which this speed is at least `SLOW`
+times the limit of fronts, c in a chain and c_R in two dimensions. l at its onset is the length to
+which slip grows slowly, before a fast front.
 
 **Potency.** l times the sum over blocks of their displacement between the first and the last slip
 of the event, in m^2 (per width). By contact, the sum of the potencies of events is the potency of

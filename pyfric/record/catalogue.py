@@ -224,7 +224,7 @@ def build_catalogue(
         last: state at the end of the logs. Blocks that slip in this state but are not in the logs
             have slipped all the time. If `last` is None, such blocks do not count.
         solver: a `StaticSolver` for static forces and stresses; if None, they are NaN.
-        statics: static states at the rows of the quiet log. They replace the solver.
+        statics: static states at the rows of the quiet log. These states replace the solver.
 
     Returns:
         The catalogue. columns.csv of `Record.to_csv` lists its columns and arrays with unit and

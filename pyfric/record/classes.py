@@ -39,7 +39,7 @@ FROM_BLOCK = 5
 SLOW = 0.1
 """Default speed below which a front is slow, over c in a chain, over c_R in two dimensions."""
 LAST = 0.25
-"""Share of the blocks, the last ones, over which the speed is averaged. A policy."""
+"""Share of the blocks, up to the last block, over which the speed is averaged. A policy."""
 
 
 NOTHING = "nothing slipped"

@@ -10,10 +10,10 @@ the two runs differ.
 
 A pause near `t_gap` may split one event in two. An event that begins during the last event of the
 other run is therefore taken as a part of that last event. An event that has not ended in one of the
-runs is compared up to the end of the shorter run. Forces during the event replace arrest forces.
-Front speeds are compared at blocks whose five rupture times are known in both runs. A prescribed
-interface has no forces, so rupture times are compared. If nothing slips in either run, only the
-loading curves are compared.
+runs is compared up to the end of the shorter run. For such an event, forces during the event are
+compared instead of arrest forces. Front speeds are compared at blocks whose five rupture times are
+known in both runs. A prescribed interface has no forces, so rupture times are compared. If nothing
+slips in either run, only the loading curves are compared.
 
 Errors of lengths, front speeds and arrest forces belong to one event. The error of a start force
 contains the errors of stresses after all earlier events.
@@ -183,9 +183,9 @@ class _Pairs:
         return rows, pd.DataFrame(np.hstack(speeds).T, columns=["event", "t_start", "error"])
 
     def _chosen(self) -> list[tuple[int, int]]:
-        """Return the events of a, each with its partner in b.
+        """Return the numbers of the events of run a, each with the number of its partner in run b.
 
-        The partner is 0 if b ends before the partner begins.
+        The number is 0 if run b ends before the partner begins.
         """
         cost = event_distances(self.ours, self.theirs, self.a.scene, self.covered)
         late = (self.covered - self.ours["t_start"].to_numpy()) * pace(self.a.scene, self.covered)
@@ -196,7 +196,8 @@ class _Pairs:
         return [(ours[e], theirs[k]) for e, k in zip(i.tolist(), j.tolist(), strict=True)]
 
     def _pair(self, e: int, k: int) -> tuple[dict[str, float], np.ndarray]:
-        """Return the differences of event e of a from event k of b, and of their front speeds."""
+        """Return the differences of event e of run a and event k of run b, and of their front
+        speeds."""
         event, partner = self.events[e], self.partners[k]
         ended = bool(event["finished"] and partner["finished"])
         F_N, start = self.a.scene.F_N, event["F_T_start"] - partner["F_T_start"]
@@ -214,7 +215,7 @@ class _Pairs:
         return row | {"open": turned and again > AGAIN}, self._speeds(e, k, ended)
 
     def _turned(self, event: Event, partner: Event, ended: bool) -> bool:
-        """Return whether two events differ in the blocks that slip, or only one of them ends.
+        """Return whether two events differ in the blocks that slip, or only one event has ended.
 
         Two unfinished events are compared by their numbers of episodes.
         """
@@ -230,7 +231,8 @@ class _Pairs:
         return bool(ended and not event["finished"])
 
     def _alone(self, e: int) -> dict[str, float]:
-        """Return the differences, or lower bounds, for an event of a without partner in b."""
+        """Return the differences, or lower bounds, for an event of run a without partner in run
+        b."""
         a, b, event, F_N = self.a, self.b, self.events[e], self.a.scene.F_N
         begun = (other for other in self.partners.values() if other["t_start"] < event["t_start"])
         if any(not other["finished"] for other in begun):

@@ -120,7 +120,7 @@ def nucleation_lengths(record: RecordData) -> np.ndarray | None:
 def _nucleation(
     problem: ContactProblem, record: RecordData, row: int, begin: float, t: float
 ) -> dict[str, float]:
-    """Return one row of `nucleations`."""
+    """Return the row of `nucleations` for one event."""
     scene, none = record.scene, np.zeros(record.scene.N_x)
     u_x, mode = (record.transitions[name][row] for name in ("u_x", "mode"))
     creep = Creep(problem, u_x, none, mode != OPEN, none)

@@ -123,7 +123,7 @@ GROUPS = {
     "bursts": "burst_",
     "final_state": "final_",
 }
-"""Group -> prefix of the names of its variables in a file."""
+"""Groups, and the prefix of the names of their variables in a file."""
 _held: dict[str, dict[str, Held]] = {group: {} for group in GROUPS}
 
 

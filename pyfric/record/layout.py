@@ -72,7 +72,7 @@ CSV = {
     ("interface", ("x",)): "interface",
     ("interface", ("event", "x")): "stresses",
 }
-"""Group and dimensions -> the CSV file that holds them."""
+"""Names of CSV files, by group and dimensions of the quantities in the file."""
 
 
 class Texts(pydantic.BaseModel):
@@ -300,7 +300,7 @@ def _drawn(scene: Scene) -> dict[str, np.ndarray]:
 
 
 def _state(values: Mapping[str, np.ndarray], scene: Scene) -> State | None:
-    """Return the final state."""
+    """Return the final state of a record from its variables; None without a state."""
     if not values:
         return None
     plain = {name: v.item() if v.ndim == 0 else v for name, v in values.items()}

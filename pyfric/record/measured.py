@@ -27,14 +27,14 @@ SAID = {
     "speed_95": ("front speed", "of the speed at 95 % of the blocks", "blocks"),
     "speed_worst": ("front speed", "of the speed at the worst block", "blocks"),
 }
-"""Errors in words: the quantity, the unit, and the kind of objects compared."""
+"""Texts for errors: the quantity, the unit, and the kind of objects compared."""
 FORCES = ("start", "arrest")
 PROMISED = {"stress": (*FORCES, "stress"), "front_speed": ("speed_95",)}
-"""Value of `want` -> the errors that its tolerance bounds, the last of which has to be measured.
-Other values of `want` have `FORCES`."""
+"""Errors that the tolerance bounds, for each value of `want`; the last error has to be measured.
+Missing values of `want` have `FORCES`."""
 INSTEAD = {"loading_curve": ("curve", "rupture"), "motion": ("curve", "rupture")}
-"""Value of `want` -> the errors that its tolerance bounds if no start force was compared. Other
-values of `want`, except "front_speed", have rupture times."""
+"""Errors that the tolerance bounds, for each value of `want`, if no start force was compared.
+Missing values of `want`, except "front_speed", have rupture times."""
 
 
 @dataclass(frozen=True, kw_only=True)

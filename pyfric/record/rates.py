@@ -92,7 +92,7 @@ def _last(record: RecordData, crossings: Log, threshold: float) -> LastSlip:
 
 
 def _sampled(record: RecordData, threshold: float) -> Fast:
-    """Return fast slip between the points of the curve."""
+    """Return fast slip from the slip rates at points of the curve."""
     curve, t = record.curve, record.curve["t"].to_numpy()
     u_x, v = record.motion["u_x"], record.motion["v_x"].astype(float)
     mode = contacts_at(record, t)

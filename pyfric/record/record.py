@@ -38,7 +38,7 @@ READERS = {
     ".npz": "; pyfric.State.load reads states",
     "": "; pyfric.measured.read reads measured curves",
 }
-"""Endings of names of files -> functions that read them."""
+"""Functions that read files, by the ending of the file name."""
 WITHOUT_ARRAYS = {"method", "versions", "timings", "counts", "notes", "status", "errors"}
 """Fields of a record that can change without a check of its arrays."""
 UNSEALED = "the file was changed after pyfric wrote it: what it holds need not be what a run made"

@@ -13,9 +13,9 @@ m + w has the likelihood 10^(-b m) - 10^(-b (m + w)). The score and its derivati
 
     s = m_c - m + w/(10^(b w) - 1) ,   ds/db = -ln(10) w^2 10^(b w)/(10^(b w) - 1)^2 .
 
-The sum of s vanishes, and sigma_b = [sum s^2 n/(n - 1)]^(1/2) / |sum ds/db|. For w = 0 these are
-the equations above. With the potency as size, b is the exponent of its cumulative distribution. The
-b-value of the moment magnitude is 3/2 of this b.
+The sum of s vanishes, and sigma_b = [sum s^2 n/(n - 1)]^(1/2) / |sum ds/db|. For w = 0 the formulas
+for b and sigma_b reduce to the equations above. With the potency as size, b is the exponent of its
+cumulative distribution. The b-value of the moment magnitude is 3/2 of this b.
 
 The smallest events are slip of single blocks, so that l and L bound the range of sizes. By default,
 m_c is the lower end of the most frequent bin of magnitudes (maximum curvature).

@@ -172,7 +172,7 @@ def _waves(slider: Slider) -> tuple[float, ...]:
 
 
 def _made(base: Scene, given: Mapping[str, Any], **rules: Rule) -> Scene:
-    """Return a scene with changes; `rules`, by part_field, compute fields that are not given."""
+    """Return a scene with changes; `rules`, named like slider_M, compute fields left out."""
     for part in given.keys() & PARTS:
         with naming(part):
             PARTS[part].check(given[part])

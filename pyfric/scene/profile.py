@@ -98,7 +98,7 @@ class Profile:
 
 
 def _array(path: Path) -> list[list[float]]:
-    """Return the rows of an array of NumPy."""
+    """Return the rows of a NumPy array file."""
     try:
         found = np.load(path, allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:

@@ -30,7 +30,7 @@ from pyfric.scene.laws import (
 from pyfric.values import SceneError
 
 LONGEST_REST, LARGEST_RATIO = 1e10, 550.0
-"""Rest time (s) with which parameters are checked, and largest f/a accepted after such a rest.
+"""Rest time (s) at which parameters are checked, and largest accepted friction coefficient over a.
 
 The smallest speed is V* exp(-600) (fortran/evolution.f90).
 """

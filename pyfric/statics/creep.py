@@ -6,8 +6,8 @@ Let x be the u_x of the blocks of the condensed slider that slip (direction sigm
     R(x, drive) = f(x, drive) + sigma mu(s) p(x, drive) = 0 ,   ds = sigma dx ,
     J = dR/dx = df/dx + sigma mu dp/dx + mu' p .
 
-Weakening, mu' < 0, acts as a negative stiffness mu' p of each slipping block; the change of p is a
-second term. As the driver moves, dx/d(drive) = -J^-1 dR/d(drive), and the state follows a smooth
+Weakening, mu' < 0, acts as a negative stiffness mu' p of each slipping block; the change of p adds
+a further term. As the driver moves, dx/d(drive) = -J^-1 dR/d(drive), and the state follows a smooth
 path until one of these changes:
 
     a stuck block reaches its strength, a slipping block reverses, a block opens or lands;

@@ -177,8 +177,8 @@ class StaticSolver(System):
         """Return the loaded state on junctions, which are pinned at u_x = 0 before F_N is applied.
 
         Junctions add n_s k_j = sqrt(n_s C p) to the stiffness of each bottom block along x, with
-        the present p. The tangent of the chord iteration is that of linear geometry, with the
-        stiffness of the junctions at the last p.
+        the present p. The chord iteration uses the tangent of linear geometry, with the stiffness
+        of the junctions at the last p.
         """
         scene, N_x, unit = self.scene, self.scene.N_x, self.scene.F_N / self.scene.N_x
         at, states = ends(N_x), States(scene, np.zeros(N_x), scene.law.static, driven=False)
@@ -223,9 +223,9 @@ class StaticSolver(System):
     ) -> Equilibrium:
         """Return the static state whose contact states meet their conditions.
 
-        Newton's method finds the static state for given contact states. If these violate their
-        conditions, the contact solver finds other contact states, on the slider linearised about
-        the static state. In linear geometry the contact solver's states are final.
+        Newton's method finds the static state for given contact states. If these contact states
+        violate their conditions, the contact solver finds other contact states, on the slider
+        linearised about the static state. In linear geometry the contact solver's states are final.
 
         Args:
             q: initial coordinates, shape (n_q,).
@@ -292,11 +292,11 @@ class StaticSolver(System):
         Returned are coordinates, generalised forces without friction of stuck blocks (N), F_T (N),
         the residual force (N) and the number of steps.
 
-        The iteration uses the factors of the reference state (chord iteration). If it converges
-        slowly, the factors are renewed. The iteration ends at the level of rounding. The iteration
-        also ends below `ACCEPTED` if a renewed tangent does not help. Steps keep their leading bits
-        (`System.leading`), so that no kernel of LAPACK changes the state. Linear geometry takes
-        three to six steps.
+        The iteration uses the factors of the reference state (chord iteration). If the iteration
+        converges slowly, the factors are renewed. The iteration ends at the level of rounding. The
+        iteration also ends below `ACCEPTED` if a renewed tangent does not help. Steps keep their
+        leading bits (`System.leading`), so that no kernel of LAPACK changes the state. Linear
+        geometry takes three to six steps.
         """
         unknown, unit = self.unknown(states.mode), self.scene.F_N / self.scene.N_x
         if unknown[-1] - unknown[0] == len(unknown) - 1:  # a slice takes less time

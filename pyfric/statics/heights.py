@@ -43,8 +43,8 @@ def pressed(scene: SceneLike, *, p: Sequence[Number] | Callable[[float], float])
         scene: the scene, the name of a preset, or the path of a scene file; its gaps are replaced.
         p: normal forces at t = 0: N_x numbers >= 0 in N from the trailing edge on, or a function of
             x (m). x is the distance from the first block at the trailing edge. The sum of p is F_N,
-            plus the weight if there is gravity. The torque of p is that of the load. Under a rod
-            the two torques may differ slightly; the mattress carries the difference.
+            plus the weight if there is gravity. The torque of p equals the torque of the load.
+            Under a rod the two torques may differ slightly; the mattress carries the difference.
 
     Raises:
         SceneError: p is prescribed already, does not fit the blocks, or is not in balance.

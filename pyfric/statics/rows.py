@@ -1,4 +1,4 @@
-"""Names of rows of vectors and tables: coordinates of the bottom and top row; the interface."""
+"""Indices of vectors and tables that belong to the bottom row, the top row and the interface."""
 
 from __future__ import annotations
 

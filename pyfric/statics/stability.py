@@ -150,8 +150,9 @@ def _waves_limit(scene: Scene, ground: tuple[float, float], drag: float, stepper
 
 
 _REDUCED = (8, 5)
-"""Largest N_x, N_z of a lattice whose eigenvalues are computed densely. The motion that sets the
-limit is local, so that larger lattices have the same limit within 5 % (`tests/test_operators.py`).
+"""Largest N_x, N_z of a lattice whose eigenvalues are computed densely. The motion that limits the
+step is local, so that larger lattices have the same largest step within 5 %
+(`tests/test_operators.py`).
 """
 
 
@@ -268,9 +269,9 @@ def _on_springs(scene: Scene) -> float:
 
 @functools.lru_cache(maxsize=256)
 def _small_limit(scene: Scene, stepper: Stepper, enough: float, on: float) -> float:
-    """Return the limit of a small lattice, in s.
+    """Return the largest stable step of a small lattice, in s.
 
-    A limit above `enough` (s) need not be exact. Bottom blocks may be on springs `on` (N/m).
+    A step above `enough` (s) need not be exact. Bottom blocks may be on springs `on` (N/m).
     """
     unit = np.sqrt(scene.slider.k / scene.m)
     if stepper.growth is not None:
@@ -325,11 +326,11 @@ def stability_limit(scene: SceneLike, stepper: str = "rk4") -> tuple[float, Mapp
     condition is a polynomial inequality, which is omega dt <= 2 without damping and gamma dt <= 2
     without stiffness.
 
-    The motion that sets the limit is local. The result is therefore the smaller of two limits: for
-    plane waves of the infinite lattice, and for all modes of a small lattice with the boundaries of
-    the scene. The small lattice has at most 8 x 5 blocks, with foundation, driver and rod. Its
-    bottom row is closed or open, held, free or on junctions. A scene of at most this size is
-    computed exactly, without plane waves.
+    The motion that sets the limit is local. The result is therefore the smaller of two limits: the
+    limit of plane waves in the infinite lattice, and the limit of all modes of a small lattice with
+    the boundaries of the scene. The small lattice has at most 8 x 5 blocks, with foundation, driver
+    and rod. Its bottom row is closed or open, held, free or on junctions. A scene of at most this
+    size is computed exactly, without plane waves.
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.

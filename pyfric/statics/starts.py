@@ -75,7 +75,7 @@ def check_pushes(scene: Scene, solver: StaticSolver) -> None:
 
 
 def _patch(scene: Scene, x: float, length: float) -> list[int]:
-    """Return the blocks of a patch, counted from 1 at the trailing edge."""
+    """Return the numbers of the blocks of a patch, counted from 1 at the trailing edge."""
     l = scene.slider.l
     last = (scene.N_x - 1) * l
     if not x <= last * (1 + 1e-12):
@@ -188,7 +188,7 @@ def weakened(
         x: centre of the patch from the trailing edge, in m.
         length: length of the patch, in m, which contains blocks up to length/2 from x.
         speed: speed of the two fronts, in m/s; None means that the whole patch weakens at once.
-        mu: the last limit, >= 0; None means the smallest mu_k.
+        mu: final value of the limit, >= 0; None means the smallest mu_k.
         over: time in which the limit falls, in s; 0 means at once.
         begin: start time, in s.
 

@@ -44,7 +44,7 @@ LEADING = 13
 under the residual force. Fewer bits need more steps; with more bits, results show the rounding of
 LAPACK."""
 KEPT = 12
-"""Number of stored factorisations. On large lattices only one is stored."""
+"""Number of stored factorisations. On large lattices only one factorisation is stored."""
 
 
 class System:
@@ -160,7 +160,7 @@ class System:
 
     @property
     def _on_rod(self) -> float:
-        """Downward force on the rod, F_N and its weight, in N."""
+        """Downward force on the rod, F_N plus the weight of the rod, in N."""
         F_N = self.scene.F_N if self._loads is None else self._loads[0]
         return F_N + self.scene.M_rod * self.scene.slider.g
 

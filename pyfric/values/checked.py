@@ -108,7 +108,7 @@ class Quantity(Annotation):
         return check_number("", value, self.unit, **self._limits, note=self.note)
 
     def _drawn(self, values: Mapping[str, Any], written: Written | None) -> Any:
-        """Return the object for a table, of the class in `drawn` whose fields the table names.
+        """Return the object for a table, of the class in `drawn` that has the fields of the table.
 
         If the table names a file, its numbers are read.
         """

@@ -29,7 +29,7 @@ FORMATS = {
     **{".txt": "text", ".xlsx": "Excel", ".parquet": "Parquet", ".npz": "NumPy", ".zip": "zip"},
     ".mat": "MATLAB",
 }
-"""Suffixes of names of files, in small letters, and the formats for which they stand."""
+"""Formats of files, by suffix of the file name in small letters."""
 OLD = 86400.0
 """Age above which a temporary file of another machine counts as abandoned, in s."""
 

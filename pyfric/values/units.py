@@ -55,7 +55,7 @@ LIMITS = {
     "le": ("<=", operator.le, "too large"),
     "lt": ("<", operator.lt, "too large"),
 }
-"""Name of a limit -> its sign, its comparison, and the fault of a value beyond it."""
+"""Sign and comparison of each limit, and the fault of a value beyond the limit, by name."""
 
 
 @functools.lru_cache(maxsize=1024)
@@ -236,7 +236,7 @@ def spoken(text: str) -> Any:
 
 
 PREFIXES = {0: "", -1: "m", -2: "u", -3: "n", 1: "k", 2: "M", 3: "G"}
-"""Power of 1000 -> prefix of a unit."""
+"""Prefixes of units, by power of 1000."""
 
 
 def with_prefix(value: float, unit: str) -> str:

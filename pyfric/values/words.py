@@ -191,7 +191,7 @@ LINES: Mapping[str, Mapping[str, str]] = {
     },
 }
 # fmt: on
-"""Owner of a name -> words -> the line to write. The owner "" means all owners."""
+"""Lines of code to write, by owner and unknown words. The owner "" means all owners."""
 
 
 LONG = 4

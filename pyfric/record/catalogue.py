@@ -256,7 +256,7 @@ def build_catalogue(
 
 
 def parts(pause: Any, t_gap: float) -> Any:
-    """Whether a pause (s) separates two events, because it exceeds t_gap by more than rounding."""
+    """Whether a pause (s) exceeds t_gap by more than rounding and so separates two events."""
     return pause > t_gap * (1 + ROUNDED)
 
 

@@ -196,8 +196,7 @@ class _Pairs:
         return [(ours[e], theirs[k]) for e, k in zip(i.tolist(), j.tolist(), strict=True)]
 
     def _pair(self, e: int, k: int) -> tuple[dict[str, float], np.ndarray]:
-        """Return the differences of event e of run a and event k of run b, and of their front
-        speeds."""
+        """Return the differences of event e of run a and event k of run b, and of front speeds."""
         event, partner = self.events[e], self.partners[k]
         ended = bool(event["finished"] and partner["finished"])
         F_N, start = self.a.scene.F_N, event["F_T_start"] - partner["F_T_start"]
@@ -231,8 +230,7 @@ class _Pairs:
         return bool(ended and not event["finished"])
 
     def _alone(self, e: int) -> dict[str, float]:
-        """Return the differences, or lower bounds, for an event of run a without partner in run
-        b."""
+        """Return differences, or lower bounds, for an event of run a without partner in run b."""
         a, b, event, F_N = self.a, self.b, self.events[e], self.a.scene.F_N
         begun = (other for other in self.partners.values() if other["t_start"] < event["t_start"])
         if any(not other["finished"] for other in begun):

@@ -4,8 +4,9 @@ Types belong to netCDF's classic model, which every reader supports. Texts are c
 length, integers take 32 bits if they fit, and truth values take one byte. The attribute
 `_FillValue` marks variables with gaps. `actual_range` has the extremes.
 
-xarray would take seven times as long to write a file. A file to be read may come from an untrusted
-source. Only numbers in the file itself are read; links, plugins and other files are refused.
+xarray takes seven times as long as this module to write a file. A file to be read may come from an
+untrusted source. Only numbers in the file itself are read; links, plugins and other files are
+refused.
 """
 
 from __future__ import annotations

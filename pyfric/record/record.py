@@ -38,7 +38,7 @@ READERS = {
     ".npz": "; pyfric.State.load reads states",
     "": "; pyfric.measured.read reads measured curves",
 }
-"""Functions that read files, by the ending of the file name."""
+"""Texts that name the function which reads a file, by the ending of the file name."""
 WITHOUT_ARRAYS = {"method", "versions", "timings", "counts", "notes", "status", "errors"}
 """Fields of a record that can change without a check of its arrays."""
 UNSEALED = "the file was changed after pyfric wrote it: what it holds need not be what a run made"
@@ -255,8 +255,8 @@ class Record(RecordData, Shown):
 
         Args:
             path: path of the file.
-            unsealed: also read a file that another program changed, if it is a valid record. The
-                record then has a note.
+            unsealed: whether a valid record that another program changed is read, too. The record
+                then has a note.
 
         Raises:
             FileNotFoundError: there is no such file.

@@ -104,7 +104,7 @@ def zone_moving(scene: Scene, p: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def can_rupture(scene: Scene) -> np.ndarray:
-    """Return which blocks a front can pass, left to right, shape (N_x,).
+    """Return whether a front can pass each block, left to right, shape (N_x,), bool.
 
     With a driver these are all blocks. Without a driver, they are the blocks whose prescribed shear
     force exceeds mu_k p.

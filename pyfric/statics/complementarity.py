@@ -82,8 +82,9 @@ class ContactProblem:
 
     Args:
         scene: the scene.
-        u_drv0: u_x of the driven blocks at F_T = 0, in m, as `Scene.u_driven` returns it. Only its
-            differences between the blocks of a plate matter. None means u_x in the loaded state.
+        u_drv0: u_x of the driven blocks at F_T = 0, in m, as `Scene.u_driven` returns it. Only
+            differences of u_drv0 between the blocks of a plate matter. None means u_x in the loaded
+            state.
 
     Raises:
         SceneError: the scene has no static states.

@@ -18,8 +18,8 @@ violates their conditions, the contact solver (`complementarity`) finds other co
 contact solver uses the condensed slider in linear geometry. In finite geometry its loads are
 corrected for the difference.
 
-A chain does not slip while it is loaded, because scenes with such slip are refused. A chain keeps
-p_i, and its blocks without friction stay closed.
+A chain does not slip while it is loaded, because scenes with such slip are refused. In a chain p_i
+is constant, and blocks without friction stay closed.
 
 Source: PRL 107, 074301 (2011).
 """

@@ -120,7 +120,7 @@ def damping(scene: Scene, du: list[np.ndarray] | None = None) -> sp.csr_array:
 
     The matrix contains the bonds and the absorbing walls. Every bond carries eta (v_j - v_i), with
     the full relative velocity, so that bonds within a rigid top row resist its rotation.
-    Alternatively only the component along the bond counts (`Slider.dashpots`).
+    With `Slider.dashpots` "along" only the component along the bond counts.
 
     Args:
         scene: the scene.

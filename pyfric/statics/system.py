@@ -90,7 +90,8 @@ class System:
         self._factors.clear()
 
     def under(self, load: tuple[float, float] | None) -> Self:
-        """Return a copy of this object with other loads F_N and T (N) than at t = 0."""
+        """Return this slider, or a copy under loads F_N and T (N) that replace the loads at t =
+        0."""
         if load is None:
             return self
         scene, other = self.scene, copy.copy(self)
@@ -311,8 +312,8 @@ class System:
             mode: contact states, shape (N_x,).
             driven: whether the driver's spring is attached.
             friction: signed friction of slipping blocks over u_z, shape (N_x,), in N/m.
-            q: coordinates, shape (n_q,), at which to take another tangent. Its factorisation is not
-                stored.
+            q: coordinates, shape (n_q,), at which to take another tangent. The factorisation of
+                this tangent is not stored.
         """
 
         def make() -> BandedCholesky | SuperLU:

@@ -1,6 +1,6 @@
 """Display of objects in notebooks and as pages, and progress bars.
 
-`pyfric.figures` draws the objects. It is imported at the first drawing.
+`pyfric.figures`, which is imported at the first drawing, draws the objects.
 """
 
 from __future__ import annotations

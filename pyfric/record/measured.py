@@ -60,7 +60,7 @@ class Errors:
         until: time from which single events cannot be trusted, s; None if there is no such time.
             Errors belong to earlier events, or to all events if earlier events leave the wanted
             error unknown.
-        statistics: means over the events after `until`: name -> value and error.
+        statistics: means over the events after `until` and their errors, by name.
         by: the models that the run was compared with.
         chosen_at: number of other parameter points whose errors selected the level, if the errors
             of this run were not measured; otherwise 0.

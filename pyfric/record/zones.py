@@ -106,8 +106,8 @@ def zone_moving(scene: Scene, p: np.ndarray, v: np.ndarray) -> np.ndarray:
 def can_rupture(scene: Scene) -> np.ndarray:
     """Return whether a front can pass each block, left to right, shape (N_x,), bool.
 
-    With a driver these are all blocks. Without a driver, they are the blocks whose prescribed shear
-    force exceeds mu_k p.
+    With a driver a front can pass all blocks. Without a driver, a front can pass blocks whose
+    prescribed shear force exceeds mu_k p.
     """
     if not isinstance(scene.top, PrescribedLoad) or scene.driver.K * scene.driver.fastest > 0:
         return np.ones(scene.N_x, dtype=bool)

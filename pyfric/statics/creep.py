@@ -106,7 +106,7 @@ class Creep(Weakening):
 
     @property
     def free(self) -> np.ndarray:
-        """Blocks whose u_x is free: they slip or are open, shape (N_x,), bool."""
+        """Blocks with free u_x, which slip or are open, shape (N_x,), bool."""
         return (self.way != 0) | ~self.closed
 
     # --- states ----------------------------------------------------------------------------------

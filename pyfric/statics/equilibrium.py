@@ -119,8 +119,8 @@ class StaticSolver(System):
     ) -> Equilibrium:
         """Return the equilibrium with the interface held.
 
-        Held blocks that lift off become free. If they come down again, they are held again. A block
-        that lifts off a second time stays without friction.
+        Held blocks that lift off become free. If such blocks come down again, they are held again.
+        A block that lifts off a second time stays without friction.
 
         Args:
             u_x_bottom: u_x of the bottom blocks, shape (N_x,), in m; ignored for free blocks.

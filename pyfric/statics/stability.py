@@ -186,8 +186,8 @@ def _reduced(scene: Scene) -> Scene:
     l, k, m, eta, k_f and K on each driven block are unchanged. The mass of the rod is scaled with
     N_x, like the bonds that hold it. K is scaled in the same way if it acts only on the rod. The
     mattress is scaled with the moment of inertia. Frequencies of the rod then keep their size.
-    Loads, speeds and friction do not affect the limit. Scenes that differ only in them have the
-    same small scene.
+    Loads, speeds and friction do not affect the limit. Scenes that differ only in loads, speeds and
+    friction have the same small scene.
     """
     n_x, n_z = np.minimum((scene.N_x, scene.N_z), _REDUCED).tolist()
     if (n_x, n_z) == (scene.N_x, scene.N_z):

@@ -90,8 +90,7 @@ class System:
         self._factors.clear()
 
     def under(self, load: tuple[float, float] | None) -> Self:
-        """Return this slider, or a copy under loads F_N and T (N) that replace the loads at t =
-        0."""
+        """Return this slider, or a copy of it under other loads F_N and T (N) than at t = 0."""
         if load is None:
             return self
         scene, other = self.scene, copy.copy(self)

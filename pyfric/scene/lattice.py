@@ -168,7 +168,7 @@ class Lattice:
 
     @property
     def prescribed(self) -> bool:
-        """True if the interface is prescribed in two dimensions: p is given, no foundation."""
+        """True if the interface is prescribed in two dimensions, with given p and no foundation."""
         return isinstance(self.top, PrescribedLoad) and self.N_z > 1
 
     @property

@@ -157,8 +157,8 @@ def thinned(corners: ArrayLike, error: float | str) -> Corners:
     """Return fewer breakpoints, whose protocol equals the given protocol within an error.
 
     Time steps end at each breakpoint, so that a measured speed with many samples takes many steps.
-    Jumps, which are two breakpoints at one time, remain. The displacement of a driver is then right
-    within `error` times the time.
+    Jumps, which are two breakpoints at one time, remain. The error of the driver's displacement is
+    then at most `error` times the time.
 
     Args:
         corners: pairs of a time (s) and a value, in SI units, shape (n, 2), in order of time.

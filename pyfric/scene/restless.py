@@ -129,7 +129,7 @@ class JunctionLaw(Law):
 
     @property
     def at_step_end(self) -> bool:
-        """Whether stretches, strengths or slip times of junctions differ.
+        """Whether stretches, strengths or slip times differ between junctions.
 
         Then the junctions of a block break or pin one by one, with many switches in each step.
         """
@@ -306,7 +306,8 @@ class RateStateLaw(Law):
 
     @property
     def c(self) -> float:
-        """Share of stress in the evolution of the state."""
+        """Parameter c of the evolution of the state with stress ("nagata"); 0 for other
+        evolutions."""
         return self.kind.c or 0.0
 
     def weakening(self, v: np.ndarray, theta: np.ndarray) -> Any:

@@ -32,7 +32,7 @@ class Bonds:
 
     Bonds across a mirrored side or top lead to the image of block b, which has the displacements
     u_x and -u_z of block b. Such bonds come in equal pairs, and one bond is listed for each pair. A
-    bond that is its own image counts by one half.
+    bond that is its own image counts as half a bond.
 
     Attributes:
         a, b: flat indices j N_x + i of the two blocks, shape (n,), int.

@@ -29,8 +29,7 @@ corner slip left out. ``u_x`` and ``mode`` have a second axis of N_x blocks."""
 
 
 class LastSlip(NamedTuple):
-    """Direction of slip of each block at the end of a log (0 for none), and whether the slip is
-    corner slip, shape (N_x,)."""
+    """Direction of slip at the end of a log (0 for none), and whether it is corner slip, (N_x,)."""
 
     mode: np.ndarray
     corner: np.ndarray

@@ -306,8 +306,7 @@ class RateStateLaw(Law):
 
     @property
     def c(self) -> float:
-        """Parameter c of the evolution of the state with stress ("nagata"); 0 for other
-        evolutions."""
+        """Parameter c of the evolution with stress ("nagata"); 0 for other evolutions."""
         return self.kind.c or 0.0
 
     def weakening(self, v: np.ndarray, theta: np.ndarray) -> Any:

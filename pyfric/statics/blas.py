@@ -1,5 +1,4 @@
-"""Threads of BLAS. Small problems and products use one thread, which is faster than several
-threads."""
+"""Threads of BLAS. One thread is faster than several threads for small problems and products."""
 
 from __future__ import annotations
 

@@ -105,8 +105,7 @@ class Lattice:
 
     @property
     def d(self) -> int:
-        """Direction of the drive: +1 (pushed from the left, pulled at the right, or from the top)
-        or -1."""
+        """Direction of the drive: -1 if pushed from the right or pulled at the left, else +1."""
         return -1 if self.driver.side in ("right", "pull left") else 1
 
     @property

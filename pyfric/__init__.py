@@ -183,9 +183,9 @@ ROOMS = (
     "paper",
     "checks",
 )
-"""From the ground up: a room imports those below it. The command line stands above them all."""
+"""Subpackages from the lowest up: each imports only subpackages before it in this list."""
 SPACES = ("analysis", "measured", "fitting", "figures", "laws", "theory")
-"""Modules that users look into."""
+"""Modules that users import by name."""
 
 
 def _figures() -> Any:

@@ -1,6 +1,6 @@
 """Display of objects in notebooks and as pages, and progress bars.
 
-`pyfric.figures` draws the objects. It is imported at the first drawing.
+`pyfric.figures`, which is imported at the first drawing, draws the objects.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tqdm import tqdm
 
 figures: Any = None
-"""A function that imports and returns `pyfric.figures`; `pyfric` sets it."""
+"""A function, set by `pyfric`, that imports and returns `pyfric.figures`."""
 
 
 def drawing(shown: Any, *given: Any, **named: Any) -> Any:
@@ -29,7 +29,7 @@ def drawing(shown: Any, *given: Any, **named: Any) -> Any:
 
 
 def html(shown: Any) -> str:
-    """Return an object as HTML: its drawing if there is one, and its text below."""
+    """Return an object as HTML: its drawing, if it has a drawing, and its text below."""
     text = f'<pre style="white-space: pre-wrap">{markup.escape(str(shown))}</pre>'
     figure = drawing(shown)
     if figure is None:
@@ -47,7 +47,7 @@ class Shown:
         """Return the picture, a figure that `pyfric.figures.save_figure` writes.
 
         Raises:
-            SceneError: an argument is given; there are none.
+            SceneError: any argument is given.
         """
         return drawing(self, *given, **named)
 
@@ -73,7 +73,7 @@ def plain(value: Any) -> Any:
 
 
 class Progress(NamedTuple):
-    """State of a run: times in s, F_T over F_N, events so far, steps per second."""
+    """State of a run: times in s, F_T over F_N, number of events so far, steps per second."""
 
     t: float
     t_begin: float
@@ -90,7 +90,7 @@ def _bar(
     first: str,
     **layout: Any,
 ) -> Iterator[Callable[..., None]]:
-    """Yield the function that shows progress: the caller's, a bar on stderr, or one without effect.
+    """Yield the function that shows progress: the caller's function, a bar, or no display.
 
     `first` is the text of the bar before the first update.
     """
@@ -104,7 +104,7 @@ def _bar(
         return
     from tqdm import tqdm
 
-    seldom = 0.1 if sys.stderr.isatty() else 1.0  # a log needs fewer lines
+    seldom = 0.1 if sys.stderr.isatty() else 1.0  # fewer lines in a log
     with tqdm(file=sys.stderr, mininterval=seldom, **layout) as bar:
         if first:
             bar.set_postfix_str(first)

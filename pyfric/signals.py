@@ -2,7 +2,7 @@
 
 A run that is interrupted returns its record (`answered`). The next run in the same script or cell
 raises KeyboardInterrupt (`raise_if_asked`). While a file is written, Ctrl-C waits (`held_back`). In
-a block of `saved_first`, it also waits between the end of a run and the end of its save. In a
+a block of `saved_first`, Ctrl-C also waits between the end of a run and the end of its save. In a
 command, all `SIGNALS` act like Ctrl-C, and signals after the first are ignored. If a library blocks
 the interpreter, the process ends, unless data are being saved (`commanded`). Python handles signals
 only in its main thread, so these functions have no effect in other threads.
@@ -26,11 +26,11 @@ SIGNALS = (
 )
 """Signals that ask a command to stop."""
 PATIENCE = 1.0
-"""Time within which a command has to stop by itself, s."""
+"""Time within which a command has to stop by itself after a signal, in s."""
 
 
 class _State(threading.local):
-    """Blocks that are active in a thread, and the signal that asked it to stop."""
+    """Active blocks of a thread, and the signal that asked the thread to stop."""
 
     number = 0  # first signal, 0 for none
     answered = False  # whether a run has ended because of the signal
@@ -47,7 +47,7 @@ _now = _State()
 
 @contextmanager
 def answered() -> Iterator[Callable[[], bool]]:
-    """Yield a function that returns whether to stop; the block then ends with a partial result."""
+    """Yield a function that returns whether a run should stop and return a partial result."""
     if _now.at_once:
         yield lambda: False
         _now.held += _now.saving is not None
@@ -63,7 +63,7 @@ def answered() -> Iterator[Callable[[], bool]]:
 
 @contextmanager
 def held_back() -> Iterator[None]:
-    """Let Ctrl-C wait until the end of the block."""
+    """Delay Ctrl-C until the end of the block."""
     with _listening():
         _now.held += 1
         try:
@@ -74,7 +74,7 @@ def held_back() -> Iterator[None]:
 
 @contextmanager
 def saved_first() -> Iterator[None]:
-    """Let Ctrl-C wait from the end of a run in the block until the end of the block."""
+    """Delay Ctrl-C from the end of a run in the block until the end of the block."""
     if _now.saving is not None:
         yield
         return
@@ -87,7 +87,7 @@ def saved_first() -> Iterator[None]:
 
 
 def nothing_to_save() -> None:
-    """Let Ctrl-C act again, because the run has no result to save; raise if it was pressed."""
+    """End the delay of Ctrl-C after a run without result; raise KeyboardInterrupt if delayed."""
     if _now.saving is not None and _now.held > _now.saving:
         _now.held = _now.saving
         if _now.number:
@@ -165,7 +165,7 @@ def _handle(number: int, frame: FrameType | None) -> None:
 
 @contextmanager
 def _listening() -> Iterator[None]:
-    """Handle Ctrl-C in the block; after the block, raise a signal that waited without answer."""
+    """Handle Ctrl-C in the block; after the block, raise a signal that had no effect."""
     if _elsewhere():
         yield
         return
@@ -215,7 +215,7 @@ def _leave_terminal() -> None:
 
 
 def _script() -> FrameType | None:
-    """Return the frame of the script, cell or input from which this call comes."""
+    """Return the frame of the script, notebook cell or input line that calls pyfric."""
     frame = sys._getframe()
     while frame is not None and frame.f_code.co_name != "<module>":
         frame = frame.f_back

@@ -1,4 +1,4 @@
-"""Levels of a scene, runs at two of them, and the error that they measure."""
+"""Levels of a scene, and runs at two levels, whose difference measures the error."""
 
 from pyfric.planning.levels import Level
 from pyfric.planning.plans import Plan, expected_cost, plan

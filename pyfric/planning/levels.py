@@ -1,7 +1,7 @@
 """Levels of a scene, in the order of their cost.
 
-Each level is more exact than the one before in engine, geometry, step and accuracy of jumps. h is a
-step at which errors fall with a power of the step (`STEP_ERROR`). A scene of finite geometry has
+Each level is more exact than the level before in engine, geometry, step or accuracy of jumps. h is
+a step at which errors fall with a power of the step (`STEP_ERROR`). A scene of finite geometry has
 these levels:
 
 tolerance     engine        geometry   step    jumps
@@ -15,10 +15,10 @@ less          hybrid        linear     h       1e-4
               hybrid        finite     4h/9    1e-6
               hybrid        finite     8h/27   1e-7
 
-A quasi-static sequence usually serves only to measure errors. The first level with linear geometry
-is left out if linear geometry neglects more than the tolerance. If the law has no states of rest,
-all levels are full dynamics. A step is 2/3 of the step before with the stepper "rk46" and located
-switches. In all other cases, or if the step was given, steps are halved.
+A quasi-static sequence usually only measures the errors of other levels. The first level with
+linear geometry is left out if linear geometry neglects more than the tolerance. If the law has no
+states of rest, all levels are full dynamics. A step is 2/3 of the step before with the stepper
+"rk46" and located switches. In all other cases, or if the step was given, steps are halved.
 """
 
 from __future__ import annotations
@@ -53,33 +53,35 @@ if TYPE_CHECKING:
     from pyfric.scene import Geometry, Scene
 
 STEP_ERROR = 7e-7
-"""Error of forces over F_N that steps of the first level leave in most scenes (`share_of_limit`):
-0.47 of the stability limit of "rk46". With longer steps, two runs with wrong events can agree. In
-200 scenes, no two runs did with these steps."""
+"""Error of forces over F_N due to steps of the first level in most scenes (`share_of_limit`). These
+steps are 0.47 of the stability limit of "rk46". With longer steps, two runs with wrong events can
+agree. In 200 scenes, no two runs with wrong events agreed at these steps."""
 SHORTER, HALF = 2 / 3, 1 / 2
 """Step of a level over the step of the level before. Policies; see the module."""
 FIRST, STRICTER = 1e-4, 0.1
 """Accuracy of jumps at the first level, and ratio of accuracies of successive levels. Policies."""
 STEPPED = 4
-"""Number of levels with steps if one has linear geometry; otherwise one less. A policy."""
+"""Number of levels with steps if one level has linear geometry; otherwise one level less. A
+policy."""
 LOOSE = 0.05
-"""Least tolerance for which a quasi-static sequence is made. The error of a sequence is up to 0.04
-F_N in the paper's scenes."""
+"""Smallest tolerance for which a quasi-static sequence is run. The error of a sequence is up to
+0.04 F_N in the paper's scenes."""
 ROTATION = 0.2
 """Order of magnitude of the error of forces without rotation of bonds, over F_N and strain. Linear
 geometry is left out if this error exceeds the tolerance."""
 ALONE = ((0.1, 0), (0.02, 1), (0.0, 2))
-"""Least tolerance -> level that is run if no errors are measured: 0 the cheapest, 1 the cheapest
-with steps, 2 the cheapest with steps in the scene's own geometry. A policy."""
+"""Smallest tolerance, and the level that is run if no errors are measured: 0 the cheapest level, 1
+the cheapest level with steps, 2 the cheapest level with steps in the geometry of the last level. A
+policy."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Level(Model):
-    """A level; see `Model` for the other attributes.
+    """A level of a scene; see `Model` for further attributes.
 
     Attributes:
-        answers: whether its run may be returned. If not, the run only measures errors.
-        cannot: reason why the level cannot run; "" if it can.
+        answers: whether the run of the level may be returned. If not, the run only measures errors.
+        cannot: reason why the level cannot run; "" if the level can run.
     """
 
     answers: bool = True
@@ -89,7 +91,7 @@ class Level(Model):
 
     @property
     def model(self) -> Model:
-        """The model alone."""
+        """The level as a `Model`, without `answers` and `cannot`."""
         return Model.of(self)
 
     def options(self, asked: Options) -> Options:
@@ -106,8 +108,8 @@ class Level(Model):
 def levels(scene: Scene, options: Options, *, begun: bool = False) -> tuple[Level, ...]:
     """Return the levels of a scene, the cheapest first, including levels that cannot run.
 
-    Given options hold for all runs that may be returned. If the step is given, a run with half this
-    step measures errors.
+    Options that the user gives hold for all runs that may be returned. If the step is given, a run
+    with half this step measures errors.
 
     Args:
         scene: the scene.
@@ -183,7 +185,7 @@ def _stepped(
 
 
 def _rtol(options: Options, shorter: float) -> float:
-    """Return the largest error of a sub-step; it falls with power 4 of the step."""
+    """Return the largest error of a sub-step, proportional to the fourth power of the step."""
     return max((options.rtol or RTOL) * shorter**4, 1e-12)
 
 
@@ -191,7 +193,7 @@ def first_step(scene: Scene, options: Options) -> float:
     """Return the step of the first level with steps, in s.
 
     The step is shortened to resolve weakening of friction, if a few halvings suffice. All levels
-    then resolve it. Otherwise friction drops at once at all levels.
+    then resolve weakening. Otherwise friction drops at once at all levels.
     """
     if options.dt != "auto":
         return step_size(scene, options.dt, options.stepper_on(scene))
@@ -207,7 +209,7 @@ def rotation(scene: Scene) -> float:
 
 
 def _moves(scene: Scene, options: Options) -> str:
-    """Return the reason why only full dynamics can answer; "" if jumps are possible."""
+    """Return the reason why a run needs full dynamics; "" if jumps are possible."""
     if options.want == "motion":
         return "motion between events is wanted, which only full dynamics has"
     if options.energies:
@@ -218,7 +220,7 @@ def _moves(scene: Scene, options: Options) -> str:
 
 
 def _no_statics(scene: Scene, options: Options) -> str:
-    """Return the reason why a quasi-static sequence cannot answer; "" if it can."""
+    """Return the reason why a run cannot be a quasi-static sequence; "" if there is none."""
     if options.want == "front_speed":
         return "it has no front speed"
     return ENGINES["quasistatic"].cannot(scene)

@@ -2,8 +2,8 @@
 
 The finer run is returned, with the error of the coarser run. The error is not extrapolated with an
 order of convergence, because rupture times do not have the order of the stepper. Two runs may also
-differ in the blocks that slip in an event, or only one of them may have ended it. Such differences
-are less reliable, because two wrong outcomes can be alike. They are multiplied by `SAFETY`.
+differ in the blocks that slip in an event, or in whether the event has ended. Such differences are
+less reliable, because two wrong outcomes can be alike, and are multiplied by `SAFETY`.
 
 If the two finest runs still differ by more than the tolerance, single events cannot be trusted from
 the first difference on. Later events are compared by their statistics.
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
 
 SAFETY = 3.0
-"""Factor of safety for two grids. It multiplies differences if the slip of an event differs, or if
-the coarser run is returned."""
+"""Factor of safety for two grids. The factor multiplies differences if the slip of an event
+differs, or if the coarser run is returned."""
 PERTURBATION = 1e-9
 """Relative increase of the driver's speed in the perturbed run."""
 
@@ -43,7 +43,7 @@ class Asked:
         scene: the scene.
         t_begin, t_end: times of the beginning and the end, in s.
         options: options on this scene.
-        run: function of scene, end (s) and options that makes a run; `enough` can end it.
+        run: function of scene, end (s) and options that makes a run, which `enough` can end.
     """
 
     scene: Scene
@@ -62,14 +62,14 @@ class Made(NamedTuple):
 
 
 class Pair:
-    """Two runs. The answer is the finer run, if it may be returned.
+    """Two runs of a scene. The answer is the finer run, if this run may be returned.
 
     Args:
         asked: the scene, with time and options.
         coarse, fine: the runs.
 
     Attributes:
-        answer, other: the run that is returned, and the other run.
+        answer, other: the run that is returned, and the run with which it is compared.
         found: differences of the runs.
     """
 
@@ -82,9 +82,9 @@ class Pair:
             self.found = differences(*self._further())
 
     def _further(self) -> tuple[Record, Record]:
-        """Return both runs; a run that lacks the last event of the other is continued.
+        """Return both runs; a run that lacks the last event of the other run is continued.
 
-        It is continued until the driver has added the tolerance to F_T.
+        The continuation ends when the driver has added the tolerance times F_N to F_T.
         """
         scene, own = self.asked.scene, self.found.events["own"][self.found.lacking]
         pace, records = scene.driver.K * scene.driver.fastest, []
@@ -111,7 +111,7 @@ class Pair:
 
     @property
     def resolved(self) -> bool:
-        """Whether the finer run resolves weakening; if not, friction drops at once in both runs."""
+        """Whether the finer run resolves weakening; otherwise friction drops at once in both."""
         dt = self.fine.level.dt
         return dt is None or dt <= self.asked.scene.resolving_step
 
@@ -125,7 +125,7 @@ class Pair:
         return SAFETY if turned or not self.finer else 1.0
 
     def as_far_as_it_goes(self) -> tuple[Errors, list[str]]:
-        """Return the errors of the answer, or of its events before the first difference."""
+        """Return errors of all events, or of events before the first difference, and notes."""
         errors, want = self.errors(), self.asked.options.want
         if not self.resolved:
             dt, resolves = self.fine.level.dt, self.asked.scene.resolving_step
@@ -141,7 +141,7 @@ class Pair:
     def until(self, errors: Errors, t: float) -> tuple[Errors, list[str]]:
         """Return the errors before an event that begins at t (s), and statistics of later events.
 
-        If earlier events leave the wanted error unknown, errors of all events are returned.
+        If the wanted error is unknown for earlier events, errors of all events are returned.
         """
         asked, record = self.asked, self.answer.record
         ended = record.events["t_stop"][record.events["t_stop"] < t]
@@ -172,7 +172,7 @@ class Pair:
 
 
 class Faster(Pair):
-    """A run, and the same run with a driver faster by `PERTURBATION`."""
+    """A run, and its repetition with a driver that is faster by the share `PERTURBATION`."""
 
     @property
     def by(self) -> Model:
@@ -180,7 +180,7 @@ class Faster(Pair):
 
 
 def finest(asked: Asked, runs: list[Made]) -> Pair:
-    """Return the pair of the finest run that may be returned, and the finest other run."""
+    """Return the pair of the finest run that may be returned and the finest of the other runs."""
     able = [n for n, made in enumerate(runs) if made.level.answers and made.record.done]
     last = len(runs) - 1
     return Pair(asked, runs[last - 1 if able[-1] == last else able[-1]], runs[last])

@@ -1,7 +1,7 @@
-"""The expected cost of levels, and `plan`, which shows it.
+"""The expected cost of levels, and `plan`, which returns it.
 
-Work is estimated from the counts of another run. Before a run this is a quasi-static sequence, and
-later the level before.
+Work of the first level is estimated from the counts of a quasi-static sequence. Work of each later
+level is estimated from the counts of the level before.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def expected_work(scene: Scene, level: Level, lasts: float, before: Record | Non
 
 
 def as_made(scene: Scene, level: Level, lasts: float, before: Record | None) -> Level:
-    """Return a level, with full dynamics instead if jumps are not expected to save work.
+    """Return a level, or the level with full dynamics if jumps are not expected to save work.
 
     The arguments are those of `expected_work`.
     """
@@ -109,7 +109,7 @@ def work_done(record: Record) -> float:
 def pilot(scene: Scene, t_end: float, stop_when: tuple[str, ...] = ()) -> Record | None:
     """Return the quasi-static sequence of a scene to t_end (s), or None if there is none.
 
-    A large lattice is replaced by larger blocks.
+    A large lattice is replaced by a lattice of larger blocks.
     """
     small = coarser(scene)
     small = dataclasses.replace(small, interface=small.interface.coulomb())
@@ -140,8 +140,8 @@ class Plan:
         seconds: expected time of each level on one core of this machine, in s.
         alone: the level that is run if no errors are measured.
         t_end: time at which the run is expected to end, in s.
-        lattice: for front speeds, the lattice constant that the tolerance needs, and the time of a
-            run with it. "" if the present lattice suffices, and for other quantities.
+        lattice: text with the lattice constant that front speeds need within the tolerance, and the
+            time of such a run; "" if the present lattice suffices, and for other quantities.
     """
 
     want: Want
@@ -235,9 +235,9 @@ def plan(
 
 
 def _lattice(scene: Scene, options: Options, seconds: float) -> str:
-    """Return the lattice constant that front speeds need, and the time of a run; "" if not smaller.
+    """Return a text with the l that front speeds need, and the time of a run; "" if l suffices.
 
-    Half the lattice constant takes 8 times as long: 4 times the blocks, twice the steps.
+    A run with half the lattice constant takes 8 times as long: 4 times the blocks, twice the steps.
     """
     if options.want != "front_speed":
         return ""
@@ -261,8 +261,8 @@ def _lattice(scene: Scene, options: Options, seconds: float) -> str:
 def expected_cost(scene: Scene, t_end: float, options: Options) -> tuple[float, float]:
     """Return the expected time of a run to t_end (s) in s, and the size of its record in bytes.
 
-    A planned run is assumed to make at least two levels, and all levels up to `Plan.alone`. A run
-    that would be refused costs nothing.
+    A planned run is assumed to make at least two levels, and all levels up to `Plan.alone`. For a
+    run that would be refused, both are 0.
     """
     options = options.on(scene)
     try:

@@ -1,7 +1,7 @@
 """The level that a scene needs, from the verified run of a similar scene.
 
-The difference of two runs is the error of the coarser run. If it is within the tolerance, the
-coarser level suffices.
+The difference of two runs is the error of the coarser run. If this error is within the tolerance,
+the coarser level suffices.
 """
 
 from __future__ import annotations
@@ -23,12 +23,13 @@ class Told(NamedTuple):
 
     Attributes:
         made: the model of the record.
-        level: number of its level; full dynamics may replace the hybrid engine.
-        needs: cheapest level known to keep the tolerance. If the two compared levels differ by more
-            than the tolerance, it is the next level above both.
+        level: number of the record's level, in which full dynamics may replace the hybrid engine.
+        needs: number of the cheapest level within the tolerance. If the two compared levels differ
+            by more than the tolerance, `needs` is the next level above both.
         errors: errors of the compared levels, of all events or of events before the first
             difference.
-        holds: whether the record keeps the tolerance; None if not measured over the whole run.
+        holds: whether the error of the record is within the tolerance; None if not measured over
+            the whole run.
     """
 
     made: Model
@@ -44,7 +45,7 @@ def levels_of(scene: Scene, options: Options) -> tuple[Level, ...]:
 
 
 def told(record: Record, of: Sequence[Level]) -> Told:
-    """Return the measured errors in a record, by levels of its scene that can run."""
+    """Return the measured errors in a record, assigned to the levels of its scene that can run."""
     numbers: dict[Model, int] = {}
     for number, level in enumerate(of):
         numbers |= {level.model: number, as_full(level).model: number}

@@ -62,9 +62,9 @@ STATIC_SHARE = 0.25
 BUDGET = "4 x"
 """Default of the option `budget`. A policy."""
 LONG = 600.0
-"""Expected duration above which a run prints a note before it starts, in s."""
+"""Expected wall time above which a note is printed before a run, in s."""
 SHORT = 10.0
-"""Least ratio of steps without and with viscosity for a note on the cost of viscosity. A policy."""
+"""Smallest ratio of steps without and with viscosity that gives a note on its cost. A policy."""
 LOGGER = logging.getLogger("pyfric")
 
 
@@ -82,12 +82,13 @@ def simulate(
     """Simulate a scene from the loaded slider, or continue another run.
 
     A `Record` as `initial` continues its run, and the result holds the whole run. Engine, geometry,
-    stepper, switching, step, rtol, accuracy, energies, sampling and t_gap are kept. Other values of
-    these options are refused. `want`, `tolerance` and `verify` are refused, too, because no level
-    is chosen. The speed of the driver or the loads may differ from the end of the record on. The
-    scene of the result then has a protocol that joins both. The driver continues from its position,
-    so that F_T does not jump. Times of protocols count from t = 0. Full dynamics continues with the
-    same bits. The hybrid engine finds the same events, with forces that agree to its accuracy.
+    stepper, switching, step, rtol, accuracy, energies, sampling and t_gap stay the same; other
+    values of these options are refused. `want`, `tolerance` and `verify` are refused, too, because
+    no level is chosen. The speed of the driver or the loads may change at the end of the record.
+    The scene of the result then has a protocol with both values. The driver continues from its
+    position, so that F_T does not jump. Times of protocols count from t = 0. Full dynamics
+    continues with the same bits. The hybrid engine finds the same events, with forces that agree to
+    its accuracy.
 
     Ctrl-C ends a run with status "interrupted". The record is then valid, and `initial=record`
     continues the run. The next call of `simulate`, `plan`, `run_all` or `prediction_curve` in the
@@ -96,15 +97,15 @@ def simulate(
 
     The logger "pyfric" of `logging` gets status and notes of the record, at level INFO.
 
-    Full dynamics and planned runs that are expected to take more than ten minutes have a note. It
-    is also printed on stderr before the start, unless progress is False or a function.
+    Full dynamics and planned runs that are expected to take more than ten minutes have a note. The
+    note is also printed on stderr before the start, unless progress is False or a function.
 
     Args:
         scene: a scene, the name of a preset, or the path of a scene file.
-        t_end: time of the end, in s. It is required. The last step ends at t_end or just beyond.
+        t_end: time of the end, in s; required. The last step ends at t_end or just beyond.
         options: options of the run; None means `Options()`.
         initial: None starts at t = 0 from the loaded state with F_T = 0. A `State` starts from this
-            state, also with another scene; if K or the driven blocks differ, F_T is kept. A
+            state, also with another scene; if K or the driven blocks differ, F_T stays the same. A
             `Record` continues its run.
         progress: True for a bar on stderr, False for none, or a function that is called about ten
             times per second. None shows the bar if stderr is a terminal.
@@ -113,8 +114,8 @@ def simulate(
     Returns:
         The record. Its status begins with "ended" if an engine could not continue to t_end, as in
         "ended at first slip", or if a condition ended the run, as in "ended by stop_when
-        (arrested)". Its `notes` tell where the run ended. With fidelity = "auto" they also tell
-        which levels were run.
+        (arrested)". Its `notes` name the end of the run and, with fidelity = "auto", the levels
+        that were run.
 
     Raises:
         SceneError: an argument is refused, or the run needs more memory than is available. No run
@@ -123,7 +124,7 @@ def simulate(
         EquilibriumError: the scene has no loaded state.
         OSError: `checkpoint` cannot be written. No run has started.
         RunError: the motion left the range of the model, or contacts switched without end inside a
-            step. Its `record` holds the run before that.
+            step. The attribute `record` of the error holds the run up to this point.
 
     Source: PRL 107, 074301 (2011).
     """
@@ -191,7 +192,8 @@ def _check_steps(of: tuple[Level, ...], asked: Asked) -> None:
 def check_run(scene: Scene, options: Options, given: Mapping[str, Any] | None = None) -> None:
     """Raise SceneError if the named engine cannot run a scene, or lacks an option.
 
-    `given` are the options that a user set; None means all options that differ from their defaults.
+    `given` are the options that a user gave; None means all options that differ from their
+    defaults.
     """
     named = options.fidelity != "auto" and options.verify in (None, "none")
     of_plan = owned("plan") - {"fidelity"}
@@ -209,7 +211,7 @@ def check_run(scene: Scene, options: Options, given: Mapping[str, Any] | None = 
 
 
 def _going_on(before: Record, options: Options) -> Options:
-    """Return the options with the engine of a record that is continued."""
+    """Return the options of a continued run, with the engine of the record."""
     engine = before.method.engine
     if options.fidelity == "auto":
         options = dataclasses.replace(options, fidelity=engine)
@@ -223,7 +225,7 @@ def _going_on(before: Record, options: Options) -> Options:
 
 
 def _both(before: Record, scene: Scene) -> tuple[Scene, tuple[str, ...]]:
-    """Return the scene of a record that is continued with changes, and notes on the changes."""
+    """Return the scene of a run that continues a record with changes, and notes on them."""
     if before.scene == scene:
         return scene, ()
     t = _begin(before)
@@ -247,7 +249,7 @@ def _run(
     progress: bool | Callable[[Progress], None] | None,
     enough: Callable[[Counted], bool] | None = None,
 ) -> Record:
-    """Run one engine; `enough` can end the run."""
+    """Run one engine, until the function `enough` returns True or the run reaches t_end (s)."""
     engine, said = ENGINES[options.fidelity], []
     if engine.name == "dynamic":
         begin = _begin(initial)
@@ -263,9 +265,9 @@ def _run(
 
 
 def _short_steps(asked: Asked, progress: object) -> list[str]:
-    """Return the note on events that take long because of viscosity, and print it; or none.
+    """Return and print the note on events that take long because of viscosity; [] if none do.
 
-    The note gives the cost of full dynamics, which is the most that the hybrid engine can take.
+    The note gives the cost of full dynamics, which is an upper limit for the hybrid engine.
     """
     scene, fidelity, lasts = asked.scene, asked.options.fidelity, asked.t_end - asked.t_begin
     if fidelity not in ("auto", "hybrid") or ENGINES["hybrid"].cannot(scene) or not scene.eta:
@@ -316,7 +318,7 @@ def _begin(initial: State | Record | None) -> float:
 
 
 def _budget(asked: Asked, level: Level, before: Record) -> float:
-    """Return the largest work of all runs, in s; multiples refer to one run of this engine."""
+    """Return the largest work of all runs together, in s; multiples refer to one run of a level."""
     budget = asked.options.budget or BUDGET
     times = multiple(budget)
     if times is None:
@@ -340,10 +342,11 @@ class _Slower:
 
 
 def leveled(asked: Asked, of: tuple[Level, ...], progress: object = None) -> Record:
-    """Run levels until two successive ones agree; return the finest run that may be returned.
+    """Run levels until two successive levels agree; return the finest run that may be returned.
 
-    With verify = "none" or "shared" one level is run: with "shared" the first that can run. With
-    "full" one more level is run, and then the answer again with a driver faster by `PERTURBATION`.
+    With verify = "none" or "shared" one level is run, with "shared" the first level that can run.
+    With "full" one more level is run, and then the returned run again with a driver that is faster
+    by the share `PERTURBATION`.
 
     Raises:
         RunError, EquilibriumError: no level could be run to its end.
@@ -450,7 +453,8 @@ def simulate_point(
         t_end: time of the end, in s.
         options: options of all scenes.
         first: number of the first level to run, from 0, among levels that can run.
-        count: number of levels to run. With 1 no error is measured. None means until two agree.
+        count: number of levels to run; None means until two levels agree. With 1 no error is
+            measured.
         progress: as in `simulate`.
 
     Raises:
@@ -469,10 +473,10 @@ def simulate_point(
 
 
 def released(scene: SceneLike, blocks: int) -> State:
-    """Return the loaded state with the first blocks from the trailing edge released.
+    """Return the loaded state with a number of blocks at the trailing edge released.
 
     The released blocks start with zero velocity and slip in the drive direction. Their friction has
-    already fallen to mu_k. This starts a front in a chain or on a prescribed interface:
+    already fallen to mu_k. Such a state starts a front in a chain or on a prescribed interface:
     ``simulate(scene, t_end, initial=released(scene, 20), fidelity="dynamic")``.
 
     Args:

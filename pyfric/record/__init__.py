@@ -1,4 +1,4 @@
-"""What happened: curve, events, stresses."""
+"""Records of runs: loading curve, events, stresses and errors."""
 
 from pyfric.record import analysis
 from pyfric.record.analysis import (

@@ -71,19 +71,19 @@ BINS = 20
 """Default number of bins of `collapse_spread`."""
 
 SHIFTS = 2001
-"""Number of time shifts that `compare_curve` tries. The best is refined between its neighbours."""
+"""Number of time shifts that `compare_curve` tries. The best shift is then refined."""
 
 ROUNDED = 1e-7
-"""Exchanged energy below this share of stored energy counts as almost none. Sums of about 1e3 terms
-are known to 1e-13, so smaller changes are known to no better than 1e-6."""
+"""Exchanged energy counts as almost zero below this share of the stored energy. Sums of about 1e3
+terms have a rounding error of 1e-13, so that smaller changes have errors above 1e-6."""
 
 PER_BIN = 5
-"""Fewest points for each bin of `collapse_spread`. The median of five points is in the middle half
-of their distribution with a probability of four fifths (binomial)."""
+"""Smallest number of points for each bin of `collapse_spread`. The median of five points lies in
+the middle half of their distribution with a probability of four fifths (binomial)."""
 
 
 def budget_left(curve: pd.DataFrame | RecordData) -> pd.Series:
-    """Return the residual of an energy budget since its start, in J: the error of time steps.
+    """Return the residual of the energy budget since the first point, in J, an error of time steps.
 
     Args:
         curve: a run with energies = True, or its loading curve.
@@ -98,7 +98,7 @@ def budget_left(curve: pd.DataFrame | RecordData) -> pd.Series:
 def budget_error(curve: pd.DataFrame | RecordData) -> float:
     """Return the largest residual of an energy budget, over the largest energy exchanged.
 
-    If almost no energy was exchanged, the residual is over a share `ROUNDED` of the stored energy.
+    If almost no energy was exchanged, the residual is divided by `ROUNDED` times the stored energy.
 
     Args:
         curve: a run with energies = True, or its loading curve.
@@ -193,8 +193,8 @@ def system_size_events(record: RecordData) -> pd.DataFrame:
 def precursor_lengths(record: RecordData) -> pd.DataFrame:
     """Return length against force of the precursors, as in the paper's Fig. 2.
 
-    Only precursors before the first system-size event count, because later ones start from another
-    state of the interface.
+    Only precursors before the first system-size event count, because later precursors start from
+    another state of the interface.
 
     Returns:
         ``event``; ``force``, the static F_T/F_N after arrest; ``L_p_over_L``.
@@ -215,9 +215,9 @@ def stress_profile(
     """Return the static stresses along the interface, as in the paper's Fig. 3.
 
     Args:
-        event: its number, from 1; None means the loaded slider at F_T = 0.
-        when: "before" means the state at the event's first slip, "after" at its last stick; it is
-            ignored if event is None.
+        event: number of the event, from 1; None means the loaded slider at F_T = 0.
+        when: "before" means the state at the event's first slip, "after" the state at its last
+            stick. `when` is ignored if `event` is None.
 
     Returns:
         One row per block. Columns: n; x_over_L; tau and p over F_N/N_x; tau_over_p;
@@ -263,8 +263,8 @@ def front(record: RecordData, event: int) -> pd.DataFrame:
     """Return the rupture front of one event, as in the paper's Fig. 4.
 
     Args:
-        record: a run planned for want = "front_speed", whose smaller steps front speeds need.
-        event: its number, from 1.
+        record: a run planned for want = "front_speed", because front speeds need small steps.
+        event: number of the event, from 1.
 
     Returns:
         One row per block of the front. Columns: n; x_over_L; t, rupture time in s; v_c, speed
@@ -273,7 +273,7 @@ def front(record: RecordData, event: int) -> pd.DataFrame:
 
         v_c is NaN within two blocks of either end, and where the five times do not increase.
         X_c_over_l is NaN where v_c is NaN or, in two dimensions, at least c_R. Six or more blocks
-        in X_c0 resolve a front. With fewer blocks, the lattice sets its speed.
+        in X_c0 resolve a front. With fewer blocks, the lattice sets the front speed.
 
     Raises:
         SceneError: no such event.
@@ -283,13 +283,13 @@ def front(record: RecordData, event: int) -> pd.DataFrame:
 
 @of_record
 def fronts(record: RecordData) -> pd.DataFrame:
-    """Return the fronts of all finished main events: ``event`` and the columns of `front`."""
+    """Return fronts of all finished main events, with the columns of `front` and ``event``."""
     events = record.events
     return _fronts(record, np.flatnonzero(events["is_main"] & events["finished"]))
 
 
 def _fronts(record: RecordData, rows: np.ndarray) -> pd.DataFrame:
-    """Return one table of the fronts of events, given by their rows from 0."""
+    """Return one table with the fronts of events in the given rows, counted from 0."""
     order, shape = np.argsort(record.scene.n_of_i), (len(rows), record.scene.N_x)
     names = ("rupture_times", "tau_before", "p_before", "X_c0_over_l", "X_c_over_l")
     t, tau, p, at_rest, moving = (record.arrays[name][rows][:, order] for name in names)
@@ -318,7 +318,7 @@ class Beside(NamedTuple):
         rms: root mean square of the difference in force, N.
         shift: time added to the measured times for the smallest rms, s.
         rms_shifted: the smallest rms, N.
-        n: number of measured points that count at this shift.
+        n: number of measured points within the run at this shift.
     """
 
     rms: float
@@ -334,12 +334,12 @@ def compare_curve(
     *,
     largest_shift: float | None = None,
 ) -> Beside:
-    """Return the difference of a measured loading curve from a run, also after a shift in time.
+    """Return the difference of a measured loading curve from a run, with and without a time shift.
 
-    The force of the run is linear between its points. Measured points outside the run do not
-    count, and a shift leaves at least half of them inside. Masked points, such as gaps of netCDF4,
-    are left out. In stick-slip, a small difference of the period makes the rms large. Compare
-    events with `pyfric.measured.events` instead.
+    The force of the run is linear between its points. Measured points outside the run do not count,
+    and a shift leaves at least half of the measured points inside. Masked points, such as gaps of
+    netCDF4, are left out. In stick-slip, a small difference of the period makes the rms large.
+    Compare events with `pyfric.measured.events` instead.
 
     Args:
         t, F_T: measured times, s, increasing, and forces, N, shape (n,), n >= 2.
@@ -387,7 +387,7 @@ def compare_curve(
 
 
 def _check_measured(t: np.ndarray, F_T: np.ndarray) -> None:
-    """Raise SceneError unless these are times (s) and forces (N) of a measured curve."""
+    """Raise SceneError if times (s) and forces (N) are no measured curve."""
     if t.ndim != 1 or t.shape != F_T.shape or len(t) < 2:
         allowed = "two or more times, and as many forces"
         raise SceneError("t", f"{t.shape} beside {F_T.shape}", "", allowed, "shapes do not fit")
@@ -438,7 +438,7 @@ def _over_load(scene: Scene, t: pd.Series, F_T: pd.Series) -> pd.Series:
 
 
 def _peak(record: RecordData) -> float:
-    """Return the largest (F_T + T)/F_N of the curve in the event that makes all blocks slip.
+    """Return the largest (F_T + T)/F_N of the curve from the first system-size event on.
 
     Raises:
         SceneError: there is no such event, or the force rises up to the end of the run.
@@ -485,15 +485,15 @@ def mean_force(record: RecordData, begin: float, end: float) -> float:
 def collapse_spread(
     x: np.ndarray, y: np.ndarray, *, bins: int = BINS, log: bool = True
 ) -> Collapse:
-    """Return the spread of points about one curve, the median of y in bins of x.
+    """Return the spread of points about one curve, which is the median of y in bins of x.
 
-    Bins hold equal numbers of points, except for a remainder and for equal x. Points that are NaN
+    Bins hold equal numbers of points, up to a remainder and points of equal x. Points that are NaN
     or masked in x or y are left out.
 
     Args:
         x, y: the points, equal shapes.
         bins: number of bins.
-        log: take ln y, so that the spread is relative. y then has to be positive.
+        log: whether ln y is used, so that the spread is relative; y then has to be positive.
 
     Raises:
         SceneError: bins is not an integer >= 1, there are fewer than 5 points per bin, or y is not
@@ -512,7 +512,7 @@ def collapse_spread(
         raise SceneError("y", float(y.min()), "", "positive values, or log=False")
     values = np.log(y) if log else y
     edges = np.quantile(x, np.linspace(0, 1, bins + 1))
-    points = np.sort(x)  # edges are midway between points, so that rounding of x does not matter
+    points = np.sort(x)  # edges are midway between points, so that rounding of x changes no bin
     after = np.clip(np.searchsorted(points, edges[1:-1]), 1, len(x) - 1)
     edges[1:-1] = (points[after - 1] + points[after]) / 2
     in_bin = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, bins - 1)
@@ -533,7 +533,7 @@ def _numbers(name: str, values: ArrayLike) -> np.ndarray:
 
 
 def _without_gaps(*arrays: np.ndarray) -> list[np.ndarray]:
-    """Return arrays of one shape without the points that are masked in one of them."""
+    """Return arrays of equal shape without the points that are masked in any array."""
     if len({array.shape for array in arrays}) == 1 and any(map(np.ma.is_masked, arrays)):
         kept = ~np.logical_or.reduce([np.ma.getmaskarray(array) for array in arrays])
         arrays = tuple(array[kept] for array in arrays)

@@ -1,24 +1,24 @@
 """Extent of slip in an event, onset of its fast part, potency and energies.
 
-**Extent.** l(t) is l times the number of blocks that have slipped in the event by t. Its speed is
-averaged over five blocks, 4 l/(t_{k+4} - t_k), with t_k the time of first slip of the k-th block to
-slip. The *fast part* is the longest row of blocks at which this speed is at least `SLOW` times the
-limit of fronts, c in a chain and c_R in two dimensions. l at its onset is the length to which slip
-grows slowly, before a fast front.
+**Extent.** l(t) is l times the number of blocks that have slipped in the event by t. The speed of
+l(t) is averaged over five blocks, 4 l/(t_{k+4} - t_k), with t_k the time of first slip of the k-th
+block to slip. The *fast part* is the longest row of blocks at which this speed is at least `SLOW`
+times the limit of fronts, c in a chain and c_R in two dimensions. l at its onset is the length to
+which slip grows slowly, before a fast front.
 
 **Potency.** l times the sum over blocks of their displacement between the first and the last slip
-of the event, in m^2 (per width). By contact, potencies of events add up to all slip except corner
-slip. By rate, slip below the threshold is missing.
+of the event, in m^2 (per width). By contact, the sum of the potencies of events is the potency of
+all slip except corner slip. By rate, slip below the threshold is missing.
 
 **Energies.** Differences of the energy budget between first slip and last stick. Full dynamics and
-the hybrid engine record them with the option `energies`. In one event
+the hybrid engine record the energy budget with the option `energies`. In one event
 
     work = kinetic + elastic + friction_heat + switching_loss + damped + radiated .
 
 `elastic` and `kinetic` are changes of elastic and kinetic energy. `weakening_heat` is the part of
 the friction heat above mu_k p. `viscous_heat` is the part of the friction heat from viscosity of
-slip. `damped` is heat of dashpots of bonds. `radiated` leaves through absorbing walls. On
-junctions, `work` includes the work of changes of their stiffness.
+slip. `damped` is heat of dashpots of bonds. `radiated` is the energy that leaves through absorbing
+walls. On junctions, `work` includes the work of changes of their stiffness.
 
 Source: extent and speed as in the paper's Fig. 4; potency: K. Aki and P. G. Richards, Quantitative
 Seismology (2002), chapter 3.
@@ -47,13 +47,13 @@ def extent(record: RecordData, event: int) -> pd.DataFrame:
     """Return the extent of slip in an event over time; see the module.
 
     Args:
-        event: its number, from 1.
+        event: number of the event, from 1.
 
     Returns:
-        One row for each block that slips, in the order of first slips. Columns: n, its number; t
-        (s), its first slip, or the start of the record; length (m), l(t), this block included;
-        slipping (m), l times the number of blocks that slip at t; speed (m/s) of l(t), NaN for the
-        last four blocks.
+        One row for each block that slips, in the order of first slips. Columns: n, number of the
+        block; t (s), time of its first slip, or start of the record; length (m), l(t), this block
+        included; slipping (m), l times the number of blocks that slip at t; speed (m/s) of l(t),
+        NaN for the last four blocks.
 
     Raises:
         SceneError: no such event.
@@ -70,7 +70,7 @@ def extent(record: RecordData, event: int) -> pd.DataFrame:
 
 
 def _growth(episodes: Mapping[str, np.ndarray], l: float) -> tuple[np.ndarray, ...]:
-    """Return event, block, time (s) of each first slip of a block, and the speed of l(t) then.
+    """Return event, block and time (s) of each first slip of a block, and the speed (m/s) of l(t).
 
     First slips are ordered by event, then by time. Corner episodes are left out.
     """
@@ -93,7 +93,7 @@ def potency_history(record: RecordData, event: int | None = None) -> pd.DataFram
     """Return potency and potency rate at the points of the curve; see the module.
 
     Args:
-        event: its number, from 1; None means the whole record.
+        event: number of the event, from 1; None means the whole record.
 
     Returns:
         Columns: t (s); potency (m^2) since the first row; rate (m^2/s).
@@ -129,7 +129,7 @@ def _onset(record: RecordData) -> np.ndarray:
     """Return time (s) and length (m) at the onset of the fast part of events, (n_events, 2)."""
     found, l = np.full((_count(record), 2), np.nan), record.scene.slider.l
     event, _, t, speed = _growth(record.columns("episodes"), l)
-    fast = speed >= SLOW * pace_limits(record.scene)[0]  # False for the last four of an event
+    fast = speed >= SLOW * pace_limits(record.scene)[0]  # False for the last four blocks
     edges = np.flatnonzero(np.diff(np.concatenate([[False], fast, [False]]).astype(int)))
     begin, end = edges[::2], edges[1::2]
     order = np.lexsort((begin, begin - end, event[begin]))  # in each event, longest first
@@ -141,7 +141,7 @@ def _onset(record: RecordData) -> np.ndarray:
 
 
 def _ends(record: RecordData, name: str) -> np.ndarray:
-    """Return values at first slip and last stick of each event, (2, n_events, ...); NaN for none.
+    """Return values at first slip and last stick of events, (2, n_events, ...); NaN if missing.
 
     In an unfinished event, the end of the record replaces the last stick.
     """
@@ -170,7 +170,7 @@ def _moved(record: RecordData, *names: str) -> np.ndarray:
 
 
 def _part(record: RecordData, name: str) -> np.ndarray:
-    """Return a part of the heat in each event; 0 if the law of the scene has no such part."""
+    """Return a part of the friction heat in each event, in J; 0 if the law has no such part."""
     curve = record.columns("curve")
     known = "friction_heat" in curve and record.scene.law.rests
     if known and name not in curve:
@@ -208,7 +208,7 @@ def potency_rate(record: RecordData) -> np.ndarray:
 
 
 def _largest(events: Mapping[str, np.ndarray], t: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the largest value at increasing times (s) in each event, NaN where there is none."""
+    """Return the largest value in each event, NaN if none; `values` are at increasing `t` (s)."""
     begin = np.searchsorted(t, events["t_start"])
     stop = np.where(np.isnan(events["t_stop"]), np.inf, events["t_stop"])
     end = np.searchsorted(t, stop, side="right")

@@ -1,7 +1,7 @@
 """The catalogue of events of a run, made from its logs of slip.
 
-All engines write the same two logs, from which the catalogue is made here. So the same definitions
-hold for all engines. They also hold for slip faster than a threshold, whose logs have the same form
+All engines write two logs of the same form, from which the catalogue is made here. The definitions
+below therefore hold for all engines. Logs of slip faster than a threshold also have this form
 (`pyfric.record.rates`):
 
 event
@@ -11,12 +11,12 @@ event
 slipped region of an event
     Per block: 1 slipped in an episode of the event; 2 slipped only in a corner episode that
     overlaps the event, or was open during the event; 0 stuck all the time. L_p/L is the number of
-    consecutive non-zero blocks, counted from block 1, divided by N_x.
+    consecutive blocks with 1 or 2, counted from block 1, divided by N_x.
 front of an event
     See `pyfric.record.rupture`.
 
 Each column of the table of events, and each array over events and blocks, is one function of a
-`Catalogue`. It may read others by name. Its decorator holds unit and meaning.
+`Catalogue`. The function may read other columns by name. Its decorator holds unit and meaning.
 
 Arrays over blocks run from left to right. Block *numbers* n run from 1 at the trailing edge, the
 driven side. Events are counted from 1. Times are in s, lengths in m, forces in N.
@@ -56,7 +56,7 @@ ROUNDED = 1e-9
 """Differences of times below this share of t_gap count as rounding."""
 
 MAIN_EVENT_BLOCKS = 4
-"""Fewest distinct blocks that slip in a main event, if the interface has as many. A policy."""
+"""Smallest number of distinct blocks in a main event, if the interface has as many. A policy."""
 
 
 class Statics(NamedTuple):
@@ -86,7 +86,7 @@ class Catalogue:
         t_gap: longest pause inside an event, s.
         t_end: time of the end of the run, s; inf if unknown.
         solver: computes static states; None leaves them NaN.
-        statics: static states at the rows of the quiet log, if they are known.
+        statics: static states at the rows of the quiet log; None if not given.
     """
 
     scene: Scene
@@ -106,7 +106,7 @@ class Catalogue:
 
     @property
     def episodes(self) -> pd.DataFrame:
-        """A data frame with a row for each episode, with the event of each."""
+        """A data frame with a row for each episode, and its event in the column `event`."""
         return table("episodes", self.slips)
 
     @functools.cached_property
@@ -139,7 +139,7 @@ class Catalogue:
         return np.flatnonzero(np.diff(self.joined["row"], prepend=-1))
 
     def of_each(self, function: np.ufunc, name: str) -> np.ndarray:
-        """Return the least or largest value of a column of episodes in each event."""
+        """Return a reduction, such as np.maximum, of a column of episodes over each event."""
         return function.reduceat(self.joined[name], self.first)
 
     @functools.cached_property
@@ -161,8 +161,8 @@ class Catalogue:
     def static(self) -> dict[str, dict[str, np.ndarray]]:
         """F_T, tau and p (N) of the static states at the "start" and the "stop" of events.
 
-        The bottom row is held at the u_x of the quiet log. Open blocks are free. The driver stands
-        at its position at this time. The states of all engines are thus without ring-down.
+        The bottom row is held at the u_x of the quiet log. Open blocks are free. The driver is at
+        its position at this time. The states of all engines are thus without ring-down.
         """
         scene, failed, found = self.scene, [], {}
         rows = {at: self[f"quiet_{at}"] for at in ("start", "stop")}
@@ -171,7 +171,7 @@ class Catalogue:
         for at in rows:
             tau = np.full((len(rows[at]), scene.N_x), np.nan)
             found[at] = {"F_T": np.full(len(tau), np.nan), "tau": tau, "p": tau.copy()}
-        for e, at in itertools.product(range(len(rows["start"])), found):  # in the order of time
+        for e, at in itertools.product(range(len(rows["start"])), found):  # in order of time
             row, t = rows[at][e], self[f"t_{at}"][e]
             if row < 0 or not self.solver:
                 continue
@@ -191,7 +191,7 @@ class Catalogue:
         return found
 
     def quiet_rows(self, kind: int, steps: np.ndarray) -> np.ndarray:
-        """Return rows of the quiet log of a kind at given steps, -1 where there is none."""
+        """Return rows of the quiet log of a kind at given steps; -1 for steps without a row."""
         rows = np.flatnonzero(self.quiet["kind"] == kind)
         have = self.quiet["step"][rows]
         first, last = (np.searchsorted(have, steps, side) for side in ("left", "right"))
@@ -221,10 +221,10 @@ def build_catalogue(
         t_begin: time at which the logs begin, s. Episodes of blocks that already slip begin there.
         t_end: time at which the run ended, s. An event that stopped within ``t_gap`` of t_end is
             not finished, because a later episode could still have joined it.
-        last: state at the end of the logs. Blocks that slip in this state and are not in the logs
-            slipped all the time. If None, such blocks do not count.
+        last: state at the end of the logs. Blocks that slip in this state but are not in the logs
+            have slipped all the time. If `last` is None, such blocks do not count.
         solver: a `StaticSolver` for static forces and stresses; if None, they are NaN.
-        statics: static states at the rows of the quiet log. They replace the solver.
+        statics: static states at the rows of the quiet log. These states replace the solver.
 
     Returns:
         The catalogue. columns.csv of `Record.to_csv` lists its columns and arrays with unit and
@@ -256,7 +256,7 @@ def build_catalogue(
 
 
 def parts(pause: Any, t_gap: float) -> Any:
-    """Whether a pause (s) separates two events: it is longer than t_gap by more than rounding."""
+    """Whether a pause (s) exceeds t_gap by more than rounding and so separates two events."""
     return pause > t_gap * (1 + ROUNDED)
 
 
@@ -273,7 +273,7 @@ def _event_numbers(episodes: Mapping[str, np.ndarray], t_gap: float) -> np.ndarr
 
 
 def main_blocks(N_x: int) -> int:
-    """Return the fewest distinct blocks that slip in a main event: four, or all if fewer."""
+    """Return the smallest number of distinct blocks in a main event: four, or N_x if smaller."""
     return min(MAIN_EVENT_BLOCKS, N_x)
 
 
@@ -430,7 +430,7 @@ def nucleation_length(record: RecordData) -> np.ndarray | None:
 
 
 def _share_resolved(blocks: np.ndarray, of: np.ndarray) -> np.ndarray:
-    """(n_events,) share of chosen blocks with `RESOLVED` blocks in the zone; NaN without blocks."""
+    """(n_events,) share of chosen blocks with `RESOLVED` blocks in the zone; NaN for 0/0."""
     enough, nan = (blocks >= RESOLVED) & of, np.full(len(blocks), np.nan)
     return np.divide(enough.sum(axis=1), of.sum(axis=1), out=nan, where=of.any(axis=1))
 
@@ -440,7 +440,7 @@ def _share_resolved(blocks: np.ndarray, of: np.ndarray) -> np.ndarray:
 
 @block_array("1", "1 slipped in the event, 2 corner slip or open in it, 0 neither", np.int8)
 def region(of: Catalogue) -> np.ndarray:
-    """Corner slip counts if it overlaps the event. A block with both 1 and 2 has 1.
+    """Corner slip counts if it overlaps the event. Blocks that fit both 1 and 2 have 1.
 
     A block is open in an event if it is open at the end of the event, or lifts off or lands during
     the event.

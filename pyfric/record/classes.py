@@ -1,7 +1,6 @@
 """Classes of rupture: how a front ends, which blocks stick behind it, and how fast it is.
 
-The definitions are pyfric's own. Blocks are counted from 1 at the trailing edge; the last is block
-N.
+The definitions are pyfric's own. Blocks are counted from 1 at the trailing edge to N.
 
 kind
     nothing slipped: the run has no event.
@@ -9,7 +8,7 @@ kind
     alternating: block N slips, and some block n >= 5 sticks before block n + 1 slips.
     pulse: when block N first slips, some block behind it is stuck.
     crack: when block N first slips, all other blocks slip or are open.
-    unfinished: none of these yet.
+    unfinished: none of these kinds at the end of the run.
 pace, of fronts that reach block N
     slow: v < `slow` times the limit; `slow` is 0.1 by default.
     sub-Rayleigh: slower than the limit: c in a chain, c_R in two dimensions.
@@ -36,11 +35,11 @@ from pyfric.scene import Scene
 from pyfric.values import check_number
 
 FROM_BLOCK = 5
-"""First block that is checked for stick before the next block slips. A policy."""
+"""First block n that is checked for stick before block n + 1 slips. A policy."""
 SLOW = 0.1
 """Default speed below which a front is slow, over c in a chain, over c_R in two dimensions."""
 LAST = 0.25
-"""Share of the blocks over which the speed is averaged. A policy."""
+"""Share of the blocks, up to the last block, over which the speed is averaged. A policy."""
 
 
 NOTHING = "nothing slipped"
@@ -64,18 +63,17 @@ def creeps_to_rest(
 ) -> bool:
     """Return whether all slip comes to rest by itself and no other block starts to slip.
 
-    This is so if the forces that motion can still add are smaller than the force that any block
-    lacks to slip. These forces are viscous friction alpha v, inertia m a, and sqrt(12 k E): the
-    most that the kinetic energy E can add on a block held by a stiffness of 6 k.
-
-    It is False under a law whose margins (`Law.margin`) are no forces.
+    The result is True if the forces that motion can still add are smaller than the margin against
+    slip of every block in contact. These forces are viscous friction alpha v, inertia m a, and
+    sqrt(12 k E), the largest force that the kinetic energy E can add on a block held by a stiffness
+    of 6 k. The result is False under a law whose margins (`Law.margin`) are no forces.
 
     Args:
         state: state with blocks in motion.
         accelerations: function that returns accelerations of blocks, (N_z, 2, N_x), in m/s^2.
         more: force that the driver adds, in N.
     """
-    if scene.law.margin.unit != "N":  # no force says how near to slip blocks are
+    if scene.law.margin.unit != "N":  # the margins against slip are no forces
         return False
     weakest = float(state.margin[state.mode != OPEN].min(initial=math.inf))
     v, slips = np.abs(state.y[0, 2]), np.abs(state.mode) == 1
@@ -93,8 +91,8 @@ def rupture_class(record: RecordData, event: int | None = None, slow: float = SL
     """Return the class of the rupture of an event; see `pyfric.record.classes`.
 
     Args:
-        event: its number in `events`; None means the event in which most blocks slip. Without
-            events the class is "nothing slipped".
+        event: number of the event, from 1; None means the event in which the most blocks slip.
+            Without events the class is "nothing slipped".
         slow: speed below which a front is slow, over c in a chain, over c_R in two dimensions.
 
     Raises:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 TEXTS = ("versions", "timings", "counts")
 """Fields of a record that are mappings from names to texts or numbers."""
 COPY_ON_WRITE = int(pd.__version__.partition(".")[0]) >= 3
-"""Whether pandas copies a shallow copy of a table when it is changed, as from pandas 3 on."""
+"""Whether pandas copies on write, so that changes of a shallow copy leave the table unchanged."""
 
 
 class Table(pd.DataFrame):
@@ -82,7 +82,7 @@ class Events(Table):
 
 
 class _Guarded:
-    """A field whose value is copied at each access, so that changes of a copy stay there."""
+    """A field whose value is copied at each access and so is not changed through the copy."""
 
     def __init__(self, default: Any = dataclasses.MISSING) -> None:
         self.default = default
@@ -164,11 +164,11 @@ class RecordData:
         raise no_attribute("record", name, self, instead, dir(type(self)))
 
     def __getitem__(self, name: str) -> Any:
-        """Raise TypeError with the attribute to write instead."""
+        """Raise TypeError, whose message names the attribute to use."""
         raise TypeError(f"a record has attributes; write record.{name}")
 
     def _place(self, name: str) -> str:
-        """Return the expression to write for a column of a table, or an attribute of the scene."""
+        """Return the Python expression for a column or an attribute of the scene; "" if none."""
         for group in TABLES:
             if name in held_in(group):
                 return f'record.{group}["{name}"]'
@@ -180,13 +180,13 @@ class RecordData:
     def columns(self, group: str) -> Mapping[str, np.ndarray]:
         """Return the columns of "curve", "events" or "episodes" as read-only arrays.
 
-        This takes less time than the table. Slow columns of events are missing until the table of
-        events has been read once.
+        Access to columns takes less time than access to the table. Slow columns of events are
+        missing until the table of events has been read once.
         """
         return self.__dict__[f"_{group}"]
 
     def _frame(self, group: str) -> pd.DataFrame:
-        """Return a table, which is made at the first access."""
+        """Return the table of a group, which is made at the first access."""
         kept = f"_{group}_frame"
         if kept not in self.__dict__:
             self.__dict__[kept] = table(group, self.columns(group))
@@ -206,7 +206,7 @@ class RecordData:
         """Return the row of an event in arrays over events, counted from 0.
 
         Args:
-            event: its number in `events`, counted from 1.
+            event: number of the event, counted from 1.
 
         Raises:
             SceneError: there is no such event.

@@ -1,8 +1,8 @@
 """The logs of contact switches, and the slip episodes in them.
 
 An episode is the uninterrupted slip of one block, by contact or by rate (`pyfric.record.rates`). An
-episode goes on through a direct reversal (+1 to -1). *Corner episodes* start with almost no contact
-force. The engine flags them.
+episode goes on through a direct reversal (+1 to -1). *Corner episodes*, which engines flag, start
+with almost no contact force.
 
 Arrays over blocks run from left to right (index i). Block *numbers* n run from 1 at the trailing
 edge, the driven side. Times are in s, lengths in m, forces in N.
@@ -29,8 +29,7 @@ corner slip left out. ``u_x`` and ``mode`` have a second axis of N_x blocks."""
 
 
 class LastSlip(NamedTuple):
-    """Direction of slip of each block at the end of a log (0 for none), and whether the slip is
-    corner slip, shape (N_x,)."""
+    """Direction of slip at the end of a log (0 for none), and whether it is corner slip, (N_x,)."""
 
     mode: np.ndarray
     corner: np.ndarray
@@ -43,7 +42,7 @@ def build_episodes(
     t_begin: float,
     last: State | LastSlip | None,
 ) -> dict[str, np.ndarray]:
-    """Columns of slip episodes, ordered by start (ties: by step, then by block number).
+    """Return slip episodes ordered by start, at equal times by step, then by block number.
 
     Args:
         log: the switch log, with columns of the types of `SWITCH_COLUMNS`.
@@ -95,7 +94,7 @@ def build_episodes(
 def _starts_and_stops(
     block: np.ndarray, old: np.ndarray, new: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return rows where episodes start and stop (-1: not), and reversals; rows sorted by block."""
+    """Return rows where episodes start and stop (-1: no stop), and their numbers of reversals."""
     broken = (block[1:] == block[:-1]) & (old[1:] != new[:-1])
     if broken.any():
         i = int(block[1:][broken][0])
@@ -116,7 +115,7 @@ def _slips(mode: np.ndarray) -> np.ndarray:
 def _with_earlier_starts(
     log: Mapping[str, np.ndarray], t_begin: float, last: State | LastSlip | None
 ) -> Mapping[str, np.ndarray]:
-    """Add a start at ``t_begin`` for each block that slips until its first switch or the end."""
+    """Add a start of slip at ``t_begin`` for each block that slips when the log begins."""
     blocks, first = np.unique(log["block"], return_index=True)
     slips = _slips(log["old"][first])
     blocks, mode, corner = (of[slips] for of in (blocks, log["old"][first], log["corner"][first]))

@@ -3,16 +3,17 @@
 Each main event of one record is paired with an event of the other record (`pairing`). If neither
 record has main events, all events are paired. A partner may begin after the end of the shorter run.
 
-The comparison ends at the start of the first event that the other run has not had by its end. The
-error of this event is at least the force that the other run still lacks. The comparison also ends
-at an event in which blocks slip many times (`AGAIN`) and the two runs differ.
+The comparison ends at the start of the first event that one run has and the other run has not
+reached by its end. The error of this event is at least the force by which the other run is below
+its start force. The comparison also ends at an event in which blocks slip many times (`AGAIN`) and
+the two runs differ.
 
 A pause near `t_gap` may split one event in two. An event that begins during the last event of the
 other run is therefore taken as a part of that last event. An event that has not ended in one of the
-runs is compared as far as both runs know it. Forces during the event replace arrest forces. Front
-speeds are compared at blocks whose five rupture times are known in both runs. A prescribed
-interface has no forces, so rupture times are compared. If nothing slips in either run, only the
-loading curves are compared.
+runs is compared up to the end of the shorter run. For such an event, forces during the event are
+compared instead of arrest forces. Front speeds are compared at blocks whose five rupture times are
+known in both runs. A prescribed interface has no forces, so rupture times are compared. If nothing
+slips in either run, only the loading curves are compared.
 
 Errors of lengths, front speeds and arrest forces belong to one event. The error of a start force
 contains the errors of stresses after all earlier events.
@@ -35,13 +36,13 @@ from pyfric.record.rupture import five_known, front_speed
 from pyfric.values import SceneError
 
 SAME = 0.5
-"""Events that share fewer than this part of their blocks are not paired, if the true partner may
-come after the end of the other run. A policy."""
+"""Smallest share of common blocks with which events are paired if the true partner may begin after
+the end of the other run. A policy."""
 AGAIN = 2.0
-"""Mean number of slips of a block in an event, above which two runs that differ in the event leave
-its outcome unknown. In the paper's scenes the number is at most 1.12. A policy."""
+"""Mean number of slips of a block in an event, above which the outcome of an event that differs
+between two runs is unknown. In the paper's scenes the number is at most 1.12. A policy."""
 BLOCKS = ("n_blocks", "first_block", "last_block", "L_p_over_L")
-"""Columns that tell which blocks slip in an event."""
+"""Columns of events that depend on which blocks slip."""
 BY_EVENT = ("start", "arrest", "length", "stress", "rupture")
 """Differences with one value for each pair of events."""
 MARKS = ("turned", "open")
@@ -49,13 +50,13 @@ MARKS = ("turned", "open")
 
 
 class Differences(NamedTuple):
-    """Differences of two runs: a row for each pair of events, and for each front speed.
+    """Differences of two runs: tables of pairs of events and of front speeds.
 
     Attributes:
-        events: number of the event in either run (0 for none), t_start (s), and the differences
-            `BY_EVENT`, NaN if unknown. `turned` is 1 if other blocks slip, if a block slips once
-            more, or if the event has ended in one run alone. `own` is False for main events of the
-            other run alone.
+        events: number of the event in each run (0 for none), t_start (s), and the differences
+            `BY_EVENT`, NaN if unknown. `turned` is 1 if different blocks slip, if a block slips a
+            different number of times, or if the event has ended in one run alone. `own` is False
+            for main events that only the other run has.
         speeds: event, t_start (s) and error.
         curve: if nothing slips in either run, largest difference of forces over F_N, and number of
             points compared; () otherwise.
@@ -69,17 +70,17 @@ class Differences(NamedTuple):
 
     @property
     def turned(self) -> bool:
-        """Whether the slip in an event differs: such errors do not shrink with a power of dt."""
+        """Whether slip differs in any event; errors then do not decrease as a power of dt."""
         return bool((self.events["turned"] > 0).any())
 
     @property
     def open(self) -> pd.Series:
-        """Whether the error of each event may be larger than its value here, shape (n,)."""
+        """Whether the error of each event may be larger than its difference, shape (n,)."""
         return self.events["open"] > 0
 
     @property
     def lacking(self) -> pd.Series:
-        """Whether the other run has not had each event by its end, shape (n,)."""
+        """Whether each event is missing in one run because this run ends too early, shape (n,)."""
         return self.open & ((self.events["event"] == 0) | (self.events["other"] == 0))
 
     def before(self, t: float) -> Differences:
@@ -88,9 +89,9 @@ class Differences(NamedTuple):
         return Differences(*kept, self.curve, min(self.covered, t))
 
     def beyond(self, tolerance: float, want: str | None = None) -> pd.DataFrame:
-        """Return the rows of `events` whose differences exceed a tolerance.
+        """Return the rows of `events` in which a difference exceeds a tolerance.
 
-        With `want="front_speed"`, rows of events of different length are included.
+        With `want="front_speed"`, rows of events whose lengths differ are included.
         """
         if want == "front_speed":
             by_event = self.speeds.groupby("event")["error"].quantile(0.95)
@@ -182,9 +183,9 @@ class _Pairs:
         return rows, pd.DataFrame(np.hstack(speeds).T, columns=["event", "t_start", "error"])
 
     def _chosen(self) -> list[tuple[int, int]]:
-        """Return the events of a, each with its partner in b.
+        """Return the numbers of the events of run a, each with the number of its partner in run b.
 
-        The partner is 0 if b ends before the partner begins.
+        The number is 0 if run b ends before the partner begins.
         """
         cost = event_distances(self.ours, self.theirs, self.a.scene, self.covered)
         late = (self.covered - self.ours["t_start"].to_numpy()) * pace(self.a.scene, self.covered)
@@ -195,7 +196,7 @@ class _Pairs:
         return [(ours[e], theirs[k]) for e, k in zip(i.tolist(), j.tolist(), strict=True)]
 
     def _pair(self, e: int, k: int) -> tuple[dict[str, float], np.ndarray]:
-        """Return the differences of event e of a from event k of b, and of their front speeds."""
+        """Return the differences of event e of run a and event k of run b, and of front speeds."""
         event, partner = self.events[e], self.partners[k]
         ended = bool(event["finished"] and partner["finished"])
         F_N, start = self.a.scene.F_N, event["F_T_start"] - partner["F_T_start"]
@@ -213,7 +214,7 @@ class _Pairs:
         return row | {"open": turned and again > AGAIN}, self._speeds(e, k, ended)
 
     def _turned(self, event: Event, partner: Event, ended: bool) -> bool:
-        """Return whether two events differ in the blocks that slip, or only one of them ends.
+        """Return whether two events differ in the blocks that slip, or only one event has ended.
 
         Two unfinished events are compared by their numbers of episodes.
         """
@@ -224,12 +225,12 @@ class _Pairs:
         return bool(off or self._outlasts(event, partner) or self._outlasts(partner, event))
 
     def _outlasts(self, event: Event, partner: Event) -> bool:
-        """Return whether an event has not ended, and its partner has ended within both runs."""
+        """Return whether an event has not ended, but its partner has ended within both runs."""
         ended = partner["finished"] and parts(self.covered - partner["t_stop"], self.a.method.t_gap)
         return bool(ended and not event["finished"])
 
     def _alone(self, e: int) -> dict[str, float]:
-        """Return what is known of an event of a that b has not had, or has in a longer event."""
+        """Return differences, or lower bounds, for an event of run a without partner in run b."""
         a, b, event, F_N = self.a, self.b, self.events[e], self.a.scene.F_N
         begun = (other for other in self.partners.values() if other["t_start"] < event["t_start"])
         if any(not other["finished"] for other in begun):
@@ -246,7 +247,7 @@ class _Pairs:
     def _going_on(self, event: Event, partner: Event) -> float:
         """Return the difference of forces in an event that has not ended in a run, in N.
 
-        If slip has stopped in both runs, it is the difference of arrest forces.
+        If slip has stopped in both runs, return the difference of arrest forces.
         """
         if np.maximum(event["t_stop"], partner["t_stop"]) <= self.covered:
             return float(event["F_T_arrest"] - partner["F_T_arrest"])
@@ -269,9 +270,9 @@ class _Pairs:
         return float(np.fmax.reduce(off)) * self.a.scene.N_x / self.a.scene.F_N
 
     def _rupture(self, e: int, k: int, *, forces: bool, ended: bool) -> float:
-        """Return the root mean square of differences of rupture times, over the front's time.
+        """Return the root mean square difference of rupture times, over the duration of the front.
 
-        If forces are compared, the mean difference is subtracted, because start forces show it.
+        If forces are compared, the mean difference is subtracted, because start forces contain it.
         If the event has ended in both runs, a block that only one front has passed counts as 1.
         """
         t, other = self._of_both("rupture_times", e, k)
@@ -306,8 +307,8 @@ class _Pairs:
 def _apart(a: RecordData, b: RecordData, begin: float, end: float, later: float = 0.0) -> float:
     """Return the largest certain difference of forces of two runs between two times, in N.
 
-    Times of run b are `later` (s) than those of run a. Between samples, a force may lie anywhere in
-    the range of the two samples before and the two after.
+    Times of run b are `later` (s) than times of run a. Between samples, a force may lie anywhere in
+    the range of the two samples before and the two samples after.
     """
     t = a.curve["t"].to_numpy()
     t = t[(t >= begin) & (t <= end)]
@@ -318,8 +319,8 @@ def _apart(a: RecordData, b: RecordData, begin: float, end: float, later: float 
 def _curves_apart(a: RecordData, b: RecordData, end: float) -> tuple[float, int]:
     """Return the largest difference of forces without slip, over F_N, and the number of points.
 
-    Forces are compared at the points of the run that has fewer. Jumps between static states, with
-    two points at one time, are left out.
+    Forces are compared at the points of the run with fewer points. Jumps between static states,
+    with two points at one time, are left out.
     """
     coarse, fine = sorted((a.curve, b.curve), key=len)
     t = coarse["t"][(coarse["t"] <= end) & ~coarse["t"].duplicated(keep=False)]
@@ -329,7 +330,7 @@ def _curves_apart(a: RecordData, b: RecordData, end: float) -> tuple[float, int]
 
 
 def _range(record: RecordData, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the least and the largest force, in N, of the two samples before and after times."""
+    """Return the least and largest force (N) of two samples before and two after each time."""
     when, force = (record.curve[name].to_numpy() for name in ("t", "F_T"))
     near = np.searchsorted(when, t)[:, None] + np.arange(-2, 2)
     near = force[np.clip(near, 0, len(force) - 1)]
@@ -337,7 +338,7 @@ def _range(record: RecordData, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def statistics(record: RecordData, other: RecordData, t: float) -> dict[str, tuple[float, float]]:
-    """Return means over all events after a time (s), each with its difference between two runs."""
+    """Return means over events after a time (s) by name, with their difference between runs."""
     covered = min(float(run.curve["t"].iloc[-1]) for run in (record, other))
     a, b = (_together(run, t, covered) for run in (record, other))
     return {name: (a[name], abs(a[name] - b[name])) for name in a if name in b}

@@ -1,22 +1,23 @@
-"""Where slip loses stability and how far it grows, from static states before an event.
+"""Onset of unstable slip and energy release of fronts, from static states before an event.
 
 **Nucleation.** From the state of rest before an event, stable slip is followed as a path of static
-states (`pyfric.statics.creep`). The path ends where no static state is near. There, an eigenvalue
+states (`pyfric.statics.creep`). The path ends where no static state is nearby. There, an eigenvalue
 of the slipping part passes zero, by itself or because one more block has to slip. The extent of the
-blocks that slip there is the nucleation length. It follows from statics alone, for records of every
-engine. For a long interface in an infinite body and linear weakening, it is the same for all
-distributions of load. For two bodies, 2 h_n = 1.158 mu* /W with mu* = E'/2 and
-W = (mu_s - mu_k) p/D_c.
+blocks that slip there is the nucleation length. The nucleation length follows from statics alone,
+for records of every engine. For a long interface in an infinite body and linear weakening, the
+nucleation length does not depend on the distribution of load. For two bodies, 2 h_n = 1.158 mu* /W
+with mu* = E'/2 and W = (mu_s - mu_k) p/D_c.
 
 **Energy release** of a front that grows from the trailing edge, without inertia. The front starts
-from the static state just before its event. The driver stands where it is at the end of the front.
-Blocks 1, 2, ... are released one after the other. Blocks behind carry mu_k p, and blocks ahead are
-held. Block n is held by the force f before its release, and moves by du. In linear geometry its
-excess force falls from f - mu_k p to 0 in proportion to the displacement. The energy released is
+from the static state just before its event. The driver has the position that it has at the end of
+the front. Blocks 1, 2, ... are released one after the other. Blocks behind carry mu_k p, and blocks
+ahead are held. Block n is held by the force f before its release, and moves by du. In linear
+geometry its excess force falls from f - mu_k p to 0 in proportion to the displacement. The energy
+released is
 
     G_n = (f - mu_k p) du/2 .
 
-Divided by the area l B of a block, it is the energy release rate G(a) at a = n l. The front grows
+G_n divided by the area l B of a block is the energy release rate G(a) at a = n l. The front grows
 while G exceeds the fracture energy Gamma_n = (mu_s - mu_k) p d_c/2 (Griffith). With inertia, the
 speed of the front is the root of g_II(v) G = Gamma, if waves from the sides of the slider are
 neglected.
@@ -46,10 +47,10 @@ from pyfric.theory import g_II
 from pyfric.values import SceneError
 
 SPEEDS = 2001
-"""Number of speeds up to c_R at which g_II is tabulated. A root is off by less than c_R/2000."""
+"""Number of speeds up to c_R at which g_II is tabulated. The error of a root is below c_R/2000."""
 ROUNDING = 1e-9
-"""Stable slip is followed from this share of the driver's displacement before the first slip. It
-exceeds rounding: 1e-16 in the displacement, up to 1e-11 in quantities derived from it."""
+"""Stable slip is followed from this share of the driver's displacement before the first slip. The
+share exceeds rounding, which is 1e-16 in the displacement and up to 1e-11 in derived quantities."""
 
 
 def _condensed(record: RecordData) -> tuple[ContactProblem, float]:
@@ -63,16 +64,16 @@ def _condensed(record: RecordData) -> tuple[ContactProblem, float]:
 
 
 def nucleations(record: RecordData) -> pd.DataFrame:
-    """Return where the events of a record lose stability; see the module.
+    """Return the states at which slip before each event becomes unstable; see the module.
 
     Finite geometry is treated as linear.
 
     Returns:
         One row for each event before which all blocks are stuck. Columns: event; t (s) and F_T (N)
         at the end of stable slip; first_block, last_block and n_blocks of the blocks that slip
-        then, counted from the trailing edge; length (m) from first to last block. If slip stays
-        stable, the driver does not move on, or loads differ from those at t = 0, n_blocks is 0 and
-        the others are NaN.
+        then, counted from the trailing edge; length (m) from first to last block. n_blocks is 0 and
+        other columns are NaN if slip stays stable, the driver does not move on, or loads differ
+        from the loads at t = 0.
 
     Raises:
         SceneError: friction does not weaken with slip alone over a length; or the interface has
@@ -100,10 +101,10 @@ def nucleations(record: RecordData) -> pd.DataFrame:
 
 
 def nucleation_lengths(record: RecordData) -> np.ndarray | None:
-    """Return `length` of `nucleations` for each event, (n_events,), in m; NaN where there is none.
+    """Return `length` of `nucleations` for each event, (n_events,), in m; NaN if undefined.
 
     Return None if friction does not weaken with slip alone, or if static states are unknown. On
-    lattices of more than `LARGE` unknowns it takes too long, so None is returned, too.
+    lattices of more than `LARGE` unknowns None is returned, too, because condensation takes long.
     """
     scene = record.scene
     known = scene.law.creeps and scene.has_rests and scene.whole
@@ -119,7 +120,7 @@ def nucleation_lengths(record: RecordData) -> np.ndarray | None:
 def _nucleation(
     problem: ContactProblem, record: RecordData, row: int, begin: float, t: float
 ) -> dict[str, float]:
-    """Return one row of `nucleations`."""
+    """Return the row of `nucleations` for one event."""
     scene, none = record.scene, np.zeros(record.scene.N_x)
     u_x, mode = (record.transitions[name][row] for name in ("u_x", "mode"))
     creep = Creep(problem, u_x, none, mode != OPEN, none)
@@ -132,7 +133,7 @@ def _nucleation(
     near = max(scene.drive(t) - ROUNDING * abs(scene.drive(t)), leg.first)
     try:
         path, changes = creep.nucleate(begin + near, begin + leg.last)
-    except EquilibriumError:  # nothing carries the slider any more
+    except EquilibriumError:  # no block supports the slider
         return none
     n = np.sort(scene.n_of_i[creep.way != 0])
     if changes[-1].what != "unstable" or not path or not n.size:
@@ -154,7 +155,7 @@ def energy_release(record: RecordData, event: int) -> pd.DataFrame:
     """Return the energy release along the interface; see the module.
 
     Args:
-        event: its number, from 1.
+        event: number of the event, from 1.
 
     Returns:
         One row per block. Columns: n; x_over_L; G and Gamma of the block, in J (over l B in J/m^2);
@@ -183,7 +184,7 @@ def energy_release(record: RecordData, event: int) -> pd.DataFrame:
 
 
 def griffith_length(table: pd.DataFrame) -> float:
-    """Return L_p/L where a front stops without inertia, 0 if it cannot run.
+    """Return L_p/L of a front without inertia; 0 if the front cannot start.
 
     The front stops at the end of the longest row of blocks in which G exceeds Gamma.
 

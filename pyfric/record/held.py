@@ -1,8 +1,8 @@
-"""The table of all quantities of a record. File, Dataset, DataTree, CSV and page follow from it.
+"""Table of all quantities of a record, which file, Dataset, DataTree, CSV and page follow.
 
 Each quantity has a group, a name, dimensions, a type, a unit and a meaning. Columns of events and
 arrays over blocks are entered where they are computed (`pyfric.record.catalogue`), by the
-decorators `event_column` and `block_array`. All others are entered here.
+decorators `event_column` and `block_array`. All other quantities are entered here.
 
 x is the distance from the trailing edge, the driven side. Events are counted from 1. Arrays run
 over blocks from left to right, whichever side is driven.
@@ -65,13 +65,13 @@ class Held(NamedTuple):
 
     Attributes:
         group: one of `GROUPS`.
-        name: its name in the group.
-        dims: names of its dimensions.
-        dtype: type of its values.
+        name: name of the quantity in its group.
+        dims: names of the dimensions.
+        dtype: type of the values.
         unit, meaning: texts for readers.
         required: False if some records lack it.
-        find: function that computes a column of events or an array over events and blocks. It takes
-            a `Catalogue` if the quantity is required, otherwise a `Record`.
+        find: function that computes a column of events or an array over events and blocks. The
+            function takes a `Catalogue` if the quantity is required, otherwise a `Record`.
     """
 
     group: str
@@ -85,19 +85,19 @@ class Held(NamedTuple):
 
     @property
     def variable(self) -> str:
-        """Name of the variable of a file."""
+        """Name of the variable with this quantity in a file."""
         return self.name if self.name in self.dims else GROUPS[self.group] + self.name
 
     @property
     def labels(self) -> dict[str, str]:
-        """Attributes of the variable of a file."""
+        """Unit and meaning, as attributes of the variable in a file."""
         return {"units": self.unit, "long_name": self.meaning}
 
     def checked(self, values: Any) -> np.ndarray:
         """Return values, converted to the type of this quantity.
 
         Raises:
-            RecordError: values have gaps, another kind, or another number of dimensions.
+            RecordError: values have gaps, the wrong kind, or the wrong number of dimensions.
         """
         array, where = np.asarray(values), f"record: {self.group}.{self.name}"
         if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
@@ -123,7 +123,7 @@ GROUPS = {
     "bursts": "burst_",
     "final_state": "final_",
 }
-"""Group -> prefix of the names of its variables in a file."""
+"""Groups, and the prefix of the names of their variables in a file."""
 _held: dict[str, dict[str, Held]] = {group: {} for group in GROUPS}
 
 
@@ -140,8 +140,8 @@ def found_arrays() -> dict[str, Held]:
 def event_column(unit: str, meaning: str, dtype: type = float, **how: bool) -> Enter:
     """Enter the decorated function as a column of the table of events, under its own name.
 
-    The function takes a `Catalogue` and returns one value for each event. With required = False it
-    takes a `Record`, and may return None for no column.
+    The function takes a `Catalogue` and returns one value for each event. With required = False the
+    function takes a `Record`, and may return None for no column.
     """
     return _found("events", ("event",), dtype, unit, meaning, **how)
 
@@ -174,11 +174,12 @@ def checked(
     Args:
         group: one of `GROUPS`.
         values: arrays by name.
-        sizes: known sizes of dimensions, to which new ones are added.
+        sizes: known sizes of dimensions, to which new sizes are added.
         names: names expected; None means the whole group.
 
     Raises:
-        RecordError: an array is missing, unknown, or of another type or size. The message names it.
+        RecordError: an array, named in the message, is missing, unknown, or of the wrong type or
+            size.
     """
     known = held_in(group)
     known = known if names is None else {name: known[name] for name in names}
@@ -213,7 +214,7 @@ def _enter(held: Held) -> None:
 
 
 def counted(*how: str) -> tuple[str, ...]:
-    """Return the names of the terms of the interface that a budget counts so; see `Term`."""
+    """Return the names of the interface terms with one of these values of `Term.counts`."""
     return tuple(name for name, term in TERMS.items() if term.counts in how)
 
 
@@ -231,7 +232,8 @@ def _rows(
 DRAWN = _rows("interface", "x", (v for law in laws.KINDS.values() for v in law.variables()), True)
 MOTION = _rows("motion", "t,x", (v for law in LAWS for v in law.motion))
 TERMS: dict[str, Term] = {}
-"""Terms of the interface in the energy budget by name; a name of several laws as its first says."""
+"""Terms of the interface in the energy budget by name; of several laws, the first defines a
+name."""
 for _law in LAWS:
     for _term in _law.terms:
         TERMS.setdefault(_term.name, _term)
@@ -308,7 +310,7 @@ for _row in TABLE.strip().splitlines():
     _where = _group, _name.rstrip("?"), tuple(_dims.split(",")), np.dtype(_dtype)
     _enter(Held(*_where, _unit.replace("_", " "), _meaning, required=_name[-1] != "?"))
 SAME = ("switches", "crossings"), ("quiet", "bursts")
-"""Pairs of groups of the same form: by contact, and of slip faster than a threshold."""
+"""Pairs of groups of the same form: slip by contact, and slip faster than a threshold."""
 for _group, _same in SAME:
     for _held_one in tuple(_held[_group].values()):
         _dims = tuple(GROUPS[_same][:-1] if dim != "x" else dim for dim in _held_one.dims)

@@ -20,7 +20,7 @@ class History:
     """Data of a run so far.
 
     Args:
-        names: columns of the loading curve, first t and F_T.
+        names: columns of the loading curve, of which the first two are t and F_T.
 
     Attributes:
         motion: arrays over blocks for each point of the curve, if the run records motion.
@@ -38,7 +38,7 @@ class History:
             self.parts.setdefault(name, []).append(more)
 
     def mark(self) -> tuple[Any, ...]:
-        """Return a mark, to which `back` can return."""
+        """Return a mark of the present data, to which `back` returns."""
         return self.n, {name: parts[:] for name, parts in self.parts.items()}
 
     def back(self, mark: tuple[Any, ...]) -> None:
@@ -47,7 +47,7 @@ class History:
         self.cut(n)
 
     def take(self, before: Record, *, last: bool) -> None:
-        """Begin with the curve and motion of a record, with or without its last point."""
+        """Start from the curve and motion of a record, with or without the last point."""
         self.add(before.curve.reindex(columns=list(self.names)).to_numpy())
         kept = zip(*before.motion.values(), strict=True)
         self.motion = [dict(zip(before.motion, arrays, strict=True)) for arrays in kept]
@@ -86,12 +86,12 @@ class History:
         return pd.DataFrame(self.points(), columns=self.names)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Return the motion, arrays (points of the curve, N_x) by name."""
+        """Return the motion as arrays by name, shape (points of the curve, N_x)."""
         names = self.motion[0] if self.motion else ()
         return {name: np.array([at[name] for at in self.motion]) for name in names}
 
     def logs(self, N_x: int, *more: str) -> dict[str, dict[str, np.ndarray]]:
-        """Return the logs "switches", "quiet" and others, of N_x blocks, each joined."""
+        """Return the logs "switches", "quiet" and `more` of N_x blocks, joined from parts."""
         empty = Log(N_x, 0, 0)
         for name in ("switches", "quiet", *more):
             parts = self.parts.get(name) or [getattr(empty, name)()]

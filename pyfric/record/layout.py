@@ -14,10 +14,9 @@ its unit and meaning. The attributes of a file are:
 
 Variables of the curve and of the interface keep their names. Names in the other groups begin with
 ``event_``, ``episode_``, ``quiet_``, ``switch_``, ``motion_`` and ``final_``. Other programs can
-read the types of all variables (`pyfric.record.netcdf`). A loaded record equals the saved one bit
-for bit. The attribute ``pyfric_seal`` is the SHA-256 of all variables and of the attributes that
-are read. It is computed from values. It stays the same if another program rewrites the file with
-equal values.
+read the types of all variables (`pyfric.record.netcdf`). A loaded record equals the saved record
+bit for bit. The attribute ``pyfric_seal`` is the SHA-256 of all variables and of the attributes
+that are read. The seal does not change if another program rewrites the file with equal values.
 """
 
 from __future__ import annotations
@@ -61,9 +60,9 @@ SCHEMA = 12
 SEAL = "pyfric_seal"
 """Attribute with the SHA-256 of the content of a file."""
 DRAWN = "drawn_"
-"""Prefix of the names of random fields of the interface, as they were drawn, on x."""
+"""Prefix of the names of variables with the drawn random fields of the interface, on x."""
 BUDGETS = "curve", "quiet", "bursts"
-"""Groups with the energy budget, whose terms mean what the law of the scene says."""
+"""Groups with the energy budget, whose terms depend on the friction law of the scene."""
 SHOWN = ("curve", "events", "interface", "motion")
 """Groups of a Dataset: all except logs."""
 CSV = {
@@ -73,7 +72,7 @@ CSV = {
     ("interface", ("x",)): "interface",
     ("interface", ("event", "x")): "stresses",
 }
-"""Group and dimensions -> the CSV file that holds them."""
+"""Names of CSV files, by group and dimensions of the quantities in the file."""
 
 
 class Texts(pydantic.BaseModel):
@@ -218,7 +217,7 @@ def csv_tables(record: RecordData) -> dict[str, pd.DataFrame]:
 
 
 def seal(values: Mapping[str, np.ndarray], attributes: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of variables, and of those attributes of a file that are read.
+    """Return the SHA-256 of the variables and of the attributes of a file that `load` reads.
 
     Floats and integers of all sizes count as their 8-byte form.
     """
@@ -239,7 +238,7 @@ def grouped(values: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]
     """Return the variables of a file by group and name.
 
     Raises:
-        RecordError: no record holds a variable of that name.
+        RecordError: a variable has a name that records do not have.
     """
     known = {held.variable: held for group in GROUPS for held in held_in(group).values()}
     groups: dict[str, dict[str, np.ndarray]] = {group: {} for group in GROUPS}
@@ -281,7 +280,7 @@ def fields(
 
 
 def _scene(text: str, interface: Mapping[str, np.ndarray]) -> Scene:
-    """Return the scene of a file, after a check that it draws the random fields of the file."""
+    """Return the scene of a file, after a check of its drawn fields against the file."""
     try:
         scene = Scene.from_toml(f"{text}\n", files=False)
     except SceneError as error:
@@ -301,7 +300,7 @@ def _drawn(scene: Scene) -> dict[str, np.ndarray]:
 
 
 def _state(values: Mapping[str, np.ndarray], scene: Scene) -> State | None:
-    """Return the final state."""
+    """Return the final state of a record from its variables; None without a state."""
     if not values:
         return None
     plain = {name: v.item() if v.ndim == 0 else v for name, v in values.items()}

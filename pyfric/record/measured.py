@@ -1,6 +1,6 @@
-"""Measured errors of a run: numbers, comparison with a tolerance, and text.
+"""Measured errors of a run, their comparison with a tolerance, and their text.
 
-An error that was not measured is None. None never counts as within a tolerance.
+An error that was not measured is None, which never counts as within a tolerance.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ NOTHING = "not measured: nothing was compared"
 NOT_VERIFIED = "errors not measured (a planned run, or verify = 'sample', measures them)"
 """Text of a record that was not verified."""
 COVERED = 1e-6
-"""Part of a run at its end that need not be compared, because runs end at whole steps."""
+"""Share of a run at its end that need not be compared, because runs end at whole steps."""
 SAID = {
     "start": ("force at start", "F_N", "events"),
     "arrest": ("force at arrest", "F_N", "events"),
@@ -27,14 +27,14 @@ SAID = {
     "speed_95": ("front speed", "of the speed at 95 % of the blocks", "blocks"),
     "speed_worst": ("front speed", "of the speed at the worst block", "blocks"),
 }
-"""Errors in words: the quantity, the unit, and the kind of objects compared."""
+"""Texts for errors: the quantity, the unit, and the kind of objects compared."""
 FORCES = ("start", "arrest")
 PROMISED = {"stress": (*FORCES, "stress"), "front_speed": ("speed_95",)}
-"""Value of `want` -> the errors that its tolerance bounds, the last of which has to be known. Other
-values have `FORCES`."""
+"""Errors that the tolerance bounds, for each value of `want`; the last error has to be measured.
+Missing values of `want` have `FORCES`."""
 INSTEAD = {"loading_curve": ("curve", "rupture"), "motion": ("curve", "rupture")}
-"""Value of `want` -> the errors that its tolerance bounds if no start force was compared. Other
-values have rupture times, except "front_speed"."""
+"""Errors that the tolerance bounds, for each value of `want`, if no start force was compared.
+Missing values of `want`, except "front_speed", have rupture times."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,10 +43,10 @@ class Errors:
 
     Forces of main events are over F_N, lengths over L. Stresses are root mean squares over the
     interface, over F_N/N_x. Rupture times are root mean squares over a front, over the time that
-    the front takes. Front speeds are relative. Each error is the largest of all events, except the
-    median and the 95th percentile of front speeds. `arrest` includes forces in events that last to
-    the end of the run. `curve` is the error of forces in runs without any slip. None means not
-    measured.
+    the front takes. Front speeds are relative. Each error is the largest error of all events,
+    except the median and the 95th percentile of front speeds. `arrest` includes forces in events
+    that last to the end of the run. `curve` is the error of forces in runs without any slip. None
+    means not measured.
 
     Attributes:
         want, tolerance: of the plan; None without a plan.
@@ -54,16 +54,16 @@ class Errors:
             errors.
         compared: name of an error -> number of events, or of blocks of fronts, compared.
         events: number of events compared: main events, or all if there are no main events.
-        factor: errors over the differences of the two runs.
+        factor: ratio of the errors to the differences of the two runs.
         covered: time up to which the runs were compared, s.
         t_end: end of the run, s; None means `covered`.
         until: time from which single events cannot be trusted, s; None if there is no such time.
-            Errors are those of earlier events, or of all events if earlier ones leave the wanted
+            Errors belong to earlier events, or to all events if earlier events leave the wanted
             error unknown.
-        statistics: means over the events after `until`: name -> value and error.
+        statistics: means over the events after `until` and their errors, by name.
         by: the models that the run was compared with.
-        chosen_at: number of other points whose errors have chosen the level, if the errors of this
-            run were not measured; otherwise 0.
+        chosen_at: number of other parameter points whose errors selected the level, if the errors
+            of this run were not measured; otherwise 0.
     """
 
     want: str | None = None
@@ -93,7 +93,7 @@ class Errors:
         """Return the error that a tolerance bounds, None if not measured.
 
         `PROMISED` gives the errors that count for `want`. If no start force was compared, as on a
-        prescribed interface, `INSTEAD` gives them.
+        prescribed interface, `INSTEAD` gives these errors.
         """
         want = want or self.want or ""
         names = PROMISED.get(want, FORCES)
@@ -108,7 +108,7 @@ class Errors:
     def holds(self) -> bool | None:
         """Whether the measured error of all events is within the tolerance.
 
-        None if it was not measured over the whole run, or without a tolerance.
+        The result is None if the error was not measured over the whole run, or without a tolerance.
         """
         error = self.measured()
         if error is None or self.tolerance is None:

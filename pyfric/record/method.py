@@ -1,4 +1,4 @@
-"""How a scene was run, and with which software and machine."""
+"""The method of a run: engine, steps, definition of events, software and processor."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pyfric.scene import __version__
 from pyfric.values import write
 
 T_GAP = 1e-3
-"""Default longest pause inside an event, s: a policy."""
+"""Default longest pause inside an event, s. A policy."""
 SWITCH = {
     "located": "stick-slip transitions located within time steps",
     "step_end": "stick-slip transitions at step ends, as in the paper",
@@ -56,19 +56,19 @@ class Model:
 
     @classmethod
     def of(cls, other: object) -> Self:
-        """Return the model among the attributes of an object."""
+        """Return a model with the attributes of an object."""
         names = (field.name for field in fields(cls))
         return cls(**{name: getattr(other, name) for name in names if hasattr(other, name)})
 
 
 @dataclass(frozen=True, kw_only=True)
 class Method:
-    """How a scene was run.
+    """The method of a run.
 
-    The first fields are those of its `Model`. ``sample`` is the number of steps between two points
-    of the curve. ``t_gap`` (s) is the longest pause inside an event. ``budget`` tells whether the
-    energy budget was computed. ``threshold`` (m/s) is the slip rate that defines events, None if
-    contact defines them.
+    The first fields are the fields of its `Model`. ``sample`` is the number of steps between two
+    points of the curve. ``t_gap`` (s) is the longest pause inside an event. ``budget`` is True if
+    the energy budget was computed. ``threshold`` (m/s) is the slip rate that defines events, None
+    if contact defines them.
     """
 
     engine: str
@@ -88,7 +88,7 @@ class Method:
     __pydantic_config__: ClassVar[Any] = {"extra": "forbid"}  # of files
 
     def __str__(self) -> str:
-        """Engine, geometry, stepper, step, switches, and slip rate of events, in words."""
+        """Text with engine, geometry, stepper, step, switches, and slip rate of events."""
         words = [f"{self.engine} engine", f"{self.geometry} geometry"]
         if self.stepper:
             words.append(self.stepper)
@@ -120,7 +120,7 @@ def versions() -> dict[str, str]:
 
 
 def provenance(path: Path, command: str) -> Path:
-    """Write the origin of a set of files: command, date, software, processor. Return the path."""
+    """Write command, date, software and processor of a set of files to `path`; return `path`."""
     made = {
         "command": command,
         "date": datetime.datetime.now(datetime.UTC).replace(microsecond=0),
@@ -131,7 +131,7 @@ def provenance(path: Path, command: str) -> Path:
 
 
 def _processor() -> str:
-    """Return the model of the processor as the system names it."""
+    """Return the name of the processor model as the operating system gives it."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

@@ -1,11 +1,12 @@
 """netCDF 4 files in memory: HDF5 with a scale for each dimension.
 
-Types are those of netCDF's classic model, which every reader knows. Texts are characters of fixed
+Types belong to netCDF's classic model, which every reader supports. Texts are characters of fixed
 length, integers take 32 bits if they fit, and truth values take one byte. The attribute
 `_FillValue` marks variables with gaps. `actual_range` has the extremes.
 
-xarray takes seven times as long to write a file. A file to be read may come from an untrusted
-source. Only numbers in the file itself are read; links, plugins and other files are refused.
+xarray takes seven times as long as this module to write a file. A file to be read may come from an
+untrusted source. Only numbers in the file itself are read; links, plugins and other files are
+refused.
 """
 
 from __future__ import annotations
@@ -21,15 +22,15 @@ Variable = tuple[tuple[str, ...], np.ndarray, dict[str, str]]
 
 COMPRESSED_FROM = 4096
 """Arrays of at least this many elements are compressed without loss. In smaller arrays, a chunk and
-its index take more room than compression saves."""
+its index take more bytes than compression saves."""
 WHOLE = np.int32
-"""Type of integers that fit, the longest integer of netCDF's classic model."""
+"""Type of integers that fit into 32 bits, the longest integers of netCDF's classic model."""
 LIBVER = ("v108", "v108")
 """Versions of the file's structures. From 1.8 on, a text may be longer than 64 kB."""
 DEFLATE = 1032
 """Largest compression ratio of deflate (zlib). Variables with a larger ratio are refused."""
 NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable."
-"""Name that netCDF gives to the scale of a dimension without variable, followed by its size."""
+"""Name of the scale of a dimension without variable in netCDF; the size follows the name."""
 
 
 def file_image(variables: Mapping[str, Variable], attributes: Mapping[str, Any]) -> bytes:
@@ -70,7 +71,7 @@ def _made(file: Any, name: str, values: np.ndarray, attributes: dict[str, str]) 
 
 
 def _simple(values: np.ndarray) -> tuple[np.ndarray, dict[str, Any]]:
-    """Return values in a type of the classic model, and attributes that describe them."""
+    """Return values in a type of netCDF's classic model, and attributes of the values."""
     if values.dtype.kind == "b":
         return values.astype(np.int8), {"dtype": "bool"}
     if values.dtype.kind in "iu" and values.dtype.itemsize > np.dtype(WHOLE).itemsize:
@@ -114,7 +115,7 @@ def read_image(content: memoryview) -> tuple[dict[str, Any], dict[str, np.ndarra
     """Return the attributes and the values of all variables of a netCDF 4 file.
 
     Raises:
-        ValueError: a variable does not hold numbers, or they are not in the file itself.
+        ValueError: a variable does not hold numbers, or its numbers are not in the file itself.
         OSError: the content is no HDF5 file.
     """
     import h5py
@@ -135,7 +136,7 @@ def read_image(content: memoryview) -> tuple[dict[str, Any], dict[str, np.ndarra
 
 
 def _numbers(name: str, variable: Any) -> np.ndarray:
-    """Return the values of a variable, after checks that they are numbers in this file."""
+    """Return the values of a variable, after checks that the values are numbers in this file."""
     import h5py
 
     how, kind = variable.id.get_create_plist(), variable.dtype.kind

@@ -69,7 +69,7 @@ class Outline:
         transitions: the log of starts and ends of slip.
     """
 
-    final_state = None  # numbers of finished events do not need it
+    final_state = None  # numbers of finished events do not need the state
 
     def __init__(
         self,
@@ -97,7 +97,7 @@ class Outline:
     def of_catalogue(
         cls, catalogue: Catalogue, curve: Mapping[str, np.ndarray], status: str
     ) -> Outline:
-        """Return the outline of a run whose catalogue is known."""
+        """Return the outline of a run from its catalogue."""
 
         def column(name: str) -> np.ndarray:
             held = held_in("events")[name]
@@ -248,5 +248,5 @@ def b(run: Outline) -> float:
     m = np.log10(size[size > 0])
     try:
         return b_value(m[m >= (m_c := most_frequent(m))], m_c)[0] if len(m) else math.nan
-    except SceneError:  # too few of different size
+    except SceneError:  # too few events of different size
         return math.nan

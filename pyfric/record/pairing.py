@@ -1,9 +1,9 @@
-"""Which events of two runs are the same: pairs in order of time, at the least total distance.
+"""Pairs of corresponding events of two runs, in order of time, at the least total distance.
 
 The distance of two events is the sum of
 
-    start       |difference of F_T_start|/F_N; 0 if a run has no such force
-    time        loading by the driver between their first slips, over F_N; if the driver stands
+    start       |difference of F_T_start|/F_N; 0 if F_T_start is unknown in a run
+    time        loading by the driver between the first slips, over F_N; if the driver stands
                 still, the time between first slips over the time that is compared
     blocks      1 - (blocks common to both ranges)/(blocks from the first to the last of either)
 
@@ -19,9 +19,9 @@ from pyfric.scene import Scene
 
 
 def paired(a: pd.DataFrame, b: pd.DataFrame, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows of two tables of events that belong together, in order.
+    """Return the rows of corresponding events in two tables, in order of time.
 
-    Each event of the shorter table has its partner in the longer one.
+    Each event of the shorter table has a partner in the longer table.
 
     Args:
         a, b: tables of events of two runs of a scene, or parts of these tables.
@@ -64,7 +64,8 @@ def _pairs(name: str, a: pd.DataFrame, b: pd.DataFrame) -> tuple[np.ndarray, np.
 def in_order(cost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return rows and columns of pairs, in order, with the least total cost.
 
-    Each row has a pair if the matrix has no more rows than columns; otherwise each column has one.
+    Each row has a pair if the matrix has no more rows than columns; otherwise each column has a
+    pair.
     """
     n, m = cost.shape
     if n > m:

@@ -4,14 +4,14 @@ There are two criteria of slip for the definition of an event (`pyfric.record.ca
 contact, a block slips between a release and the next stick. With rate-and-state friction, a block
 slips by contact while it is faster than ``v_slip``. By rate, a block slips while it is in contact
 and |v_x| exceeds a threshold. By either criterion, slip with pauses of up to ``t_gap`` is one
-event. Events by rate also exist in slip that never pauses by contact, such as a creeping front in a
-viscous interface. They also exist in slow slip below ``v_slip``.
+event. Slip that never pauses by contact, such as a creeping front in a viscous interface, can hold
+several events by rate. Slow slip below ``v_slip`` can also hold events by rate.
 
 Times at which a rate passes the threshold come from one of two sources:
 
 a run with the option ``threshold``
     Rates are compared with the threshold after each step, and interpolated linearly between steps.
-    The hybrid engine also compares them at the end of its jumps. Where rate-and-state friction
+    The hybrid engine also compares rates at the end of its jumps. Where rate-and-state friction
     slips without inertia, the times are roots of the solution.
 a record with `motion`
     Rates are compared at the points of the curve, and interpolated linearly between them. Events
@@ -36,7 +36,7 @@ from pyfric.record.held import ENERGIES
 from pyfric.values import SceneError, check_number
 
 SAMPLED = "slip rates are those of points of the curve"
-"""Beginning of the note in a record whose events were found from its motion."""
+"""Beginning of the note in a record whose events follow from its motion."""
 
 Log = Mapping[str, np.ndarray]
 
@@ -82,7 +82,7 @@ def fast_slip(record: RecordData, threshold: Any) -> Fast:
 
 
 def _last(record: RecordData, crossings: Log, threshold: float) -> LastSlip:
-    """Return which blocks are fast at the end, including blocks that were always fast."""
+    """Return the blocks that are fast at the end, including blocks that were always fast."""
     mode, corner = np.zeros((2, record.scene.N_x), dtype=np.int32)
     mode[crossings["block"]], corner[crossings["block"]] = crossings["new"], crossings["corner"]
     if (state := record.final_state) is not None:
@@ -92,7 +92,7 @@ def _last(record: RecordData, crossings: Log, threshold: float) -> LastSlip:
 
 
 def _sampled(record: RecordData, threshold: float) -> Fast:
-    """Return fast slip between the points of the curve."""
+    """Return fast slip from the slip rates at points of the curve."""
     curve, t = record.curve, record.curve["t"].to_numpy()
     u_x, v = record.motion["u_x"], record.motion["v_x"].astype(float)
     mode = contacts_at(record, t)

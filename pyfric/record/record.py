@@ -38,7 +38,7 @@ READERS = {
     ".npz": "; pyfric.State.load reads states",
     "": "; pyfric.measured.read reads measured curves",
 }
-"""Endings of names of files -> functions that read them."""
+"""Texts that name the function which reads a file, by the ending of the file name."""
 WITHOUT_ARRAYS = {"method", "versions", "timings", "counts", "notes", "status", "errors"}
 """Fields of a record that can change without a check of its arrays."""
 UNSEALED = "the file was changed after pyfric wrote it: what it holds need not be what a run made"
@@ -71,21 +71,21 @@ class Record(RecordData, Shown):
         versions, timings: version of each library, and time of each part of the run in s, by name.
         counts: counts of work by name, such as steps and block_evaluations.
         notes: warnings for the reader, such as assumptions that failed.
-        status: "complete", "interrupted", "failed: reason", or "ended ..." for a run that its
-            engine or a condition ended before t_end.
+        status: "complete", "interrupted", "failed: reason", or "ended ..." if the engine or a
+            condition ended the run before t_end.
         final_state: the `State` to continue from, or None.
         errors: the measured `Errors`, or None.
 
     Raises:
-        RecordError: a field is missing, of another type, or contradicts others. The message names
-            it.
+        RecordError: a field, named in the message, is missing, of the wrong type, or contradicts
+            other fields.
     """
 
     rupture_class = rupture_class
 
     @classmethod
     def from_catalogue(cls, catalogue: Catalogue, *, late: bool = True, **rest: Any) -> Self:
-        """Record of a run from its catalogue and the remaining attributes.
+        """Return the record of a run from its catalogue and the remaining attributes.
 
         `late` adds columns of events that take long to compute; reference runs do not need them.
         """
@@ -94,9 +94,9 @@ class Record(RecordData, Shown):
         return record
 
     def with_late_columns(self) -> Self:
-        """Return the record with those columns of events that take long to compute.
+        """Return the record with the columns of events that take long to compute.
 
-        They are computed at the first access to the table of events.
+        These columns are computed at the first access to the table of events.
         """
         if self.__dict__.get("_late"):
             return self
@@ -119,7 +119,7 @@ class Record(RecordData, Shown):
         return super()._frame(group)
 
     def _copied(self) -> Self:
-        """Return a record with the same attributes, without another check of its tables."""
+        """Return a record with the same attributes, without a check of its tables."""
         new = object.__new__(type(self))
         new.__dict__.update(self.__dict__)
         return new
@@ -165,7 +165,7 @@ class Record(RecordData, Shown):
         return f"pyfric.analysis.{name}(record)" if name in ANALYSES else super()._place(name)
 
     def _solver(self) -> StaticSolver | None:
-        """Return the solver for static states of the record; None if there are none."""
+        """Return the solver for static states of the record; None without static states."""
         if not self.scene.has_rests:
             return None
         state = self.final_state
@@ -220,9 +220,9 @@ class Record(RecordData, Shown):
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
         """Write one netCDF file, whole or not at all.
 
-        A file of the same run, up to the same or an earlier time, is replaced. Any other file is
-        replaced only if `overwrite` is True; otherwise the record is saved beside it, under another
-        name. The file is made in memory, because HDF5 does not survive a full disk.
+        A file of the same run that ends at the same or an earlier time is replaced. Any other file
+        is replaced only if `overwrite` is True; otherwise the record is saved beside it, under
+        another name. The file is made in memory, because HDF5 does not survive a full disk.
 
         Raises:
             OSError: the file cannot be written. The message names path and reason.
@@ -254,9 +254,9 @@ class Record(RecordData, Shown):
         """Read a record written by `save`.
 
         Args:
-            path: its file.
-            unsealed: also read a file that another program changed, if it is a valid record. The
-                record then has a note.
+            path: path of the file.
+            unsealed: whether a valid record that another program changed is read, too. The record
+                then has a note.
 
         Raises:
             FileNotFoundError: there is no such file.

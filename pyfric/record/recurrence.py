@@ -1,4 +1,4 @@
-"""Sizes of events and how they recur: counts, b-value, waiting times.
+"""Sizes and recurrence of events: counts, b-value, waiting times.
 
 The magnitude of an event is m = log10 of its size. The catalogue is complete from m_c on. The
 number of events above m falls as 10^(-b m). The b-value of largest likelihood and its error are
@@ -13,9 +13,9 @@ m + w has the likelihood 10^(-b m) - 10^(-b (m + w)). The score and its derivati
 
     s = m_c - m + w/(10^(b w) - 1) ,   ds/db = -ln(10) w^2 10^(b w)/(10^(b w) - 1)^2 .
 
-The sum of s vanishes, and sigma_b = [sum s^2 n/(n - 1)]^(1/2) / |sum ds/db|. For w = 0 these are
-the equations above. With the potency as size, b is the exponent of its cumulative distribution. The
-b-value of the moment magnitude is 3/2 of this b.
+The sum of s vanishes, and sigma_b = [sum s^2 n/(n - 1)]^(1/2) / |sum ds/db|. For w = 0 the formulas
+for b and sigma_b reduce to the equations above. With the potency as size, b is the exponent of its
+cumulative distribution. The b-value of the moment magnitude is 3/2 of this b.
 
 The smallest events are slip of single blocks, so that l and L bound the range of sizes. By default,
 m_c is the lower end of the most frequent bin of magnitudes (maximum curvature).
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 BIN = 0.1
 """Width of bins of magnitude. A policy."""
 FEWEST = 2
-"""Fewest events that give a b-value with an error."""
+"""Smallest number of events that gives a b-value with an error."""
 WHOLE = 1e-9
 """Largest distance of a count from an integer, over the count."""
 
@@ -118,7 +118,7 @@ def b_value(
 
 
 def _ranges(m: np.ndarray, m_c: float, bin: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return the lower end and width of the magnitudes that each event may have, and their m_c."""
+    """Return lower end and width of the magnitude range of each event, (n,), and their m_c."""
     with np.errstate(over="ignore", invalid="ignore"):
         count = np.rint(10.0**m)
         counts = count.min() >= 1 and (np.abs(10.0**m - count) <= WHOLE * count).all()
@@ -152,7 +152,7 @@ def _root(of: Callable[[float], float], near: float) -> float:
 
 @of_record
 def sizes(record: RecordData, size: str = "potency", complete: float | None = None) -> Sizes:
-    """Return sizes of the finished events of a record, and how they recur; see the module.
+    """Return sizes and recurrence of the finished events of a record; see the module.
 
     Args:
         size: column of `record.events`, such as "potency" (m^2), "n_blocks" or "friction_heat".
@@ -197,7 +197,7 @@ def sizes(record: RecordData, size: str = "potency", complete: float | None = No
 
 
 def most_frequent(magnitudes: np.ndarray) -> float:
-    """Return the lower end of the bin of width `BIN` with the most magnitudes."""
+    """Return the lower end of the bin of width `BIN` with the largest number of magnitudes."""
     least = float(np.min(magnitudes))
     number = np.bincount(((magnitudes - least) / BIN).astype(int))
     return least + BIN * int(np.argmax(number))

@@ -26,7 +26,7 @@ METHOD = ("engine", "geometry", "stepper", "switching", "rtol", "dt", "threads",
 
 
 def summary(record: RecordData, files: list[Path]) -> dict[str, Any]:
-    """Return the report of `pyfric run`, with None for unknown numbers."""
+    """Return the entries of the report of `pyfric run` by name, with None for unknown numbers."""
     events, F_N = record.events, record.scene.F_N
     main = events[events["is_main"]].reset_index()
     for name in ("F_T_start", "F_T_arrest"):
@@ -57,7 +57,7 @@ def summary(record: RecordData, files: list[Path]) -> dict[str, Any]:
 
 
 def _errors(errors: Errors | None) -> dict[str, Any]:
-    """Return measured errors and the verdict on them, with None for errors not measured."""
+    """Return measured errors and their verdict by name, with None for errors not measured."""
     if errors is None:
         return {"measured": None, "holds": None, "text": NOT_VERIFIED}
     verdict = {"measured": errors.measured(), "holds": errors.holds, "text": str(errors)}

@@ -1,9 +1,9 @@
-"""The front of an event: when it reached each block, and how fast it was.
+"""The front of an event: rupture times of the blocks, and front speed.
 
 Two neighbouring blocks are linked if their first slips in the event are at most ``link_time``
 apart. The front is the longest row of linked blocks, the earliest if two are equally long. First
-slips outside this row, and all later slips, are left out. They may belong to a second rupture in
-the event, or to slip before the front, and would look like a very slow front.
+slips outside this row, and all later slips, are left out. Such slips may belong to a second rupture
+in the event, or to slip before the front, and would appear as a very slow front.
 
 ``link_time`` is 40 l/c_s with c_s = l sqrt(k/(2 m)), the shear speed of the lattice. One pause of
 this length gives v_c = 4 l/(40 l/c_s) = 0.1 c_s. One pause cannot be mistaken for a slow front,
@@ -25,8 +25,8 @@ from pyfric.values import SceneError, check_number, usage
 AVERAGED = 4
 """Number of block spacings over which the speed of a front is averaged, as in the paper."""
 SLOWEST = 0.1
-"""Average speed of a front over c_s across one pause of length ``link_time``. It is twice 0.05, the
-limit of slow fronts. A policy."""
+"""Average speed of a front over c_s across one pause of length ``link_time``. The value is twice
+0.05, the limit of slow fronts. A policy."""
 
 
 def longest_link(scene: Scene) -> float:
@@ -36,13 +36,13 @@ def longest_link(scene: Scene) -> float:
 
 
 def rupture_front(first_slips: np.ndarray, n_of_i: np.ndarray, link_time: float) -> np.ndarray:
-    """Rupture times of each event's front (definition at the top of this module).
+    """Return rupture times of each event's front, as defined at the top of this module.
 
     Args:
         first_slips: (n_events, N_x) start of each block's first slip in the event, s, NaN for
             blocks that did not slip; columns from left to right.
-        n_of_i: (N_x,) block numbers. Of equally long rows, the earliest is the front, then the
-            nearest to block 1.
+        n_of_i: (N_x,) block numbers. Of equally long rows, the earliest is the front; of equally
+            early rows, the nearest to block 1.
         link_time: largest difference between linked neighbours, s.
 
     Returns:
@@ -71,7 +71,7 @@ def rupture_front(first_slips: np.ndarray, n_of_i: np.ndarray, link_time: float)
 
 @usage("front_speed(record.rupture_times, record.scene.slider.l); analysis.front(record, event)")
 def front_speed(rupture_times: np.ndarray, l: float, d: int = 1) -> np.ndarray:
-    """Front speed at each block, averaged over five blocks: v_c(i) = 4 l/(t_{i+2} - t_{i-2}).
+    """Return the front speed at each block over five blocks: v_c(i) = 4 l/(t_{i+2} - t_{i-2}).
 
     Args:
         rupture_times: (..., N_x), s, columns from left to right.
@@ -111,7 +111,7 @@ def front_speed(rupture_times: np.ndarray, l: float, d: int = 1) -> np.ndarray:
 
 
 def first_slips(joined: Mapping[str, np.ndarray], n_events: int, N_x: int) -> np.ndarray:
-    """(n_events, N_x) start of the first slip of each block in each event, s, NaN where none.
+    """(n_events, N_x) start of the first slip of each block in each event, s; NaN without slip.
 
     Slip that began before the log has NaN.
 
@@ -133,7 +133,7 @@ def _all_of(steps: np.ndarray, width: int) -> np.ndarray:
 
 
 def five_known(rupture_times: np.ndarray) -> np.ndarray:
-    """(..., N_x) whether the times are known at a block and at the two on either side of it."""
+    """(..., N_x) whether times are known at a block and at two blocks on either side."""
     known, half = np.zeros(rupture_times.shape, dtype=bool), AVERAGED // 2
     if rupture_times.shape[-1] > AVERAGED:
         known[..., half:-half] = _all_of(np.isfinite(rupture_times), AVERAGED + 1)

@@ -15,9 +15,9 @@ X_c0/l = (pi/2) sqrt(2 k G)/f, X_c(v) = X_c0 sqrt|1 - v^2/c^2|, c = l sqrt(k/m).
 
 Dashpots slow fronts down. In the zone, their force over that of the springs is of the order of
 eta v/(k X_c), proportional to r = (eta/sqrt(k m))/(X_c0/l). Measured two-sided cracks under a
-uniform stress drop at S = 3 are slower than fracture mechanics, in the mean, by `VISCOUS`
-sqrt(6 r). With the paper's viscosity and 6 blocks in X_c0 this is 7.6 %. The rule holds within a
-sixth in 18 cracks with eta^2 from 1e-4 to 1 k m and 3 to 8 blocks.
+uniform stress drop at S = 3 are slower than fracture mechanics predicts, in the mean by `VISCOUS`
+sqrt(6 r). With the paper's viscosity and 6 blocks in X_c0 the decrease is 7.6 %. The rule holds
+within a sixth in 18 cracks with eta^2 from 1e-4 to 1 k m and 3 to 8 blocks.
 
 Source: A. C. Palmer and J. R. Rice, Proc. R. Soc. A 332, 527 (1973); for the chain, derived here;
 for cracks, `reference_data/fronts/viscosity.csv`.
@@ -36,13 +36,13 @@ from pyfric.scene import PrescribedLoad, Scene
 from pyfric.theory import A_II, Material
 
 RESOLVED = 6
-"""Fewest blocks in X_c0 with which a front is resolved. At low viscosity, fronts of a crack under
-uniform stress drop are then within 5 % of fracture mechanics (`reference_data/fronts`)."""
+"""Smallest number of blocks in X_c0 that resolves a front. At low viscosity, fronts of a crack
+under uniform stress drop are then within 5 % of fracture mechanics (`reference_data/fronts`)."""
 RESOLVED_L_B = 3
-"""Fewest blocks in L_b with which rate-and-state friction counts as resolved."""
+"""Smallest number of blocks in L_b that resolves rate-and-state friction."""
 RESOLVED_ERROR = 0.05
-"""Relative error of front speeds with `RESOLVED` blocks in X_c0. It is proportional to l. Records
-have a note if viscosity slows fronts by more than this."""
+"""Relative error of front speeds with `RESOLVED` blocks in X_c0. The error is proportional to l.
+Records have a note if viscosity slows fronts by more than `RESOLVED_ERROR`."""
 VISCOUS = {"full": 0.136, "along": 0.05}
 """Relative decrease of front speeds with eta = sqrt(k m) and 6 blocks in X_c0, for each kind of
 dashpots, measured with cracks; see the module."""
@@ -52,7 +52,7 @@ _of_lattice = functools.lru_cache(maxsize=64)(Material.of_lattice)
 
 
 def material_of(scene: Scene) -> Material:
-    """Return the material of a lattice of width 1 m; speeds and g_II are those of any width."""
+    """Return the material of a lattice of width 1 m; speeds and g_II do not depend on width."""
     return _of_lattice(scene.slider.k, scene.m, scene.slider.l, 1.0)
 
 
@@ -68,7 +68,7 @@ def pace_limits(scene: Scene) -> tuple[float, float]:
 def zone_at_rest(scene: Scene, p: np.ndarray) -> np.ndarray:
     """Return X_c0/l at each block: 0 without weakening, NaN where p is 0 or NaN.
 
-    It is NaN, too, under a law whose fracture energy is not defined.
+    X_c0/l is NaN, too, under a law whose fracture energy is not defined.
 
     Args:
         p: normal forces on the blocks from left to right, shape (..., N_x), N. A prescribed normal
@@ -108,10 +108,10 @@ def zone_moving(scene: Scene, p: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def can_rupture(scene: Scene) -> np.ndarray:
-    """Return which blocks a front can pass, left to right, shape (N_x,).
+    """Return whether a front can pass each block, left to right, shape (N_x,), bool.
 
-    With a driver these are all blocks. Without a driver, they are the blocks whose prescribed shear
-    force exceeds mu_k p.
+    With a driver a front can pass all blocks. Without a driver, a front can pass blocks whose
+    prescribed shear force exceeds mu_k p.
     """
     if not isinstance(scene.top, PrescribedLoad) or scene.driver.K * scene.driver.fastest > 0:
         return np.ones(scene.N_x, dtype=bool)
@@ -128,7 +128,7 @@ def _mean_p(scene: Scene) -> np.ndarray:
 def zone_of_scene(scene: Scene, speed: float = 0.0) -> float:
     """Return the least X_c(v)/l over the blocks of a scene that can rupture; NaN if none can.
 
-    Where p is not prescribed, it is taken as F_N/N_x.
+    If p is not prescribed, the value F_N/N_x replaces p.
 
     Args:
         speed: v over c_R, or over c in a chain; below 1.
@@ -152,7 +152,7 @@ def blocks_needed(scene: Scene, tolerance: float) -> tuple[float, float]:
 def viscous_error(scene: Scene, blocks: float) -> float:
     """Return the relative decrease of front speeds by dashpots, for a number of blocks in X_c0.
 
-    It is NaN for a chain, whose exact speeds are in `pyfric.theory`.
+    The result is NaN for a chain, whose exact speeds are in `pyfric.theory`.
 
     Source: see the module.
     """
@@ -177,11 +177,11 @@ class Slipped(Protocol):
 def zone_notes(scene: Scene, engine: str, catalogue: Slipped) -> tuple[str, ...]:
     """Return notes on results that depend on l or on dashpots: front speeds, short precursors.
 
-    Where no static state is known, as under a push, p is taken as F_N/N_x.
+    If static states are unknown, as under a push, the value F_N/N_x replaces p.
 
     Args:
         engine: name of the engine.
-        catalogue: catalogue of the run. Main events whose fronts have speeds count.
+        catalogue: catalogue of the run, of which main events with front speeds are used.
     """
     main = catalogue["is_main"]
     fast = np.isfinite(catalogue.front_speed) & main[:, None]
@@ -208,7 +208,7 @@ def zone_notes(scene: Scene, engine: str, catalogue: Slipped) -> tuple[str, ...]
         if share:
             span = f"{known.min():.2g} to {known.max():.2g}"
             why.append(f"{100 * share:.0f} % of blocks have {name}/l below {RESOLVED} ({span})")
-    weakens = blocks[blocks > 0]  # others have d_c = 0
+    weakens = blocks[blocks > 0]  # other blocks have d_c = 0
     slow = viscous_error(scene, float(np.median(weakens))) if weakens.size else 0.0
     if slow > RESOLVED_ERROR:
         why.append(f"viscosity slows fronts by about {100 * slow:.0f} %")

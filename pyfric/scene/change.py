@@ -26,7 +26,7 @@ from pyfric.values import (
 Parts = Composed | Mapping[str, Any]
 S = TypeVar("S", bound=Composed)
 PRESET_OF = {Rod: "setup1", DistributedLoad: "setup2", PrescribedLoad: "chain"}
-"""Tops, and a preset with each."""
+"""Classes of top boundaries, and the name of a preset with each."""
 PROTOCOLS = (
     ("driver.V", "driver.protocol"),
     ("top.F_N", "top.protocol"),
@@ -36,9 +36,9 @@ PROTOCOLS = (
 
 
 def scene_fields(scene: Parts) -> dict[str, Annotation]:
-    """Return all fields of a scene that can be changed, as in a scene file, and their annotations.
+    """Return the names of all fields of a scene, as in a scene file, and their annotations.
 
-    A prescribed load has a field F_N, too, the sum of its p.
+    A prescribed load also has the field F_N, which is the sum of its p.
 
     Examples are "name", "top", "driver.h", "interface.law.t_c", and "interface.mu_s.seed" if mu_s
     is a `Spread`.
@@ -58,7 +58,7 @@ def scene_fields(scene: Parts) -> dict[str, Annotation]:
 
 
 def _inside(owner: Any, prefix: str, marks: Mapping[str, Annotation]) -> dict[str, Annotation]:
-    """Return the fields of a part and of the parts inside it; `marks` are their annotations."""
+    """Return the fields of a part and of its nested parts; `marks` annotate its own fields."""
     found: dict[str, Annotation] = {}
     for field, mark in marks.items():
         name, value = f"{prefix}.{field}", getattr(owner, field)
@@ -73,12 +73,13 @@ def full_name(scene: Parts, name: str, value: Any = None, more: Iterable[str] = 
 
     Args:
         scene: a scene, or its parts by name.
-        name: a dotted name, or its end. If several names fit, the one with the fewest dots counts.
+        name: a dotted name, or its end. Of several matching names, the name with the fewest dots
+            counts.
         value: the new value, for the error message.
         more: further names that are allowed.
 
     Raises:
-        SceneError: no field, or more than one, has this name.
+        SceneError: no field, or more than one field, has this name.
     """
     name, known = str(name), dict.fromkeys([*scene_fields(scene), *more])
     found = [full for full in known if f".{full}".endswith(f".{name}")]
@@ -89,7 +90,7 @@ def full_name(scene: Parts, name: str, value: Any = None, more: Iterable[str] = 
     if found:
         raise SceneError(name, value, "", " or ".join(found), "is in several parts")
     ends = list(dict.fromkeys([*known, *(full.partition(".")[2] or full for full in known)]))
-    for top, preset in PRESET_OF.items():  # a name of another kind of top
+    for top, preset in PRESET_OF.items():  # a field of another class of tops
         end = name.removeprefix("top.")
         if end in {field.name for field in dataclasses.fields(top)}:
             reason = f"unknown here, a field of {top.__name__}"
@@ -119,7 +120,7 @@ def changed(scene: S, changes: Mapping[str, Any]) -> S:
         for mu, end in zip(("mu_s", "mu_k"), known_ends, strict=False):
             follows = new or (end is not None and getattr(interface, mu) == end)
             if follows and not any(name.startswith(f"interface.{mu}") for name in names):
-                names[f"interface.{mu}"] = None  # the law defines it
+                names[f"interface.{mu}"] = None  # the law defines this coefficient
     prescribed = isinstance(names.get("top", scene.top), PrescribedLoad)
     F_N = names.pop("top.F_N", None) if prescribed else None
     paths = {tuple(name.split(".")): value for name, value in names.items()}
@@ -157,7 +158,7 @@ def joined(changes: Mapping[str, Any] | None, fields: Mapping[str, Any]) -> dict
 
 
 def _with(owner: Any, changes: Mapping[tuple[str, ...], Any]) -> Any:
-    """Return a part with changed values; all are set before they are checked."""
+    """Return a part with changed values; all values are set before the part is checked."""
     new = {path[0]: value for path, value in changes.items() if len(path) == 1}
     for name in dict.fromkeys(path[0] for path in changes if len(path) > 1):
         inside = {path[1:]: v for path, v in changes.items() if path[0] == name and path[1:]}
@@ -171,7 +172,7 @@ def _with(owner: Any, changes: Mapping[tuple[str, ...], Any]) -> Any:
 
 
 def followed_by(before: S, after: S, t: float) -> tuple[S, list[str]] | None:
-    """Return a scene that equals `before` up to t and `after` from t on, and the changes at t.
+    """Return a scene that equals `before` up to t and `after` from t on, and texts on the changes.
 
     None is returned if the scenes differ in anything but driver speed, loads, `stop_when` and name.
 

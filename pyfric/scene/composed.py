@@ -12,7 +12,7 @@ from pyfric.values import SceneError, part
 
 @part
 class Composed(Loads):
-    """The parts of a scene, and what follows from them; see `Scene`."""
+    """The parts of a scene, with its friction law, loads, fields and blocks; see `Scene`."""
 
     @functools.cached_property
     def law(self) -> Law:
@@ -29,10 +29,10 @@ class Composed(Loads):
         return CoulombLaw(mu_s, mu_k, d_c, tables, alpha=alpha)
 
     def resting_law(self, reason: str, allowed: str = "another law") -> CoulombLaw:
-        """Return the friction law if blocks can rest under it.
+        """Return the friction law of a scene whose blocks can rest.
 
         Raises:
-            SceneError: they cannot; it says what is allowed, and the reason.
+            SceneError: blocks cannot rest. The message names the reason and the allowed laws.
         """
         if isinstance(self.law, CoulombLaw):
             return self.law
@@ -55,5 +55,5 @@ class Composed(Loads):
 
     @property
     def has_rests(self) -> bool:
-        """True if the driver leads to static states other than the start, for any friction law."""
+        """True if the driver can lead to static states other than the initial state."""
         return not (self.prescribed or self.top.push or self.driver.K == 0)

@@ -156,7 +156,7 @@ def _check_starts(scene: Composed) -> None:
 
 
 def _check_half(scene: Composed) -> None:
-    """Refuse forces that half blocks cannot divide: those given for each block."""
+    """Refuse forces that are given for each block if the slider has half blocks."""
     top, driver = scene.top, scene.driver
     for name, given, allowed, unit in (
         ("top.k_top", scene.k_top, 0.0, "N/m"),
@@ -174,7 +174,7 @@ def check_push(scene: Composed, push: Push, f: np.ndarray, strength: np.ndarray)
 
     Args:
         scene: the scene.
-        push: one of its pushes.
+        push: a push of the scene.
         f: friction along +x on the blocks at rest, without pushes, shape (N_x,), in N.
         strength: strength of the blocks, shape (N_x,), in N.
 
@@ -192,7 +192,7 @@ def check_push(scene: Composed, push: Push, f: np.ndarray, strength: np.ndarray)
 
 
 def _check_absent(scene: Composed) -> None:
-    """Refuse values that only other kinds of scenes can have."""
+    """Refuse values that only scenes with another top or driver can have."""
     absent: dict[str, tuple[str, str]] = {}
     if scene.prescribed:
         absent["top.k_top"] = "0 N/m", "a chain has springs to a rigid top; here walls.top = 'held'"

@@ -31,7 +31,7 @@ TAKES: dict[str, tuple[Quantity, ...]] = {
     "system_size": (COUNT,),
     "slow": (Positive("m/s"), NotNegative("s")),
 }
-"""Name of a condition -> its values. If the number of events is left out, 1 is assumed."""
+"""Names of conditions, and their values. If the number of events is left out, it is 1."""
 
 
 def _names() -> str:

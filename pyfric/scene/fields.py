@@ -12,7 +12,7 @@ from pyfric.values import naming
 
 
 class Fields(Lattice):
-    """What varies along the interface, left to right."""
+    """The fields of the interface, which may vary along it, as arrays from left to right."""
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -63,15 +63,15 @@ class Fields(Lattice):
         return getattr(self._owner(name), name)
 
     def _owner(self, name: str) -> Any:
-        """Return the interface, or its friction law if that has the field."""
+        """Return the part that has the field: the interface or its friction law."""
         return self.interface if name in FIELDS else self.interface.law
 
     def interface_on(self, N_x: int) -> Interface:
         """Return the interface of the same slider with N_x blocks.
 
         Fields are interpolated; fields that are functions of x stay the same. alpha of a block is
-        proportional to its length. A block touches the foundation if the nearest original block
-        does.
+        proportional to the block length. A block touches the foundation if the nearest original
+        block touches it.
         """
         at, now = np.linspace(0, 1, N_x), np.linspace(0, 1, self.N_x)
         order = np.argsort(self.n_of_i)

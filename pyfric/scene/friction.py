@@ -1,4 +1,4 @@
-"""What every friction law says, and the law of a scene whose blocks can rest.
+"""Base class of friction laws, and the friction law of scenes whose blocks can rest.
 
 No other Python module evaluates mu. Under `CoulombLaw` a block that has slipped by s since it last
 stuck, at speed v, resists with mu p + alpha v:
@@ -35,7 +35,7 @@ NO_TABLES = Tables()
 
 
 def memory_of(state: tuple[Variable, ...], shape: tuple[int, ...] = ()) -> np.dtype:
-    """Return the type of the memory of a block with these state variables, each of this shape."""
+    """Return the data type of a block's state variables, each an array of the given shape."""
     return np.dtype([(variable.name, float, shape) for variable in state])
 
 
@@ -44,12 +44,12 @@ GRADUAL = 0.01
 
 
 class Sums(NamedTuple):
-    """What the core adds up of the interface, in J, by the names that it has there.
+    """Energies of the interface that the core sums over all blocks, in J, named as in the core.
 
     Attributes:
         elastic: energy that junctions store.
-        heat, loss: those of `State`, over all blocks.
-        above, viscous: both rows of `State.parts`, over all blocks.
+        heat, loss: sums of `State.heat` and `State.loss` over all blocks.
+        above, viscous: sums of the two rows of `State.parts` over all blocks.
     """
 
     elastic: Any = 0.0
@@ -63,10 +63,10 @@ class Term(NamedTuple):
     """A term of the interface in the energy budget.
 
     Attributes:
-        name, unit, meaning, dtype: as those of a `Variable`.
-        sum: the entry of `Sums` that it is.
-        counts: how it enters the total: "stored", "given" or "lost"; "part": of the heat of
-            friction, with which it is counted.
+        name, unit, meaning, dtype: as in a `Variable`.
+        sum: name of the entry of `Sums` that holds the term.
+        counts: how the term enters the total: "stored", "given" or "lost". A "part" is counted with
+            the heat of friction.
     """
 
     name: str
@@ -82,7 +82,7 @@ NO_SUMS = Sums()
 
 @dataclass(frozen=True)
 class Law(abc.ABC):
-    """What every friction law says. Each field is a number, or an array of shape (N_x,).
+    """Base class of friction laws. Each field is a number, or an array of shape (N_x,).
 
     Attributes:
         mu_s: static friction coefficient.
@@ -95,13 +95,13 @@ class Law(abc.ABC):
     alpha: Any = field(default=0.0, kw_only=True)
 
     fields: ClassVar[tuple[str, ...]] = ("mu_s", "mu_k", "alpha")
-    """Names of what has one number for each column."""
+    """Names of the parameters with one number for each column."""
     state: ClassVar[tuple[Variable, ...]]
-    """State variables of a block; all are numbers."""
+    """State variables of a block, each of which is a number."""
     motion: ClassVar[tuple[Variable, ...]] = ()
-    """What a run records of the state variables at points of the loading curve."""
+    """State variables that a run records at points of the loading curve."""
     margin: ClassVar[Variable]
-    """What a block lacks before it slips, `State.margin`."""
+    """Quantity by which a block is below the threshold of slip, `State.margin`."""
     terms: ClassVar[tuple[Term, ...]]
     """Terms of the interface in the energy budget."""
     memory: ClassVar[np.dtype]
@@ -111,15 +111,15 @@ class Law(abc.ABC):
     restless: ClassVar[str] = ""
     """Reason why no block rests; "" if blocks can rest."""
     flows: ClassVar[bool] = False
-    """Whether friction depends on speed in such a way that steps have to be implicit."""
+    """Whether friction depends on speed so strongly that time steps have to be implicit."""
     junctions: ClassVar[int] = 0
     """Number of junctions of each block; 0 without junctions."""
     at_step_end: ClassVar[bool] = False
-    """Whether blocks switch at the ends of steps where nothing else is asked for."""
+    """Whether blocks change contact state at the ends of steps by default."""
     slowest: ClassVar[float] = 0.0
-    """Longest mean time scale of the law itself, in s; 0 if it has none."""
+    """Longest mean time scale of the law, in s; 0 if the law has no time scale."""
     v_slip: ClassVar[float | None] = None
-    """Speed from which a block counts as slipping, in m/s; None if its contact tells."""
+    """Speed above which a block counts as slipping, in m/s; None if its contact state decides."""
     weakens: ClassVar[bool] = False
     """Whether friction depends on slip."""
     slides: ClassVar[bool] = False
@@ -127,11 +127,11 @@ class Law(abc.ABC):
     creeps: ClassVar[bool] = False
     """Whether friction depends on slip alone and falls, so that blocks can slip stably."""
     bears_mu_s: ClassVar[bool] = False
-    """Whether a stuck block bears mu_s p at any time."""
+    """Whether the strength of a stuck block is mu_s p at any time."""
     parted: ClassVar[bool] = False
-    """Whether the heat of friction has parts."""
+    """Whether the heat of friction is recorded in parts."""
     bare: ClassVar[Any] = False
-    """Whether blocks have no friction, mu_s = alpha = 0, although others have some."""
+    """Blocks without friction, mu_s = alpha = 0, if other blocks have friction: bool, or (N_x,)."""
 
     @property
     def rests(self) -> bool:
@@ -144,7 +144,7 @@ class Law(abc.ABC):
         return CoulombLaw(self.mu_s, self.mu_k, alpha=self.alpha)
 
     def at(self, which: Any) -> Self:
-        """Return the law of some columns."""
+        """Return the law with its fields at some columns."""
         return replace(self, **{name: of(getattr(self, name), which) for name in self.fields})
 
     @property
@@ -175,7 +175,7 @@ class Law(abc.ABC):
         """Return fields for the core: numbers, or arrays with one number for each column.
 
         Args:
-            limits: of mu, and their rates (1/s), for laws that have them.
+            limits: largest values of mu, and their rates (1/s), for laws with such limits.
         """
 
     @property
@@ -191,7 +191,7 @@ class Law(abc.ABC):
     def budget(self, sums: Sums = NO_SUMS) -> dict[str, Any]:
         """Return the terms of the interface in the energy budget by name, in J.
 
-        Parts of the heat are left out where friction has none.
+        Parts of the heat are left out if the heat of friction has no parts.
         """
         kept = (term for term in self.terms if term.counts != "part" or self.parted)
         return {term.name: getattr(sums, term.sum) for term in kept}
@@ -212,12 +212,12 @@ class Law(abc.ABC):
     def fracture_energy(self, p: Any) -> Any:
         """Return the work against friction above mu_k p during a slip, in J.
 
-        It is NaN where mu_k is not what friction falls to.
+        The work is NaN under laws in which friction does not fall to mu_k.
         """
         return np.full(np.shape(p), math.nan)
 
     def resolving_step(self, p: float, m: float) -> float:
-        """Return the longest step (s) that resolves weakening under a load p (N); inf without any.
+        """Return the longest step (s) that resolves weakening under a load p (N); inf if none.
 
         The step is 1 over the largest growth rate of slip of a free block of mass m (kg).
         """
@@ -275,7 +275,7 @@ class CoulombLaw(Law):
     def slide(self, p: Any) -> Any:
         """Return the strength of slipping blocks after any weakening with slip, in units of p.
 
-        Factors of speed and of time, and alpha, are left out.
+        Factors that depend on speed or time, and alpha, are left out.
         """
         return self.mu_k * p
 
@@ -306,7 +306,7 @@ class CoulombLaw(Law):
 
     @property
     def drop(self) -> Any:
-        """Loss of strength in a slip, over p."""
+        """Loss of strength during slip, over p."""
         return self.mu_s - self.mu_k
 
     @property
@@ -340,7 +340,7 @@ class CoulombLaw(Law):
         return self.hold(p) - np.abs(f)
 
     def margins(self, p: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the margins against slip in +x and in -x, in N; f is the force of friction."""
+        """Return the margins against slip in +x and in -x, in N; f is the friction force."""
         strength = self.hold(p)
         return strength + f, strength - f
 

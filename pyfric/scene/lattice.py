@@ -67,7 +67,8 @@ class Lattice:
 
         A share is 1, or 1/2 along a prescribed interface, along absorbing walls and, if the slider
         has half blocks, along all edges that are not mirrored. The share of a block is the product
-        of both. Bonds along such a row or column have half of their strength.
+        of the shares of its row and column. Bonds along such a row or column have half of their
+        strength.
         """
         rows, columns = np.ones(self.N_z), np.ones(self.N_x)
         half = self.slider.edges == "half"
@@ -87,7 +88,7 @@ class Lattice:
 
     @property
     def m_interface(self) -> float:
-        """Mass of a block of the bottom row, in kg: m, or m/2 where it consists of half blocks."""
+        """Mass of a block of the bottom row, in kg: m, or m/2 if the row has half blocks."""
         return self.m * float(self.shares[0][0])
 
     @functools.cached_property
@@ -104,8 +105,7 @@ class Lattice:
 
     @property
     def d(self) -> int:
-        """Direction of the drive: +1 (pushed from the left, pulled at the right, or from the top)
-        or -1."""
+        """Direction of the drive: -1 if pushed from the right or pulled at the left, else +1."""
         return -1 if self.driver.side in ("right", "pull left") else 1
 
     @property
@@ -151,7 +151,7 @@ class Lattice:
         return slice(self.j_h, self.j_h_top + 1), 0, slice(self.i_h, self.i_h_end + 1)
 
     def u_driven(self, u: np.ndarray) -> OnDriven:
-        """Return u_x of the driven block, or of several, row by row, (n_driven,), in m.
+        """Return u_x of the driven block, or of several blocks, row by row, (n_driven,), in m.
 
         Args:
             u: displacements, or a state, shape (N_z, 2 or 4, N_x), in m.
@@ -167,7 +167,7 @@ class Lattice:
 
     @property
     def prescribed(self) -> bool:
-        """True if the interface is prescribed in two dimensions: p is given, no foundation."""
+        """True if the interface is prescribed in two dimensions, with given p and no foundation."""
         return isinstance(self.top, PrescribedLoad) and self.N_z > 1
 
     @property

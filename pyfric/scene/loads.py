@@ -12,11 +12,11 @@ from pyfric.scene.parts import PrescribedLoad
 from pyfric.scene.protocol import Leg, Piece, legs, piece_at, pieces
 
 NO_LIMIT = float(np.finfo(float).max)
-"""Limit of the friction coefficient of a block that has none."""
+"""Value that stands for no limit of the friction coefficient."""
 
 
 class Loads(Fields):
-    """What acts on the blocks, and when it changes."""
+    """Forces on the blocks, path of the driver and limits of friction, as functions of time."""
 
     @functools.cached_property
     def F_N(self) -> float:
@@ -26,7 +26,7 @@ class Loads(Fields):
 
     @property
     def pressing(self) -> float:
-        """What the interface carries at rest, in N: F_N and the weights of blocks and rod."""
+        """Normal force on the interface at rest, in N: F_N and the weights of blocks and rod."""
         return self.F_N + float(self.weights.sum()) + self.M_rod * self.slider.g
 
     @property
@@ -66,7 +66,7 @@ class Loads(Fields):
 
     @property
     def V_top(self) -> float:
-        """Speed of the top plate in the drive direction, in m/s. Its force is a part of T."""
+        """Speed of the top plate in the drive direction, in m/s. T includes the plate's force."""
         return self.top.V_top or 0.0
 
     @functools.cached_property
@@ -145,7 +145,7 @@ class Loads(Fields):
             now: time of evaluation, in s; None means t.
 
         Returns:
-            Coefficients, `NO_LIMIT` where there is none, and rates (1/s), shape (2, N_x).
+            Coefficients, `NO_LIMIT` for blocks without limit, and rates (1/s), shape (2, N_x).
         """
         found = np.array([np.full(self.N_x, NO_LIMIT), np.zeros(self.N_x)])
         if not (corners := self.interface.limit):

@@ -8,7 +8,7 @@ from pyfric.values import Name, NotNegative, Positive, SceneError, part, unknown
 
 
 class Known(NamedTuple):
-    """Properties of a material from a source; None if the source does not give one.
+    """Properties of a material from a source; None if the source does not give the value.
 
     Attributes:
         E: Young's modulus, Pa.
@@ -48,8 +48,8 @@ PLANE_STRAIN = 0.25
 class Material:
     """An elastic, viscous solid and the width of a slab of it, from which a `Slider` follows.
 
-    The lattice is a thin plate, in plane stress, with a fixed Poisson's ratio of 1/3. Then
-    k = 3 B E/4, the shear modulus is 3 E/8, and waves have speeds sqrt(9 E/(8 rho)) and
+    The lattice is a thin plate, in plane stress, with a fixed Poisson's ratio of 1/3. In plane
+    stress k = 3 B E/4, the shear modulus is 3 E/8, and waves have speeds sqrt(9 E/(8 rho)) and
     sqrt(3 E/(8 rho)). With plane = "strain" the lattice is a wide body with a ratio of 1/4: E is
     replaced by E/(1 - nu^2) = 16 E/15. In a slab of few blocks waves are faster; see
     `Slider.of_material`.
@@ -70,8 +70,8 @@ class Material:
             bond has eta = B viscosity. Shear waves along x and z then have this rate. Pressure
             waves along x and z decay twice as fast. At 45 degrees, shear waves decay half as fast
             and pressure waves 2.5 times as fast. None means the paper's eta = sqrt(0.1 k m), which
-            falls with l. With dashpots "full" this is a viscosity of 0.82 l sqrt(E rho), which
-            damps waves of a few blocks for every l.
+            falls with l. With dashpots "full" the paper's eta is a viscosity of 0.82 l sqrt(E rho),
+            which damps waves of a few blocks for every l.
         plane: "stress" or "strain".
 
     Source: PRL 107, 074301 (2011), model section, for k and eta.
@@ -79,7 +79,7 @@ class Material:
 
     width: Annotated[float, Positive("m")]
     name: Annotated[str, Name(40)] = ""
-    E: Annotated[float, Positive("Pa", optional=True)] = None  # None: of the named material
+    E: Annotated[float, Positive("Pa", optional=True)] = None  # None: value of the named material
     density: Annotated[float, Positive("kg/m^3", optional=True)] = None
     viscosity: Annotated[float | None, NotNegative("Pa s", optional=True)] = None
     plane: Literal["stress", "strain"] = "stress"
@@ -101,7 +101,7 @@ class Material:
 
     @property
     def k(self) -> float:
-        """Stiffness of the nearest-neighbour springs, 3 B E/4, or 16/15 of it, in N/m."""
+        """Stiffness of nearest-neighbour springs in N/m: 3 B E/4, times 16/15 in plane strain."""
         k = 0.75 * (self.width * self.E)
         return k if self.plane == "stress" else k / (1 - PLANE_STRAIN**2)
 
@@ -109,8 +109,9 @@ class Material:
         """Return the viscosity of each bond, in N s/m; None means the paper's viscosity.
 
         A shear wave along x meets one bond along x and two diagonals for each block. Dashpots
-        "full" resist all of its motion, so that eta = B viscosity/3. Dashpots "along" resist none
-        of it in the bond along x and half of it in the diagonals, so that eta = B viscosity.
+        "full" resist the whole motion of the wave, so that eta = B viscosity/3. Dashpots "along"
+        resist no motion in the bond along x and half of the motion in the diagonals, so that eta =
+        B viscosity.
         """
         if self.viscosity is None:
             return None

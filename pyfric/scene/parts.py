@@ -1,7 +1,7 @@
 """The parts of a scene: slider, top boundary, driver, interface.
 
-Symbols and boundaries are those of PRL 107, 074301 (2011). Every part, `Material` and `Spread`
-raise SceneError if a value is missing, unknown, of the wrong type or out of range.
+Symbols and boundaries follow PRL 107, 074301 (2011). Every part, `Material` and `Spread` raise
+SceneError if a value is missing, unknown, of the wrong type or out of range.
 """
 
 import dataclasses
@@ -44,7 +44,7 @@ MULTIPLE_RTOL = 1e-9
 """Relative tolerance of "L, H and h are multiples of l"."""
 OPTIONAL = ("gap", "slip", "limit_from")
 FIELDS = ("mu_s", "mu_k", "d_c", "alpha", "k_f", *OPTIONAL)
-"""Names of the fields of an interface; the last ones are rarely given."""
+"""Names of the fields of an interface; the `OPTIONAL` fields are rarely given."""
 A_LAW = "a friction law, such as pyfric.laws.Ageing, or [interface.law] in a scene file"
 CHAIN_NOTE = ", or 0 for a chain under a prescribed load"
 
@@ -79,10 +79,10 @@ class Slider:
             bond, so that rotation is free.
         edges: "whole", as in the paper: M/(N_x N_z) in each block and springs of full stiffness
             along the edges. "half": blocks along free edges are half blocks, quarters in corners,
-            with half of the mass, half of the springs along the edge, and half of the foundation
-            and the loads of a column. Mass and stiffness then converge to second order in l. In a
-            chain both end blocks are half blocks. "half" needs linear geometry, no driven top and
-            no junctions.
+            with half of the mass, half of the stiffness of springs along the edge, and half of the
+            foundation and the loads of a column. Mass and stiffness then converge to second order
+            in l. In a chain both end blocks are half blocks. "half" needs linear geometry, no
+            driven top and no junctions.
         g: gravity, m/s^2, >= 0, downward on all blocks and the rod, in addition to F_N. In setup 1
             9.81 m/s^2 adds 4e-4 F_N, half of it the weight of the rod.
 
@@ -239,7 +239,7 @@ class Rod(Top):
         protocol: breakpoints (t, F_N) of a changing normal force, in s and N, > 0; see `Driver`.
         push: forces in the drive direction on blocks of the interface; see `PrescribedLoad`.
 
-    F_N = 0 is refused, because no block would be in contact, and F_N is the unit of force.
+    F_N = 0 is refused, because F_N is the unit of force and presses the blocks into contact.
 
     Source: PRL 107, 074301 (2011), setup 1.
     """
@@ -272,7 +272,7 @@ class DistributedLoad(Top):
         V_top: speed of this plate in the drive direction, m/s; None means 0. The plate is a second
             drive: its force is a part of T, not of F_T.
 
-    F_N = 0 is refused, because no block would be in contact, and F_N is the unit of force.
+    F_N = 0 is refused, because F_N is the unit of force and presses the blocks into contact.
 
     Source: PRL 107, 074301 (2011), setup 2.
     """
@@ -309,7 +309,7 @@ class PrescribedLoad(Top):
         tau: friction force on each block at t = 0, N, positive against the drive direction; one
             number or a sequence of N_x. In a chain |tau_i| <= mu_s p_i.
         k_top: shear stiffness between each block of a chain and a rigid top, N/m, >= 0.
-        V_top: speed of this top; see `DistributedLoad`.
+        V_top: speed of the rigid top; see `DistributedLoad`.
         push: additional forces in the drive direction that start slip. Each push is a block number,
             a force (N), and optionally start and end times (s) and a growth rate (N/s). Examples:
             ((1, 0.2),) without end, ((1, 0.2, 0.0, 1e-3),) for 1 ms, ((1, 0.0, 0.0, inf, 50.0),)
@@ -361,7 +361,7 @@ class Walls:
 
     @property
     def absorb(self) -> bool:
-        """Whether a side or the top takes energy of waves."""
+        """Whether a side or the top absorbs waves."""
         return "absorbing" in (self.left, self.right, self.top)
 
 
@@ -370,13 +370,13 @@ class Driver:
     """The springs that push or pull a side or the top; their far end moves at a given speed.
 
     The spring pushes the block at height h. With h_top, a rigid plate pushes all n blocks from h to
-    h_top by springs of stiffness K/n, which are relaxed after F_N is applied. On the top, or in a
-    chain along all of it, each of the N_x blocks has a spring of stiffness K/N_x to a moving plate.
+    h_top by springs of stiffness K/n, which are relaxed after F_N is applied. With side "top", each
+    of the N_x top blocks, or blocks of a chain, has a spring of stiffness K/N_x to a moving plate.
     F_T = K (X - x_h), with X the displacement of the far end and x_h the mean displacement of the
     driven blocks.
 
     The speed is V, or changes linearly from (0, V) through the breakpoints of a protocol, and is
-    constant after the last one. Two breakpoints at the same time are a jump:
+    constant after the last breakpoint. Two breakpoints at the same time are a jump:
     ((1, V), (1, 0), (2, 0), (2, V)) is a hold of one second. Negative speeds reverse the driver.
     Time steps end at breakpoints.
 
@@ -426,27 +426,27 @@ class Interface:
         law: dependence of friction on slip, time and speed; see `pyfric.laws`. The default weakens
             linearly over d_c.
         gap: height of the undeformed bottom over the foundation, m, >= 0; None means 0. A block
-            carries p = k_f (-u_z - gap) where this is positive.
-        contact: False where blocks never touch the foundation; True or False, or N_x of them from
-            the trailing edge on. None means that all blocks can.
-        slip: initial slip along the drive, m; may be negative. Blocks stick where this slip brings
-            them, and the slider above is in equilibrium. None means 0.
+            carries p = k_f (-u_z - gap) if this value is positive.
+        contact: whether blocks can touch the foundation: True or False, or N_x such values from the
+            trailing edge on. None means True.
+        slip: initial slip along the drive, m; may be negative. Blocks stick after this slip, and
+            the slider above is in equilibrium. None means 0.
         limit: breakpoints (t, mu), in s and >= 0, of the largest friction coefficient, whether a
             block sticks or slips. The limit is linear between breakpoints and constant after the
-            last one. There is no limit before the first one.
-        limit_from: time from which t of `limit` counts, s, >= 0; inf where there is no limit. None
+            last breakpoint. There is no limit before the first breakpoint.
+        limit_from: time from which t of `limit` counts, s, >= 0; inf for blocks without limit. None
             means 0.
         slip_since: "stick": the slip of the law counts from the last stick on. "start": the slip
             counts from the start of the run, so that friction of slipping blocks stays weakened.
             Stuck blocks still bear mu_s p.
 
     mu_s, mu_k, k_f, d_c, alpha, gap, slip and limit_from are fields: a number, N_x numbers from the
-    trailing edge on, a `Spread`, or a `Profile`. A table with a "file" stands for the profile in
-    this file.
+    trailing edge on, a `Spread`, or a `Profile`. A table with the key "file" stands for the profile
+    in this file.
 
     With limit = ((0, mu_s), (t_0, mu_k)) friction weakens over slip or over the time t_0 after
-    `limit_from`, whichever is sooner: the forced rupture of the benchmarks of SCEC. Blocks whose
-    |tau| exceeds mu_s p after a given slip begin to slip at t = 0.
+    `limit_from`, whichever is sooner, as in the forced ruptures of the SCEC benchmarks. Blocks
+    whose |tau| exceeds mu_s p after a given slip begin to slip at t = 0.
 
     A block without contact is a part of the free surface. A block with mu_s = 0 and alpha = 0
     carries p and moves freely along the interface; records show it as open. Blocks of both kinds
@@ -498,12 +498,12 @@ class Interface:
 
     @property
     def tables(self) -> Tables:
-        """The tables of the law."""
+        """Tables of the friction law for the means of mu_s, mu_k and d_c."""
         return self.law.tables(Means(*map(_mean, (self.mu_s, self.mu_k, self.d_c))))
 
 
 def _mean(field: Field) -> float:
-    """Return the mean of a field; 0 for an empty list, which the scene refuses later."""
+    """Return the mean of a field, or 0 for an empty list, which the scene refuses."""
     if isinstance(field, Spread | Profile):
         return field.mean
     return 0.0 if field == () else float(np.mean(field))
@@ -516,4 +516,4 @@ PARTS = {
     "interface": OneOf(Interface),
     "walls": OneOf(Walls),
 }
-"""Parts of a scene, and their classes."""
+"""Names of the parts of a scene, and their classes."""

@@ -161,18 +161,18 @@ def _mass(slider: Slider) -> float:
 
 
 def _lands(slider: Slider) -> tuple[bool, ...]:
-    """Return which blocks touch: those on lands of 10 mm between grooves of 10 mm."""
+    """Return whether each block is on a land of 10 mm, not in a groove of 10 mm, (N_x,)."""
     return tuple(int(n * slider.l / 10e-3 + 1e-9) % 2 == 0 for n in range(slider.N_x))
 
 
 def _waves(slider: Slider) -> tuple[float, ...]:
-    """Return gaps of a height of 20 um from crest to trough and a wavelength of 35 mm, in m."""
+    """Return gaps (m) with a wavelength of 35 mm and a height of 20 um from crest to trough."""
     wave = 2 * math.pi * slider.l / 35e-3
     return tuple(10e-6 * (1 - math.cos(wave * n)) for n in range(slider.N_x))
 
 
 def _made(base: Scene, given: Mapping[str, Any], **rules: Rule) -> Scene:
-    """Return a scene with changes; `rules` give the values of fields left out, by part_field."""
+    """Return a scene with changes; `rules`, named like slider_M, compute fields left out."""
     for part in given.keys() & PARTS:
         with naming(part):
             PARTS[part].check(given[part])
@@ -202,10 +202,11 @@ def setup1(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     V = 0.7875 mm/s, h = 5 mm, mu_s = 0.7, mu_k = 0.45. If l is changed, k = 3 B E / 4 stays the
     same, and the block mass follows from M / (N_x N_z).
 
-    If L is changed and M is not given, M is 0.54 kg/m times L: 108 g at L = 200 mm. The caption of
-    the paper gives 75.6 g. This mass leads to the paper's wave speeds (1677 and 968 m/s) only at
-    L = 140 mm; therefore the density is kept. M=0.0756 gives the mass of the caption at every L. If
-    H is changed and M is not given, M stays, and the density changes; records say so.
+    If L is changed and M is not given, M is 0.54 kg/m times L, which is 108 g at L = 200 mm. The
+    caption of the paper gives 75.6 g. This mass leads to the paper's wave speeds (1677 and 968 m/s)
+    only at L = 140 mm; therefore the density stays the same. M=0.0756 gives the mass of the caption
+    at every L. If H is changed and M is not given, M stays, and the density changes; records say
+    so.
 
     Changes and errors are those of `preset`.
 
@@ -221,7 +222,7 @@ def slow(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
     V = 0.4 mm/s, h = 5 mm, mu_s = 0.4, mu_k = 0.17, and k_f = k/2 by default. Each block has 100
     junctions with u_s = 1.17 um, which corresponds to C = 39.2 GN/m^2. Junctions slip for 2 ms,
     with a standard deviation of 0.6 ms. n_s, u_s, t_R and other parameters of
-    `pyfric.laws.Junctions` can be changed by name, too. If n_s is changed, u_s is kept.
+    `pyfric.laws.Junctions` can be changed by name, too. If n_s is changed, u_s stays the same.
 
     Changes and errors are those of `preset`.
 
@@ -235,9 +236,9 @@ def rate_and_state(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scen
     """Return setup 1 with rate-and-state friction of rock.
 
     L = 140 mm, H = 75 mm, l = 2.5 mm, k = 13.5 MN/m, M = 75.6 g, F_N = 3500 N, K = 4 MN/m, h = 5 mm
-    as in `setup1`, V = 0.4 mm/s. a = 0.01, b = 0.015, f* = 0.6 and V* = 1 um/s are those of the
-    velocity-weakening part of the benchmark problem BP1. BP1 has D_c = 8 mm. Here D_c is 0.2 um, so
-    that weakening acts over four blocks and precursors grow. Parameters of
+    as in `setup1`, V = 0.4 mm/s. a = 0.01, b = 0.015, f* = 0.6 and V* = 1 um/s are the values of
+    the velocity-weakening part of the benchmark problem BP1. BP1 has D_c = 8 mm. Here D_c is 0.2
+    um, so that weakening acts over four blocks and precursors grow. Parameters of
     `pyfric.laws.RateAndState` can be changed by name, too.
 
     Changes and errors are those of `preset`.
@@ -248,7 +249,7 @@ def rate_and_state(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scen
 
 
 def rate_and_state_pmma(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
-    """Return setup 1 with rate-and-state friction of PMMA, the material of its experiments.
+    """Return setup 1 with rate-and-state friction of PMMA.
 
     Values of the test of cRacklet for PMMA: a = 0.005, b = 0.075 f_0 = 0.0214 with f_0 = 0.285, D_c
     = 0.5 um, V* = 0.1 um/s. The test has f = f_0 + a ln(1 + v/V*) + b ln(1 + theta/phi*) with phi*
@@ -306,9 +307,9 @@ def chain(changes: Changes = None, /, **fields: Unpack[Fields]) -> Scene:
 
     Each block represents a column of setup 1. The defaults are:
 
-    - p = 3500 N / N_x, the normal force of setup 1, spread evenly; F_N="2 kN" spreads another one;
-    - k = E B H / l = 1.35 MN / l, which is 540 MN/m at l = 2.5 mm. A uniform stretch then takes the
-      same force as in setup 1, where E B = 4 k/3 with k = 13.5 MN/m, and H = 75 mm;
+    - p = 3500 N / N_x, the normal force of setup 1, spread evenly; F_N="2 kN" spreads 2 kN;
+    - k = E B H / l = 1.35 MN / l, which is 540 MN/m at l = 2.5 mm. The force of a uniform strain is
+      then that of setup 1, where E B = 4 k/3 with k = 13.5 MN/m, and H = 75 mm;
     - M = 0.54 kg/m times L, as in `setup1`.
 
     Waves then travel at l sqrt(k/m) = 1595 m/s, the speed sqrt(E/rho) of long waves in a rod.
@@ -327,8 +328,9 @@ def burridge_knopoff(changes: Changes = None, /, **fields: Unpack[Fields]) -> Sc
     """Return a chain whose blocks are all pulled by springs from a moving plate.
 
     100 blocks with l = 2.5 mm, p = 61.4 N, k = 1.35 MN/l and the density of `chain`. Each spring of
-    the plate has k/4, so that K = N_x k/4. V = 10 nm/s. mu_s is spread evenly from 0.5 to 0.9, and
-    mu_k = 0.4: events are small and large. With less spread, all blocks slip in each event.
+    the plate has k/4, so that K = N_x k/4. V = 10 nm/s. mu_s is random, uniform from 0.5 to 0.9,
+    and mu_k = 0.4. Events are then small and large; in a narrower range of mu_s, all blocks slip in
+    each event.
 
     Changes and errors are those of `preset`.
 
@@ -363,13 +365,13 @@ def slab(
         p, tau: forces in N: numbers, lists of N_x numbers from the trailing edge on, or functions
             of x (m). x is the distance from the first block at the trailing edge. If that side is
             mirrored, x is the distance from the mirror plane, l/2 before this block.
-        L, H, l: lengths of the `Slider`, m.
+        L, H, l: length, height and lattice constant of the `Slider`, m.
         **fields: other fields of a scene. By default the interface is that of the paper, k is that
             of `setup1`, and M is its mass per area, 6.845 kg/m^2, times (L + l) (H + l). A block
             has the mass M/(N_x N_z), except in the bottom row, which has half blocks. There is no
             driver unless K is given. The driver's h is l. Sides and top are free. eta is sqrt(0.001
-            k m), a tenth of the paper's, and dashpots are "along" the bonds. Stronger dashpots, or
-            "full" ones, which resist rotation, delay fronts.
+            k m), a tenth of the paper's, and dashpots are "along" the bonds. Dashpots that are
+            stronger, or "full" and so resist rotation, delay fronts.
 
     Raises:
         SceneError: a name is unknown or in several parts, or a value is refused.
@@ -449,7 +451,7 @@ class Preset(NamedTuple):
 
 
 def _named(field: str) -> tuple[str, ...]:
-    """Return the names under which a field such as "driver.h" can be given: also "h", "driver"."""
+    """Return the names for a field such as "driver.h": "driver.h", "h" and "driver"."""
     part, _, end = field.partition(".")
     return field, end, part
 
@@ -500,7 +502,7 @@ def preset(name: str, changes: Changes = None, /, **fields: Unpack[Fields]) -> S
         changes: names of fields to values, as in `Scene.replace`: "driver.h", or "h" if only one
             part has it, or a whole part. A value is a number in SI units, text with a unit such as
             "5 mm", or a quantity of a unit library, such as pint.
-        **fields: the same, for names without a dot.
+        **fields: changes of fields whose names have no dot.
 
     Raises:
         SceneError: a name is unknown (the most similar known name is suggested) or in several
@@ -525,7 +527,7 @@ def presets() -> dict[str, str]:
 
 
 UNSAID = 0.05
-"""Largest relative change of the density without a note (a choice)."""
+"""Largest relative change of the density that needs no note (a choice)."""
 
 
 def density_notes(scene: Scene) -> tuple[str, ...]:
@@ -591,6 +593,6 @@ def as_scene(scene: SceneLike, changes: Changes = None) -> Scene:
 
 
 def names_file(name: str) -> bool:
-    """Whether a text is the name or the content of a scene file, and not the name of a preset."""
+    """Return whether a text is the name or content of a scene file, and no name of a preset."""
     looks = os.sep in name or "/" in name or "\n" in name or name.lower().endswith(".toml")
     return name not in PRESETS and (looks or os.path.isfile(name))

@@ -1,4 +1,4 @@
-"""Fields as functions of x, linear between knots, such as measured ones from a file."""
+"""Fields as functions of x, linear between points, such as measured fields from a file."""
 
 import csv
 import os
@@ -29,8 +29,8 @@ ROWS = "two columns of numbers, x and value, of at least two rows"
 class Profile:
     """A field given by its values at points along the interface, linear between them.
 
-    Smaller blocks, or a shorter slider, are on the same interface. Blocks beyond the first or the
-    last point are refused.
+    The field is a function of x: sliders with smaller blocks or shorter length have the same
+    interface. Blocks beyond the first or the last point are refused.
 
     Args:
         x: distances from the trailing edge, m, increasing; at least two.
@@ -98,7 +98,7 @@ class Profile:
 
 
 def _array(path: Path) -> list[list[float]]:
-    """Return the rows of an array of NumPy."""
+    """Return the rows of a NumPy array file."""
     try:
         found = np.load(path, allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:

@@ -1,8 +1,8 @@
 """Loads that change with time: piecewise linear protocols, and pushes of single blocks.
 
 A protocol is a value at t = 0 and breakpoints (`corners`), which are pairs of a time and a value.
-A protocol is linear between breakpoints and constant after the last one. Two breakpoints at the
-same time are a jump. A push is a constant or growing force on one block of an interface.
+A protocol is linear between breakpoints and constant after the last breakpoint. Two breakpoints at
+the same time are a jump. A push is a constant or growing force on one block of an interface.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Piece(NamedTuple):
         return self.integral + (self.value + 0.5 * self.slope * since) * since
 
     def plus(self, rate: float) -> Piece:
-        """Return the piece with rate t added to the value."""
+        """Return the sum of this piece and the function rate t."""
         t, value, slope, integral = self
         if not rate:
             return self
@@ -67,7 +67,7 @@ class Piece(NamedTuple):
 
 
 def pieces(first: float, corners: Corners) -> list[Piece]:
-    """Return the pieces of a protocol; the last one has no end."""
+    """Return the linear pieces of a protocol; the last piece has no end."""
     t, value, integral, found = 0.0, first, 0.0, []
     for t_next, value_next in corners:
         if t_next > t:
@@ -83,7 +83,7 @@ def piece_at(path: Sequence[Piece], t: float) -> Piece:
 
 
 def followed(first: float, corners: Corners, then_first: float, then: Corners, t: float) -> Corners:
-    """Return the breakpoints of a protocol that continues as another one from time t (s) on."""
+    """Return the breakpoints of a protocol that continues as another protocol from t (s) on."""
     old, new = pieces(first, corners), pieces(then_first, then)
     if _from(old, t) == _from(new, t):
         return corners
@@ -104,7 +104,7 @@ class Leg(NamedTuple):
     """A load segment: an interval from t to t_end (s) in which an integral changes monotonically.
 
     The integral goes from `first` to `last`. `way` is +1 if it grows, -1 if it falls, and 0 if it
-    is constant. `value` and `slope` are those of the protocol at t.
+    is constant. `value` and `slope` belong to the protocol at t.
     """
 
     t: float
@@ -116,7 +116,7 @@ class Leg(NamedTuple):
     slope: float
 
     def time_at(self, integral: float) -> float:
-        """Return the time (s) at which the integral has a value; t if it is constant."""
+        """Return the time (s) at which the integral has a value; t if the integral is constant."""
         far, speed = self.way * (integral - self.first), self.way * self.value
         root = math.sqrt(max(speed**2 + 2 * self.way * self.slope * far, 0.0))
         return self.t + (2 * far / (speed + root) if speed + root > 0 else 0.0)
@@ -134,7 +134,7 @@ def legs(course: Sequence[Piece], t_end: float) -> list[Leg]:
         for a, b in itertools.pairwise([piece.t, *([turn] if piece.t < turn < last else []), last]):
             value = piece.value if math.isinf(b) else piece.at(0.5 * (a + b))
             way = int(math.copysign(1, value)) if value else 0
-            last_value = way * math.inf if way else piece.integral  # for a piece without end
+            last_value = way * math.inf if way else piece.integral  # of a piece without end
             to = piece.integral_at(b) if math.isfinite(b) else last_value
             found.append(Leg(a, b, piece.integral_at(a), to, way, piece.at(a), piece.slope))
     return found
@@ -143,7 +143,7 @@ def legs(course: Sequence[Piece], t_end: float) -> list[Leg]:
 def _rows(
     of: Protocol | Pushes, what: tuple[str, str], value: Any, check: Callable[[Any], Any]
 ) -> tuple[Any, ...]:
-    """Return the checked rows of a list; `what` names a row and a list of them."""
+    """Return the checked rows of a list; `what` holds the singular and plural name of a row."""
     value = as_list(value)
     if not isinstance(value, list | tuple):
         raise SceneError("", value, of.unit, of.allowed, f"not a list of {what[1]}")
@@ -154,16 +154,16 @@ def _rows(
 
 
 def thinned(corners: ArrayLike, error: float | str) -> Corners:
-    """Return fewer breakpoints, whose protocol follows the given ones within an error.
+    """Return fewer breakpoints, whose protocol equals the given protocol within an error.
 
     Time steps end at each breakpoint, so that a measured speed with many samples takes many steps.
-    Jumps, where two times are the same, are kept. The displacement of a driver is then right within
-    `error` times the time.
+    Jumps, which are two breakpoints at one time, remain. The error of the driver's displacement is
+    then at most `error` times the time.
 
     Args:
         corners: pairs of a time (s) and a value, in SI units, shape (n, 2), in order of time.
-        error: largest difference of a value from the line between those that are kept, > 0, in the
-            SI unit of the values, or as text such as "1 um/s" or "2 N".
+        error: largest difference of a value from the line between remaining breakpoints, > 0, in
+            the SI unit of the values, or as text such as "1 um/s" or "2 N".
 
     Raises:
         SceneError: an argument is refused.
@@ -266,7 +266,7 @@ Pushed = tuple[tuple[float, ...], ...]
 
 @dataclasses.dataclass(frozen=True)
 class Pushes(Annotation):
-    """Annotation of pushes: lists of a block, a force, and perhaps begin, end and rate."""
+    """Annotation of pushes: lists of a block, a force, and optionally begin, end and rate."""
 
     fewer: ClassVar[str] = ""
     unit: str = "N"

@@ -5,7 +5,7 @@ friction, blocks at rest creep at a minute speed. Each law names its state varia
 the energy budget, and why no block rests.
 
 Source: J. Trømborg et al., Proc. Natl. Acad. Sci. 111, 8764 (2014), junctions;
-`pyfric.laws.RateAndState` names those of rate-and-state friction.
+`pyfric.laws.RateAndState` names the sources of rate-and-state friction.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from pyfric.scene.laws import (
 from pyfric.values import SceneError
 
 LONGEST_REST, LARGEST_RATIO = 1e10, 550.0
-"""Time of rest (s), and largest friction coefficient after it, in units of a.
+"""Rest time (s) at which parameters are checked, and largest accepted friction coefficient over a.
 
 The smallest speed is V* exp(-600) (fortran/evolution.f90).
 """
@@ -42,9 +42,9 @@ class JunctionLaw(Law):
 
     Attributes:
         kind: the parameters of the interface.
-        C: the constant in k_j = sqrt(C p/n_s), in N/m^2; a number, or one for each column.
-        t_R, t_R_std: mean slip time of a junction and its standard deviation, in s; numbers, or one
-            for each column.
+        C: the constant in k_j = sqrt(C p/n_s), in N/m^2; a number or an array of shape (N_x,).
+        t_R, t_R_std: mean slip time of a junction and its standard deviation, in s; numbers or
+            arrays of shape (N_x,).
     """
 
     kind: Junctions
@@ -119,7 +119,7 @@ class JunctionLaw(Law):
         return np.sqrt(self.kind.n_s * self.C * p)
 
     def u_s(self, p: Any) -> Any:
-        """Return the stretch at which junctions break under a load p (N), in m."""
+        """Return the stretch (m) at which junctions break under a load p (N) of the block."""
         return self.mu_s * np.sqrt(p / (self.kind.n_s * self.C))
 
     @property
@@ -129,9 +129,9 @@ class JunctionLaw(Law):
 
     @property
     def at_step_end(self) -> bool:
-        """Whether stretches, strengths or slip times of junctions differ.
+        """Whether stretches, strengths or slip times differ between junctions.
 
-        Then the junctions of a block break or pin one by one: many switches in each step.
+        Then the junctions of a block break or pin one by one, with many switches in each step.
         """
         return bool(np.any(self.t_R_std) or self.kind.stretch or self.kind.u_s_spread)
 
@@ -141,7 +141,7 @@ class JunctionLaw(Law):
         return float(np.max(self.t_R))
 
     def in_motion(self, memory: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the share of pinned junctions."""
+        """Return the share of pinned junctions of each block, (N_x,), by the name "pinned"."""
         return {"pinned": memory["pinned"].mean(axis=1)}
 
     @property
@@ -153,8 +153,8 @@ class JunctionLaw(Law):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return margins and state variables of blocks whose junctions are pinned and carry f.
 
-        The mean stretch of the junctions of a block follows from f. Their stretches are spread
-        evenly about this mean. If p = 0, all junctions of the block slip. See `Law.begin`.
+        The mean stretch of the junctions of a block follows from f. The stretches are spread evenly
+        about this mean. If p = 0, all junctions of the block slip. See `Law.begin`.
 
         Raises:
             SceneError: a junction would break.
@@ -205,9 +205,9 @@ class RateStateLaw(Law):
 
     Attributes:
         kind: the parameters of the law.
-        a, b: direct and evolution effect; numbers, or one for each column.
-        D_c: slip over which the state evolves, in m; a number, or one for each column.
-        theta: state at t = 0, in s; a number, or one for each column.
+        a, b: direct and evolution effect; numbers or arrays of shape (N_x,).
+        D_c: slip over which the state evolves, in m; a number or an array of shape (N_x,).
+        theta: state at t = 0, in s; a number or an array of shape (N_x,).
     """
 
     kind: RateAndState
@@ -240,8 +240,8 @@ class RateStateLaw(Law):
         """Return the law of an interface; see `JunctionLaw.of`.
 
         Raises:
-            SceneError: the interface has other coefficients of friction than f*, no state at t = 0
-                is known because the driver does not move, or a is so small that speeds vanish.
+            SceneError: a coefficient of friction differs from f*; the state at t = 0 is undefined
+                because the driver does not move; or a is so small that speeds vanish.
         """
         f, D_c = given("f_star"), given("D_c")
         for name in ("mu_s", "mu_k"):
@@ -294,7 +294,7 @@ class RateStateLaw(Law):
         return bool(np.any(self.alpha))
 
     def core_fields(self, limits: Iterable[Any] = ()) -> tuple[Any, ...]:
-        """Return fields for the core; see `Law.core_fields`. Speeds have no limits of mu."""
+        """Return fields for the core; see `Law.core_fields`. This law has no limits of mu."""
         return self.a, self.b, self.D_c, self.alpha, self.mu_k
 
     @property
@@ -306,11 +306,11 @@ class RateStateLaw(Law):
 
     @property
     def c(self) -> float:
-        """Share of stress in the evolution of the state."""
+        """Parameter c of the evolution with stress ("nagata"); 0 for other evolutions."""
         return self.kind.c or 0.0
 
     def weakening(self, v: np.ndarray, theta: np.ndarray) -> Any:
-        """Return -d(ln theta)/d|u| by a wave, at speeds v (m/s) and states theta (s), in 1/m."""
+        """Return -d(ln theta)/d|u| in a wave at speeds v (m/s) and states theta (s), in 1/m."""
         x = np.abs(v) * theta / self.D_c
         return EVOLUTIONS[self.kind.evolution].weakening(x, self) / self.D_c
 
@@ -332,6 +332,6 @@ WITHOUT_REST: dict[type[FrictionLaw], type[JunctionLaw | RateStateLaw]] = {
     Junctions: JunctionLaw,
     RateAndState: RateStateLaw,
 }
-"""Kinds of laws under which no block rests, and the classes of their laws."""
+"""Classes of interface parameters under which no block rests, and their classes of laws."""
 LAWS: tuple[type[Law], ...] = (CoulombLaw, *WITHOUT_REST.values())
-"""The three types of law."""
+"""All classes of friction laws."""

@@ -28,13 +28,13 @@ class Scene(Composed, Shown):
     """The simulated system: slider, top boundary, driver, interface, walls.
 
     A scene is immutable and hashable. `replace` changes values and repeats all checks. Arrays run
-    along the interface from the leftmost block to the rightmost one.
+    along the interface from left to right.
 
     Args:
         slider: a `Slider`.
         top: a `Rod` (setup 1), a `DistributedLoad` (setup 2) or a `PrescribedLoad` (a chain, or a
             prescribed interface in two dimensions).
-        driver: a `Driver`; its h and h_top must be on rows of the slider above the bottom one, or 0
+        driver: a `Driver`; its h and h_top must be on rows of the slider above the bottom row, or 0
             for a chain.
         interface: an `Interface`.
         name: free text of at most `MAX_NAME` characters.
@@ -58,7 +58,7 @@ class Scene(Composed, Shown):
         return scene_text(self)
 
     def __getattr__(self, name: str) -> Any:
-        """Refuse a name that a scene has not, and suggest where the value is."""
+        """Raise AttributeError for an unknown name, and suggest where its value is."""
         if name.startswith("_"):
             raise AttributeError(f"a scene has no {name!r}", name=name, obj=self)
         if instead := line(name, "scene"):
@@ -84,7 +84,7 @@ class Scene(Composed, Shown):
             changes: names of fields to values: "driver.h", or "h" if only one part has it, or a
                 whole part, or "name". A value is a number in SI units, text with a unit such as
                 "5 mm", or a quantity of a unit library, such as pint.
-            **keywords: the same, for names without a dot.
+            **keywords: changes of fields whose names have no dot.
 
         Raises:
             SceneError: a name is unknown or in several parts, or a value is refused.

@@ -8,21 +8,21 @@ from pyfric.scene.profile import Profile
 from pyfric.values import NotNegative, SceneError, Whole, part
 
 SUMMED = 12
-"""Uniform numbers in a sum that approximates a normal number; the sum has variance 1."""
+"""Number of uniform numbers whose sum approximates a normal number; the sum has variance 1."""
 CELLS = 32
-"""Cells of white noise in a correlation length."""
+"""Number of cells of white noise in one correlation length."""
 MOST_CELLS = 2_000_000
-"""Largest number of cells; they take half a second."""
+"""Largest number of cells, whose random numbers take half a second."""
 
 
 def stream(name: str) -> int:
-    """Return the number of the stream of a field, computed from its name; 0 for mu_s."""
+    """Return the number of the random stream of a field, computed from its name; 0 for mu_s."""
     of_name, first = (int.from_bytes(text.encode()[:8], "big") for text in (name, "mu_s"))
     return of_name ^ first
 
 
 def uniform(n: int, seed: int, name: str = "mu_s") -> np.ndarray:
-    """Return n numbers in [0, 1), multiples of 2^-53, of Philox under (seed, stream of a name)."""
+    """Return n random multiples of 2^-53 in [0, 1), from Philox with key (seed, stream of name)."""
     key = np.array([seed, stream(name)], dtype=np.uint64)
     raw = np.random.Philox(key=key, counter=[0, 0, 0, 0]).random_raw(n)
     return (raw >> np.uint64(11)).astype(float) * 2.0**-53
@@ -44,10 +44,10 @@ class Spread:
     Each field has a stream of its own: equal seeds of two fields give independent numbers. With a
     correlation length the field is a function of the distance x from the trailing edge. The field
     depends neither on l nor on L: blocks of l/2 are on the same interface. Without a correlation
-    length each l has another interface.
+        length, the interface differs for each l.
 
-    The normal distribution is that of the sum of twelve uniform numbers minus 6, within
-    0.0023. No independent value is further than 6 std from the mean. With `range` there is no
+    The normal distribution is approximated, within 0.0023, by the sum of twelve uniform numbers
+    minus 6. No independent value is further than 6 std from the mean. With `range` there is no
     correlation length. The uniform numbers are those of Philox 4x64 with ten rounds. Only
     additions, products and one square root follow, so that fields are the same on any machine.
 
@@ -72,7 +72,7 @@ class Spread:
 
     @property
     def in_space(self) -> bool:
-        """Whether the field is a function of x, whatever the blocks are."""
+        """Whether the field is a function of x, independent of the blocks."""
         return bool(self.correlation_length)
 
     def draw(self, n: int, l: float, name: str = "mu_s") -> np.ndarray:
@@ -118,6 +118,6 @@ class Spread:
 Field = float | tuple[float, ...] | Spread | Profile
 """A number, a list of numbers for blocks from the trailing edge on, a `Spread` or `Profile`."""
 BLOCKS = {"listed": True, "each": "block", "note": ", or a list of N_x of them"}
-"""Common arguments of annotations of values of each block."""
+"""Keyword arguments of annotations of values with one number for each block."""
 FIELD = BLOCKS | {"drawn": (Spread, Profile), "note": BLOCKS["note"] + ", a Spread or a Profile"}
-"""Common arguments of annotations of fields."""
+"""Keyword arguments of annotations of fields."""

@@ -1,4 +1,4 @@
-"""Texts on a scene: a summary, and notes on values that a run does not reach or resolve."""
+"""Text of a scene, and notes on weakening that a run does not reach or does not resolve."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pyfric.scene.parts import PrescribedLoad
 from pyfric.values import annotations, with_prefix
 
 LEFT = 0.01
-"""Remaining share of mu_s - mu_k at which friction counts as fallen."""
+"""Share of mu_s - mu_k that remains where friction counts as fallen."""
 
 
 def scene_text(scene: Composed) -> str:
@@ -33,7 +33,7 @@ def scene_text(scene: Composed) -> str:
 
 
 def _block(scene: Composed) -> str:
-    """Return mass, load and speeds of long waves, which follow from k; see `Material`."""
+    """Return a text with block mass, mean load and speeds of long waves; see `Material`."""
     c = scene.slider.l * math.sqrt(scene.slider.k / scene.m)
     waves = {"c": c} if scene.N_z == 1 else {"c_P": math.sqrt(1.5) * c, "c_S": math.sqrt(0.5) * c}
     speeds = [f"{name} = {speed:.6g} m/s" for name, speed in waves.items()]

@@ -7,10 +7,10 @@ border:
     [ A  B ] [y]   [b]
     [ B' D ] [z] = [c] ,   (D - B' A^-1 B) z = c - B' A^-1 b ,   A y = b - B z .
 
-LAPACK solves for one right side at a time and reads the whole factor for each. Many right sides
-are solved together. For that the factor, of half width w, is cut into w x w blocks: triangles on
-the diagonal and to the right of it. LAPACK's band storage moves up by one row from column to
-column. Each block in it is a dense matrix with w numbers from one column to the next.
+LAPACK's band solver reads the whole factor once for each right side. Here many right sides are
+solved together. The factor, of half width w, is cut into w x w blocks, which are triangles on the
+diagonal and to the right of the diagonal. In LAPACK's band storage each column begins one row above
+the previous column. A block therefore is a dense matrix whose columns begin w numbers apart.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 TOGETHER = 1024
-"""Half width times number of right sides, from which solving these together is faster."""
+"""Half width times number of right sides, from which joint solution of right sides is faster."""
 
 
 class BandedCholesky:
@@ -36,8 +36,8 @@ class BandedCholesky:
     Args:
         K: symmetric sparse matrix, shape (n_q, n_q). Its unknown rows and columns are factorised.
         unknown: indices of the unknown rows and columns, shape (n,).
-        order: permutation of the n unknowns: first those of the band, in the order of their
-            coupling, then those of the border.
+        order: permutation of the n unknowns: unknowns of the band in the order of their coupling,
+            then unknowns of the border.
         n_border: number of unknowns of the border.
 
     Raises:
@@ -54,7 +54,7 @@ class BandedCholesky:
         at[unknown[order]] = np.arange(len(order))
         i, j, value = np.repeat(at, np.diff(K.indptr)), at[K.indices], K.data
         lower, edge = (i >= j) & (j >= 0) & (i < n), (i >= n) & (j >= 0)
-        row, column = j[lower], i[lower]  # of the upper triangle: K is symmetric
+        row, column = j[lower], i[lower]  # the upper triangle of the symmetric K
         self._width = width = int((column - row).max(initial=0))
         # Further rows of the unit matrix make the number of rows a multiple of the width.
         ab = np.zeros((width + 1, n + -n % max(width, 1)), order="F")
@@ -91,7 +91,7 @@ class BandedCholesky:
             x[i] = dtrsm(1.0, self._block(i, i), x[i].T, side=1, trans_a=1).T
 
     def _block(self, i: int, j: int) -> np.ndarray:
-        """Return block (i, j) of the factor, shape (w, w); its other triangle is not defined."""
+        """Return block (i, j) of the factor, (w, w); only its part in the band is defined."""
         w = self._width
         numbers = self._factor.ravel(order="K")[w * (1 + i + j * w) :][: w * w]
         return numbers.reshape(w, w, order="F")

@@ -1,4 +1,4 @@
-"""Threads of BLAS. Small problems and products use one thread, which is faster than several."""
+"""Threads of BLAS. One thread is faster than several threads for small problems and products."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
 SMALL = 250
-"""Largest N_x that runs on one BLAS thread; matrices have 2 N_x rows."""
+"""Largest N_x for which BLAS uses one thread; matrices have 2 N_x rows."""
 
 F = TypeVar("F", bound="Callable[..., Any]")
 

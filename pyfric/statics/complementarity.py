@@ -42,19 +42,18 @@ if TYPE_CHECKING:
     from pyfric.scene import CoulombLaw, OnDriven, Scene
 
 RATE_TOL = 1e-11
-"""Rate of a force, over stiffness times rate of displacement, that counts as rounding."""
+"""Largest rate of a force that counts as rounding, over stiffness times rate of displacement."""
 LEAST = 1e-6
 """Normal force, over F_N/N_x, below which a block does not stick."""
 LOST = 1e-3
-"""Rounding error of the conditions, over F_N/N_x, beyond which the slider counts as held by
-nothing."""
+"""Rounding error of the conditions, over F_N/N_x, beyond which the slider counts as unsupported."""
 UNHELD = "the slider is not held by the blocks that stick"
 BASES = 64
 """Number of stored tables with all blocks held. Each set of open blocks has its own table."""
 CHANGES = 10
 """Largest number of exchanges for one static state, over N_x; about 1.5 are needed. In the second
-half, the first block that violates a condition changes instead of the worst one. This rule ends
-cycles.
+half of the exchanges, the first block that violates a condition changes, instead of the block with
+the largest violation. This rule ends cycles.
 """
 
 
@@ -83,8 +82,9 @@ class ContactProblem:
 
     Args:
         scene: the scene.
-        u_drv0: u_x of the driven blocks at F_T = 0, in m, as `Scene.u_driven` returns it. Only its
-            differences between the blocks of a plate matter. None means u_x in the loaded state.
+        u_drv0: u_x of the driven blocks at F_T = 0, in m, as `Scene.u_driven` returns it. Only
+            differences of u_drv0 between the blocks of a plate matter. None means u_x in the loaded
+            state.
 
     Raises:
         SceneError: the scene has no static states.
@@ -105,7 +105,7 @@ class ContactProblem:
         self._look(self._route)
 
     def _look(self, route: Route) -> None:
-        """Set driver and loads along a route."""
+        """Set driver position and loads as functions of the parameter s of a route."""
         self._route, (F_N, T), (F_N_gain, T_gain) = route, route.load, route.gain
         w = np.array([[route.way, route.drive], [0.0, 1.0], [F_N_gain, F_N], [T_gain, T]])
         self._loads, self._F_T = self.slider.G @ w, self.slider.c @ w
@@ -113,9 +113,9 @@ class ContactProblem:
 
     @property
     def loads(self) -> tuple[np.ndarray, np.ndarray]:
-        """Loads on the interface, shape (2 N_x, 2), and F_T at u = 0, (2,), by drive and constant.
+        """Loads on the interface, shape (2 N_x, 2), and F_T at u = 0, shape (2,).
 
-        Units are N/m and N.
+        The two columns are the derivative by drive (N/m) and the value at drive = 0 (N).
         """
         return self._loads, self._F_T
 
@@ -172,7 +172,7 @@ class ContactProblem:
 
     @functools.cached_property
     def _applied(self) -> Contact:
-        """The slider without its driver under F_N."""
+        """Contact states of the slider under F_N without its driver."""
         home, none = self.scene.home, np.zeros(self.scene.N_x, dtype=bool)
         applied = Contact(self.undriven(), home, 0.0, np.zeros(len(home)), driven=False)
         if self.scene.interface.slip is None:
@@ -187,7 +187,7 @@ class ContactProblem:
 
     @functools.cached_property
     def _loaded(self) -> tuple[np.ndarray, float, np.ndarray]:
-        """The loaded state: u_x, position of the driver at F_T = 0, contact states."""
+        """Loaded state: u_x (m), position of the driver at F_T = 0 (m), contact states."""
         applied = self._applied
         u_x, mode = applied.values().u_x, np.where(applied.closed, STUCK, OPEN)
         contact = Contact(self, u_x, 0.0, mode)
@@ -226,7 +226,7 @@ class Contact(States):
         u_x: positions at which stuck blocks are held, shape (N_x,), in m.
         drive: position of the driver, in m.
         mode: contact states, shape (N_x,).
-        law: the friction law; None means the scene's.
+        law: the friction law; None means the law of the scene.
         driven: whether the driver's spring holds the slider.
 
     Attributes:
@@ -263,7 +263,7 @@ class Contact(States):
         self.column[-2], self._now = value, None
 
     def along(self, problem: ContactProblem, s: float) -> None:
-        """Continue on another route from its s (m), at the same driver position and loads."""
+        """Continue on another route from its parameter s (m), without a jump of drive or loads."""
         self.problem, self.drive = problem, s
         self.renew()
 
@@ -310,8 +310,8 @@ class Contact(States):
     def load(self, home: np.ndarray) -> Values:
         """Find the state after proportional loading; see `States.unmet_in_loading`.
 
-        A block that hardly touches may lift off where it is held, and sink in where it is free. A
-        block that lifts off a second time lands as a slipping block, at its present position.
+        A block with very small p may lift off if it is held, and penetrate if it is free. A block
+        that lifts off a second time lands as a slipping block, at its present position.
         """
         self._lifts[:] = 0
 
@@ -384,9 +384,9 @@ class Contact(States):
     def settle_rates(self) -> Iterator[Values]:
         """Find which blocks at their threshold slip as the driver moves on; see `exchange`.
 
-        A slipping block that would move back sticks. A stuck block at its threshold that would
-        exceed it slips. If a block has just landed, f is zero within rounding, and the sign of its
-        rate gives the direction of slip.
+        A slipping block that would move back sticks. A stuck block at its threshold slips if its
+        friction force would exceed the threshold. If a block has just landed, f is zero within
+        rounding, and the sign of its rate gives the direction of slip.
         """
 
         def unmet(now: Values) -> Unmet | None:
@@ -426,10 +426,10 @@ class Contact(States):
         return definiteness(*self.slip_operator(self.slip))
 
     def definiteness_of_sliding(self) -> float:
-        """Return the definiteness of the slip operator if all blocks in contact slip one way.
+        """Return the definiteness of the slip operator for slip of all blocks in one direction.
 
-        The smaller value of both directions is returned. With fewer slipping blocks definiteness is
-        larger.
+        The smaller of the values for the two directions is returned. Definiteness is larger if
+        fewer blocks slip.
         """
         one_way = self.closed.astype(np.int8)
         return min(definiteness(*self.slip_operator(way)) for way in (one_way, -one_way))
@@ -437,11 +437,11 @@ class Contact(States):
     # --- pivots ----------------------------------------------------------------------------------
 
     def change(self, i: int, mode: int) -> None:
-        """Put one block into another state, at its present position."""
+        """Change the state of one block, at its present position."""
         self.put(np.array([i]), np.array([mode]), self.values().u_x[[i]])
 
     def put(self, which: np.ndarray, mode: np.ndarray, u_x: np.ndarray) -> None:
-        """Put n blocks into states, shape (n,); those that stick are held at u_x (m), (n,)."""
+        """Set the states of n blocks, shape (n,); stuck blocks are held at u_x (m), (n,)."""
         mode = self.possible(which, mode)
         opens = (self.mode[which] == OPEN) | (mode == OPEN)
         if opens.any():
@@ -450,12 +450,12 @@ class Contact(States):
             self.column[which] = u_x
             self.renew()
             return
-        for n in np.argsort(mode != STUCK, kind="stable"):  # stuck ones first: they hold the slider
+        for n in np.argsort(mode != STUCK, kind="stable"):  # stuck blocks first
             if self.free[which[n]] == (mode[n] == STUCK):
                 self._exchange(which[n], mode[n], u_x[n])
 
     def _exchange(self, i: int, mode: int, u_x: float) -> None:
-        """Release a stuck block, or hold one at u_x (m), by exchange of its column and row."""
+        """Exchange column and row of a block, which is released, or held at u_x (m)."""
         table, at, sticks = self.table, self.at, mode == STUCK
         row = table[i].copy()
         if not sticks:

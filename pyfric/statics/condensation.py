@@ -8,8 +8,8 @@ v = (u_x, u_z) and of driver and loads w = (drive, 1, F_N, T). With matrices S, 
 
 The driver spring is relaxed at drive = 0 if the driven block is at u_x = 0, so that
 drive = V t + d u_drv0. For a plate u_drv0 is the mean over its blocks. The second component of w
-stands for the constant forces: those of differences between the blocks of a plate, weights, and
-the prescribed shear of a chain.
+stands for constant forces: weights, the prescribed shear of a chain, and forces due to differences
+of u_drv0 between the blocks of a plate.
 
 The lattice couples only neighbouring rows. Elimination of row j + 1 therefore changes only row j:
 
@@ -44,7 +44,7 @@ LARGE = 10_000
 """Number of unknowns above which condensation takes seconds. Condensation needs 3 N_z (2 N_x)^3
 operations: 7e8 in the Fig. 1 scene, 1e12 with 561 x 301 blocks."""
 KEPT = 4
-"""Number of condensed sliders that are kept."""
+"""Number of stored condensed sliders."""
 
 
 @dataclass(frozen=True)
@@ -59,10 +59,10 @@ class Condensed:
     Attributes:
         S: stiffness of the interface, shape (2 N_x, 2 N_x), in N/m.
         G: matrix from w to loads on the interface, shape (2 N_x, 4); columns in N/m, N, 1 and 1.
-        c: row from w to F_T at v = 0, shape (4,), in the same units; zeros without the driver.
-        P: shape (2 N_x, n), dimensionless.
-        D: shape (n, 4); columns in 1 (zeros, for the drive), m, m/N and m/N.
-        F: shape (n, n), in m/N.
+        c: row from w to F_T at v = 0, shape (4,), in N/m, N, 1 and 1; zeros without the driver.
+        P: loads on the interface per force on each driven block, shape (2 N_x, n).
+        D: matrix from w to u_x of driven blocks, shape (n, 4); columns in 1 (zeros), m, m/N, m/N.
+        F: u_x of driven blocks per force on each driven block, shape (n, n), in m/N.
     """
 
     S: np.ndarray
@@ -98,8 +98,8 @@ def condense(scene: Scene) -> Condensed:
     """Eliminate the slider above its bottom row, with the rod; `Condensed.driven` adds the driver.
 
     The bonds are eliminated at k = 1 N/m and scaled; the spring of the mattress is added as one
-    more force. The last `KEPT` results of elimination are kept, for all scenes with the same
-    `_inputs`.
+    more force. The last `KEPT` results of elimination are stored, and shared by all scenes with the
+    same `_inputs`.
 
     Args:
         scene: the scene.
@@ -116,7 +116,7 @@ def _inputs(scene: Scene) -> tuple[Hashable, ...]:
     """Return all quantities on which the elimination of the upper rows depends.
 
     Scenes that differ only in interface, driver's spring and speed, protocols, size of loads, k and
-    mattress agree in all of them.
+    mattress agree in all these quantities.
     """
     slider, driver, top = scene.slider, scene.driver, scene.top
     lattice = scene.N_x, scene.N_z, slider.l, slider.edges, scene.walls
@@ -130,8 +130,7 @@ def _inputs(scene: Scene) -> tuple[Hashable, ...]:
 def _condensed(scene: Scene) -> Condensed:
     """Return the slider condensed at k = 1 N/m and without its mattress.
 
-    Under a rod, its torque is one more force, the last one, and phi is the displacement of this
-    force.
+    Under a rod, the torque on the rod is the last force, and phi is its displacement.
     """
     N_x, N_z = scene.N_x, scene.N_z
     stiff = bond_stiffness(scene)
@@ -170,7 +169,7 @@ def _condensed(scene: Scene) -> Condensed:
         G = r[row] - BT @ to_G
     found = A, G[:, :4], np.zeros(4), G[:, 4:], -c[:, :4], -c[:, 4:]
     for part in found:
-        part.flags.writeable = False  # scenes share them
+        part.flags.writeable = False  # scenes share these arrays
     return Condensed(*found)
 
 

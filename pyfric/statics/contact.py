@@ -8,12 +8,12 @@ height over the foundation, p = -k_f z while it touches it):
     bare    f = 0,                    p >= 0
     open    p = f = 0,                z >= 0
 
-Blocks without friction are bare or open, and those without contact are always open.
+Blocks without friction are bare or open, and blocks without contact are always open.
 
 Conditions are checked in this order. First, blocks on the wrong side of the foundation open or
 land. Second, blocks that moved along their friction force stick again. Third, the block with the
-largest |f| - mu_s p is released. Because p is coupled to slip, there can be several solutions; this
-order selects one.
+largest |f| - mu_s p is released. Because p is coupled to slip, there can be several solutions, and
+this order selects one solution.
 
 There are no absolute tolerances: forces are compared with F_N/N_x, displacements with other
 displacements. In linear geometry, doubling F_N and all displacements therefore doubles every result
@@ -109,9 +109,9 @@ class States:
         return mode.astype(np.int32)
 
     def misplaced(self, now: Values, landed: np.ndarray | int, u_x: np.ndarray) -> Unmet | None:
-        """Return closed blocks with z > 0, which open, and open ones with z < 0, which land.
+        """Return closed blocks with z > 0, which open, and open blocks with z < 0, which land.
 
-        Blocks that land get the state `landed`; those that stick are held at `u_x` (m).
+        Blocks that land get the state `landed`; blocks that stick are held at `u_x` (m).
         """
         depth = np.where(self.closed, self.k_f, self._gap_k) * (now.u_z + self.gap)
         if not depth.max() > self.tol:
@@ -127,7 +127,7 @@ class States:
         """Return blocks whose friction force exceeds their strength; they slip.
 
         Without a driver, the last stuck blocks cannot all be released, because nothing else holds
-        the slider. If all of them would be released at once, a slipping block sticks again, at
+        the slider. If all stuck blocks would be released at once, a slipping block sticks again, at
         `home` (m).
         """
         stuck, mode = self.stuck, -np.sign(now.f).astype(np.int8)
@@ -158,8 +158,8 @@ class States:
 def with_free(scene: Scene, closed: np.ndarray, free: np.ndarray) -> np.ndarray:
     """Return initial contact states, shape (N_x,), in which free blocks have no friction.
 
-    Free blocks are open if at least two other blocks support the slider. In a chain they stay
-    closed, because each block stands on its own.
+    Free blocks are open if at least two other blocks support the slider. In a chain free blocks
+    stay closed, because each block carries its own p.
     """
     free = free & ~scene.bare
     stands = scene.N_z > 1 and np.sum(closed & ~free) >= 2
@@ -179,7 +179,7 @@ def rounding(scene: Scene, force: float) -> float:
 CONTACT_TOL = 1e-11
 """Violation of conditions, over F_N/N_x, that counts as rounding at any displacement."""
 BARE = 3
-"""Contact state of a block that touches the foundation without friction; the core has none."""
+"""Contact state, absent in the core, of a block that touches the foundation without friction."""
 LEAST_DEFINITENESS = 0.01
 """Definiteness below which a state may not be unique."""
 

@@ -6,8 +6,8 @@ Let x be the u_x of the blocks of the condensed slider that slip (direction sigm
     R(x, drive) = f(x, drive) + sigma mu(s) p(x, drive) = 0 ,   ds = sigma dx ,
     J = dR/dx = df/dx + sigma mu dp/dx + mu' p .
 
-Weakening, mu' < 0, acts as a negative stiffness mu' p of each slipping block; the change of p is a
-second term. As the driver moves, dx/d(drive) = -J^-1 dR/d(drive), and the state follows a smooth
+Weakening, mu' < 0, acts as a negative stiffness mu' p of each slipping block; the change of p adds
+a further term. As the driver moves, dx/d(drive) = -J^-1 dR/d(drive), and the state follows a smooth
 path until one of these changes:
 
     a stuck block reaches its strength, a slipping block reverses, a block opens or lands;
@@ -15,7 +15,7 @@ path until one of these changes:
     an eigenvalue of J becomes zero, so that slip continues without the driver.
 
 The friction force is a product of two linear functions, mu and p. Newton's method finds the states.
-Changes are the zeros of gap functions, found to rounding.
+Changes are the zeros of gap functions, located to rounding.
 
 Source: J. R. Rice and A. L. Ruina, J. Appl. Mech. 50, 343 (1983), stability against a stiffness;
 K. Uenishi and J. R. Rice, J. Geophys. Res. 108, 2042 (2003), for weakening with slip alone.
@@ -38,15 +38,16 @@ if TYPE_CHECKING:
 ENOUGH = 1e-10
 """Largest accepted residual force of static states, over F_N/N_x."""
 ROUNDED = 10 * ENOUGH
-"""Violation of gap functions that residual forces can cause, over F_N/N_x."""
+"""Largest violation of gap functions by residual forces, over F_N/N_x."""
 RATE = 1e-7
 """Slip per displacement of the driver below which a block counts as not slipping."""
 PART = 0.25
-"""Longest step along a path, in slip over the slip at the first knot of the law."""
+"""Largest slip in one step along a path, over the slip at the first knot of the law."""
 PAST = 1.01
-"""Length of a step over the extrapolated distance of the next change, so that it ends beyond."""
+"""Step length over the extrapolated distance to the next change, so that a step passes the
+change."""
 NEWTON, LOOKS, STEPS = 12, 200, 10_000
-"""Largest numbers: Newton steps, states computed to find one change, steps of a path."""
+"""Largest numbers of Newton steps, of states computed to find one change, of steps of a path."""
 
 
 class Point(NamedTuple):
@@ -105,20 +106,20 @@ class Creep(Weakening):
 
     @property
     def free(self) -> np.ndarray:
-        """Blocks whose u_x is free: they slip or are open, shape (N_x,), bool."""
+        """Blocks with free u_x, which slip or are open, shape (N_x,), bool."""
         return (self.way != 0) | ~self.closed
 
     # --- states ----------------------------------------------------------------------------------
 
     def at(self, drive: float, begin: Point | None = None) -> Point | None:
-        """Return the static state at a driver position, on the present pieces of the law.
+        """Return the static state at a driver position, on the present linear pieces of the law.
 
         Args:
             drive: position of the driver, in m.
             begin: a nearby state; the search begins on its tangent.
 
         Returns:
-            The state, or None if there is no stable one.
+            The state, or None if there is no stable state.
         """
         row, table = table_rows(self.N_x), self.problem.base(self.closed)
         a = np.flatnonzero(self.free)
@@ -175,7 +176,7 @@ class Creep(Weakening):
             drive_end: position of the driver at the end, in m.
 
         Returns:
-            States along the path, the last one just before the change, and the change.
+            States along the path, of which the last is just before the change, and the change.
         """
         path = [begin]
         for _ in range(STEPS):
@@ -198,7 +199,7 @@ class Creep(Weakening):
         """Apply a change from `follow` to the state before it, and return the state after it.
 
         A block that starts to slip has zero slip. A block that lands sticks at its position. None
-        is returned if no state is near, or if friction jumps.
+        is returned if no static state is nearby, or if friction jumps.
         """
         i, way = change.block, {"slip +": 1.0, "slip -": -1.0}.get(change.what, 0.0)
         if change.what == "gap":
@@ -212,7 +213,7 @@ class Creep(Weakening):
         return self.at(point.drive, point)
 
     def nucleate(self, drive: float, drive_end: float) -> tuple[list[Point], list[Change]]:
-        """Follow slip through all changes of contact state until it becomes unstable.
+        """Follow slip through all changes of contact state until slip becomes unstable.
 
         Args:
             drive: position of the driver at the start, in m.
@@ -235,7 +236,7 @@ class Creep(Weakening):
         return path, changes
 
     def _stretch(self, path: list[Point], drive_end: float) -> Change | None:
-        """Make one step along a path, or go up to just before a change if one is near."""
+        """Make one step along a path, or end the path just before a change, which is returned."""
         low, unit = path[-1], self.problem.unit
         close = ROUNDED * unit / self.problem.scene.slider.k
         close = max(close, 8 * float(np.spacing(abs(low.drive))))
@@ -246,12 +247,12 @@ class Creep(Weakening):
             if change is None or high - low.drive <= close:
                 break
             middle = (low.drive + high) / 2
-            if change.block >= 0 and n % 4 < 3:  # secant steps; every fourth is a bisection
+            if change.block >= 0 and n % 4 < 3:  # every fourth step is a bisection
                 row = WHAT.index(change.what)
                 begin, end = (
                     point.margins[row, change.block] + self.small[row] for point in (low, at)
                 )
-                if begin > end:  # otherwise the start violates it, too
+                if begin > end:  # otherwise the start violates the gap function, too
                     middle = low.drive + max(begin, 0.0) / (begin - end) * (high - low.drive)
             middle = min(max(middle, low.drive + close), max(high - close, low.drive + close / 2))
             found = self.at(middle, low)
@@ -286,7 +287,7 @@ class Creep(Weakening):
         return min(far / speed if speed > 0 else math.inf, PAST * max(float(ahead.min()), 0.0))
 
     def wrong(self, point: Point | None) -> Change | None:
-        """Return the worst violation at a state as a change, or None if there is none."""
+        """Return the largest violation at a state as a change; None if nothing is violated."""
         if point is None:
             return Change("unstable")
         over = -point.margins / self.small[:, None]

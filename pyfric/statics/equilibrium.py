@@ -10,16 +10,16 @@ proportionally and quasi-statically. In linear geometry this loading is self-sim
 slips does so from the smallest load on, always in one direction. Conditions on the final state
 (`contact`, with displacements counted from u_x = 0) therefore suffice. For mu_s = mu_k this is a
 linear complementarity problem. For mu_s > mu_k blocks that slipped have mu_k, and there can be
-several solutions; the order of the conditions selects one. In finite geometry the same conditions
-are imposed at full load.
+several solutions; the order of the conditions selects one solution. In finite geometry the same
+conditions are imposed at full load.
 
 Newton's method, on all blocks, finds the static state for given contact states. If this state
 violates their conditions, the contact solver (`complementarity`) finds other contact states. The
 contact solver uses the condensed slider in linear geometry. In finite geometry its loads are
 corrected for the difference.
 
-A chain does not slip while it is loaded, because a scene in which it would is refused. A chain
-keeps p_i, and its blocks without friction stay closed.
+A chain does not slip while it is loaded, because scenes with such slip are refused. In a chain p_i
+is constant, and blocks without friction stay closed.
 
 Source: PRL 107, 074301 (2011).
 """
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 MAX_NEWTON = 60
 """Largest number of Newton steps for one set of contact states."""
 ACCEPTED = 1e-9
-"""Largest accepted residual force, over F_N/N_x, if rounding prevents a smaller one."""
+"""Largest residual force accepted if rounding prevents a smaller residual, over F_N/N_x."""
 CORRECTIONS = 10
 """Largest number of calls of the contact solver for one static state; about 2 are needed."""
 JUNCTION_STEPS = 100
@@ -67,8 +67,8 @@ JUNCTION_ROUNDED = 1e-12
 class StaticSolver(System):
     """Static states of one scene, for given interface displacements and driver positions.
 
-    Factorisations are kept for each set of contact states. All factorisations belong to the loaded
-    state, so that results do not depend on earlier solutions.
+    Factorisations are stored for each set of contact states. All factorisations belong to the
+    loaded state, so that results do not depend on earlier solutions.
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.
@@ -119,15 +119,15 @@ class StaticSolver(System):
     ) -> Equilibrium:
         """Return the equilibrium with the interface held.
 
-        Held blocks that lift off become free. If they come down again, they are held again. A block
-        that lifts off a second time stays without friction.
+        Held blocks that lift off become free. If such blocks come down again, they are held again.
+        A block that lifts off a second time stays without friction.
 
         Args:
             u_x_bottom: u_x of the bottom blocks, shape (N_x,), in m; ignored for free blocks.
             drive: displacement V t of the driver since t = 0, in m.
-            free: blocks without friction (open ones), shape (N_x,), bool; their u_x is a
-                result. Free blocks carry p if they touch the foundation. None means no block.
-            load: F_N and T, in N; None means those at t = 0.
+            free: blocks without friction (open blocks), shape (N_x,), bool; their u_x is a result.
+                Free blocks carry p if they touch the foundation. None means no block.
+            load: F_N and T, in N; None means their values at t = 0.
             near: equilibrium at which the search starts; None means the loaded state.
 
         Returns:
@@ -177,8 +177,8 @@ class StaticSolver(System):
         """Return the loaded state on junctions, which are pinned at u_x = 0 before F_N is applied.
 
         Junctions add n_s k_j = sqrt(n_s C p) to the stiffness of each bottom block along x, with
-        the present p. The tangent of the chord iteration is that of linear geometry, with the
-        stiffness of the junctions at the last p.
+        the present p. The chord iteration uses the tangent of linear geometry, with the stiffness
+        of the junctions at the last p.
         """
         scene, N_x, unit = self.scene, self.scene.N_x, self.scene.F_N / self.scene.N_x
         at, states = ends(N_x), States(scene, np.zeros(N_x), scene.law.static, driven=False)
@@ -210,7 +210,7 @@ class StaticSolver(System):
 
     @functools.cached_property
     def _problem(self) -> ContactProblem:
-        """The condensed slider."""
+        """Contact problem of the condensed slider."""
         return ContactProblem(self.scene)
 
     def _rest(
@@ -223,9 +223,9 @@ class StaticSolver(System):
     ) -> Equilibrium:
         """Return the static state whose contact states meet their conditions.
 
-        Newton's method finds the static state for given contact states. If these violate their
-        conditions, the contact solver finds others, on the slider linearised about the static
-        state. In linear geometry the contact solver's states are final.
+        Newton's method finds the static state for given contact states. If these contact states
+        violate their conditions, the contact solver finds other contact states, on the slider
+        linearised about the static state. In linear geometry the contact solver's states are final.
 
         Args:
             q: initial coordinates, shape (n_q,).
@@ -289,14 +289,14 @@ class StaticSolver(System):
     ) -> tuple[tuple[np.ndarray, np.ndarray, float], float, int]:
         """Return the static state for one set of contact states.
 
-        Returned are coordinates, forces on them (without friction of stuck blocks, in N), F_T, the
-        residual force (N) and the number of steps.
+        Returned are coordinates, generalised forces without friction of stuck blocks (N), F_T (N),
+        the residual force (N) and the number of steps.
 
-        The iteration uses the factors of the reference state (chord iteration). If it converges
-        slowly, the factors are renewed. The iteration ends at the level of rounding. The iteration
-        also ends below `ACCEPTED` if a renewed tangent does not help. Steps keep their leading bits
-        (`System.leading`), so that no kernel of LAPACK changes the state. Linear geometry takes
-        three to six steps.
+        The iteration uses the factors of the reference state (chord iteration). If the iteration
+        converges slowly, the factors are renewed. The iteration ends at the level of rounding. The
+        iteration also ends below `ACCEPTED` if a renewed tangent does not help. Steps keep their
+        leading bits (`System.leading`), so that no kernel of LAPACK changes the state. Linear
+        geometry takes three to six steps.
         """
         unknown, unit = self.unknown(states.mode), self.scene.F_N / self.scene.N_x
         if unknown[-1] - unknown[0] == len(unknown) - 1:  # a slice takes less time
@@ -416,9 +416,9 @@ def solve_static(
 
 
 class RememberedStates:
-    """A `StaticSolver` that keeps its solutions, so that the same state is solved only once.
+    """A `StaticSolver` that stores its solutions, so that each state is solved only once.
 
-    The search for a new state starts at the latest one.
+    The search for a new state starts at the latest state.
     """
 
     def __init__(self, solver: StaticSolver) -> None:

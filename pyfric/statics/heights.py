@@ -1,9 +1,9 @@
-"""Gaps that give a known normal force at the start, such as a measured one.
+"""Gaps that give prescribed normal forces at the start, such as measured forces.
 
 With p prescribed, the bottom row is at u_z where S_zz u_z = loads + p - S_zx u_x, and a block that
 carries p_i has the gap g_i = -u_z,i - p_i/k_f,i. Translation of a slider (and tilt, without a rod)
-changes no force. Of all gaps that are nowhere negative, those with the smallest mean are chosen. If
-the slider can tilt freely, they have no mean slope.
+changes no force. Of all gaps that are nowhere negative, the gaps with the smallest mean are chosen.
+If the slider can tilt freely, the gaps have no mean slope.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from pyfric.scene import Number, Scene, SceneLike
 
 OFF = 1e-9
-"""Accepted error of p, over F_N/N_x. Two to four rounds reach this accuracy."""
+"""Accepted error of p, over F_N/N_x. Two to four iterations reach this accuracy."""
 ROUNDS = 30
-"""Largest number of rounds: each finds u_x of blocks that slip under the last gaps."""
+"""Largest number of iterations; each finds u_x of blocks that slip under the previous gaps."""
 UNBALANCED = 1e-6
-"""Largest sum of p minus F_N, over F_N, and largest torque of p and loads, over F_N L."""
+"""Largest accepted net force of p and loads, over F_N, and net torque, over F_N L."""
 TILT = 1e-3
 """Largest tilt of a rod at t = 0 that p may need (a choice, far above the tilt in any run)."""
 
@@ -43,8 +43,8 @@ def pressed(scene: SceneLike, *, p: Sequence[Number] | Callable[[float], float])
         scene: the scene, the name of a preset, or the path of a scene file; its gaps are replaced.
         p: normal forces at t = 0: N_x numbers >= 0 in N from the trailing edge on, or a function of
             x (m). x is the distance from the first block at the trailing edge. The sum of p is F_N,
-            plus the weight if there is gravity. The torque of p is that of the load. Under a rod a
-            small difference is allowed, which the mattress bears.
+            plus the weight if there is gravity. The torque of p equals the torque of the load.
+            Under a rod the two torques may differ slightly; the mattress carries the difference.
 
     Raises:
         SceneError: p is prescribed already, does not fit the blocks, or is not in balance.
@@ -62,7 +62,7 @@ def pressed(scene: SceneLike, *, p: Sequence[Number] | Callable[[float], float])
         force = loads[z] + target - slider.S[z, x] @ u_x
         u_z = np.linalg.lstsq(slider.S[z, z], force, rcond=1e-12)[0]
         gap = -u_z - target / k_f
-        if not scene.kappa:  # without the slope: no force determines it
+        if not scene.kappa:  # without a slope, which no force determines
             gap -= rises @ np.linalg.lstsq(rises, gap, rcond=None)[0]
         gap = np.where(scene.touches, gap - gap[scene.touches].min(), 0.0)
         found = scene.replace({"interface.gap": gap[order].tolist()})
@@ -76,7 +76,7 @@ def pressed(scene: SceneLike, *, p: Sequence[Number] | Callable[[float], float])
 
 
 def _checked(scene: Scene, p: Any) -> np.ndarray:
-    """Return p by column, shape (N_x,), in N, after a check that it carries the slider."""
+    """Return p of each block, shape (N_x,), in N, after a check that p carries the slider."""
     l, N_x, order = scene.slider.l, scene.N_x, scene.n_of_i - 1
     values = [p(n * l) for n in range(N_x)] if callable(p) else list(p)
     if len(values) != N_x:

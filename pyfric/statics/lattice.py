@@ -22,17 +22,17 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
 
 DIRECTIONS = ((1, 0, 1.0), (0, 1, 1.0), (1, 1, 0.5), (1, -1, 0.5))
-"""Bonds of a block of the square lattice, each once: columns and rows to the neighbour, and the
-stiffness over k."""
+"""Bonds of a block of the square lattice, each once: columns and rows between the block and its
+neighbour, and the stiffness over k."""
 
 
 @dataclass(frozen=True)
 class Bonds:
     """All bonds of a lattice, each once.
 
-    Bonds across a mirrored side or top lead to the image of block b, which has u_x and -u_z of that
-    block. Such bonds come in equal pairs, and one is listed for both. A bond that is its own image
-    counts by one half.
+    Bonds across a mirrored side or top lead to the image of block b, which has the displacements
+    u_x and -u_z of block b. Such bonds come in equal pairs, and one bond is listed for each pair. A
+    bond that is its own image counts as half a bond.
 
     Attributes:
         a, b: flat indices j N_x + i of the two blocks, shape (n,), int.
@@ -70,7 +70,7 @@ class Bonds:
 
     @functools.cached_property
     def gather(self) -> tuple[sp.csr_array, sp.csr_array]:
-        """Minus the transposes of `difference`: from bond tensions to forces on the blocks."""
+        """Matrices from bond tensions to forces on blocks: minus the transposes of `difference`."""
         return tuple((-D.T).tocsr() for D in self.difference)
 
 
@@ -119,8 +119,8 @@ def _over_walls(
 def spring_forces(lattice: Bonds, u: np.ndarray) -> np.ndarray:
     """Return the forces k n (n.du) of all springs on the blocks in linear geometry.
 
-    Opposite forces cancel to rounding. Errors of `core.bond_forces` are rounding of k u, which is
-    large if the slider turns.
+    Opposite forces cancel to rounding. `core.bond_forces` has rounding errors of the order of k u,
+    which are large if the slider rotates.
 
     Args:
         lattice: from `bonds`.
@@ -164,7 +164,7 @@ def spring_tangents(lattice: Bonds, du: Sequence[np.ndarray] | None = None) -> n
 def spring_bends(
     lattice: Bonds, du: Sequence[np.ndarray], rate: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return second derivatives of spring forces over s, where du(s) changes at a constant rate.
+    """Return second derivatives of spring forces by s, where du(s) changes at a constant rate.
 
     With D' = d(du)/ds and r' = D.D'/r, the force k (r - l) D/r of a bond has the second derivative
     k l (2 r' D'/r^2 + (D'.D' - 3 r'^2) D/r^3).
@@ -172,7 +172,7 @@ def spring_bends(
     Args:
         lattice: from `bonds`.
         du: du_x and du_z over each bond, each of shape (n_bonds,), in m.
-        rate: their derivatives over s, in m per unit of s.
+        rate: derivatives of du by s, in m per unit of s.
 
     Returns:
         The x and z components, each of shape (n_bonds,), in N per squared unit of s.

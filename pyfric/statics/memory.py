@@ -20,7 +20,7 @@ class Memory(dict[Hashable, T]):
         self.room = room
 
     def made(self, key: Hashable, make: Callable[[], T]) -> T:
-        """Return the value of a key. If it is missing, drop old values and call `make`."""
+        """Return the value of a key. A missing value is made, and old values are dropped."""
         if key in self:
             self[key] = self.pop(key)
         else:

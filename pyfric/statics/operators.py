@@ -21,14 +21,15 @@ from pyfric.statics.lattice import DIRECTIONS, Bonds, assembled, bonds, spring_t
 from pyfric.statics.rows import ends
 
 INDEPENDENT = 1e-10
-"""Least length and inertia that a shape of length 1 adds to a space; less is rounding."""
+"""Largest norm, or eigenvalue, that counts as rounding for parts of unit vectors outside a
+basis."""
 
 
 def coordinates(scene: Scene) -> sp.csr_array:
     """Return T with u_full = T q, shape (2 N_x N_z, n_q).
 
     Under a rod n_q = 2 N_x (N_z - 1) + 3 and the last coordinates are X (m), Z (m), phi (rad).
-    Otherwise T is the identity, without the columns of the top row if that is held.
+    Otherwise T is the identity, without the columns of the top row if the top row is held.
     """
     N_x, n = scene.N_x, 2 * scene.N_x * scene.N_z
     if scene.walls.top == "held":
@@ -119,7 +120,7 @@ def damping(scene: Scene, du: list[np.ndarray] | None = None) -> sp.csr_array:
 
     The matrix contains the bonds and the absorbing walls. Every bond carries eta (v_j - v_i), with
     the full relative velocity, so that bonds within a rigid top row resist its rotation.
-    Alternatively only the component along the bond counts (`Slider.dashpots`).
+    With `Slider.dashpots` "along" only the component along the bond counts.
 
     Args:
         scene: the scene.
@@ -152,7 +153,7 @@ def _absorbing(scene: Scene) -> np.ndarray:
 
 
 def extended(basis: np.ndarray, shapes: np.ndarray, M: np.ndarray) -> np.ndarray:
-    """Return a basis with B'M B = 1, extended by what shapes add to its span.
+    """Return a basis with B'M B = 1 of the space that a basis and further vectors span.
 
     Args:
         basis: the basis, shape (n, m), with B'M B = 1.
@@ -160,7 +161,7 @@ def extended(basis: np.ndarray, shapes: np.ndarray, M: np.ndarray) -> np.ndarray
         M: diagonal mass matrix, shape (n,), in kg.
     """
     known, rows = basis.T * np.sqrt(M), shapes.T * np.sqrt(M)
-    for _ in range(2):  # once more, because rounding is relative to what was subtracted
+    for _ in range(2):  # twice, because rounding scales with the part that is subtracted
         rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
         rows -= (rows @ known.T) @ known
         rows = rows[np.linalg.norm(rows, axis=1) > INDEPENDENT]

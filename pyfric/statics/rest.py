@@ -20,7 +20,7 @@ class EquilibriumError(RuntimeError):
     """No equilibrium was found.
 
     Attributes:
-        residual: largest residual force, in N; NaN if it is not known.
+        residual: largest residual force, in N; NaN if not computed.
         limit: largest accepted residual, in N.
         iterations: number of iterations.
     """
@@ -85,7 +85,7 @@ class Equilibrium:
         )
 
     def state(self, scene: Scene, dt: float, t0: float = 0.0) -> State:
-        """Return the state of a run that starts here, with zero velocities and no slip.
+        """Return the initial state of a run from this static state, at rest and without slip.
 
         Args:
             scene: the scene.
@@ -122,7 +122,7 @@ class Equilibrium:
 
 
 def check_rests(scene: Scene) -> None:
-    """Raise SceneError for a scene whose only static state is its start.
+    """Raise SceneError for a scene whose only static state is its initial state.
 
     On a prescribed interface in two dimensions p does not follow from displacements, and only
     friction holds the slider.

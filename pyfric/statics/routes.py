@@ -1,4 +1,4 @@
-"""What sequences of static states can follow: friction laws, and protocols as straight paths.
+"""Friction laws and protocols that sequences of static states can follow.
 
 While loads are constant, static states depend only on the position of the driver. While F_N or T
 change, the speed of the driver must be constant, so that driver and loads follow a straight line
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
 SOFTEST = 0.05
 """Largest k over the steepest weakening slope for which the weakening may be left out. In the Fig.
-1 scene, d_c = 50 nm gives 0.044; start forces then differ from those of d_c = 0 by at most 8e-4
-F_N. At 0.088 they differ by 0.01 F_N, and fronts stop at other blocks."""
+1 scene, d_c = 50 nm gives 0.044; F_T at the starts of events then differs from F_T for d_c = 0 by
+at most 8e-4 F_N. At 0.088 F_T differs by 0.01 F_N, and fronts stop at other blocks."""
 ROUNDING = 1e-12
 """Changes of loads below this share of F_N count as rounding."""
 
 
 class Stretch(NamedTuple):
-    """A part of a protocol: its leg, the driver's `offset` (m) at its start, and its route.
+    """A load segment (`Leg`), the driver's `offset` (m) at its start, and its route.
 
     The route is None if loads never change.
     """
@@ -57,7 +57,7 @@ def beyond_ladder(scene: Scene) -> SceneError | None:
     """Return the error if the quasi-static sequence cannot follow a scene, None if it can.
 
     In the sequence, slipping blocks have friction mu_k. Weakening over a slip length may be left
-    out if it is so steep that no block slips stably meanwhile; `SOFTEST` is the limit.
+    out if it is so steep that no block slips stably while friction falls (`SOFTEST`).
     """
     law, instead = scene.law.static, "or fidelity = 'hybrid' or 'dynamic'"
     tables = law.tables
@@ -83,7 +83,7 @@ def beyond_ladder(scene: Scene) -> SceneError | None:
 
 
 def bends(scene: Scene) -> SceneError | None:
-    """Return the error if speed and loads change at the same time, or friction with time."""
+    """Return the error if speed and loads change together, or if friction changes with time."""
     if scene.interface.limit:
         allowed = "none, or fidelity = 'hybrid' or 'dynamic'"
         reason = "static states cannot follow limits of friction that change with time"
@@ -98,7 +98,7 @@ def bends(scene: Scene) -> SceneError | None:
 
 
 def stretches(scene: Scene, drive_0: float, t_end: float) -> list[Stretch]:
-    """Return the parts of a protocol up to t_end (s), which may be inf.
+    """Return the load segments of a protocol up to t_end (s), which may be inf.
 
     Args:
         scene: the scene.
@@ -110,7 +110,7 @@ def stretches(scene: Scene, drive_0: float, t_end: float) -> list[Stretch]:
     found, K = [], scene.driver.K
     load = scene.F_N, scene.top.T
     times = sorted({0.0, *scene.corners})
-    pieces = [  # of V, cut at all corners
+    pieces = [  # V(t), cut at the breakpoints of all protocols
         piece._replace(t=t, value=piece.at(t), integral=piece.integral_at(t))
         for t, piece in zip(times, (scene.piece("V", t) for t in times), strict=True)
     ]

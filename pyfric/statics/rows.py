@@ -1,4 +1,4 @@
-"""Names of rows of vectors and tables: coordinates of the bottom and top row; the interface."""
+"""Indices of vectors and tables that belong to the bottom row, the top row and the interface."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 
 class Ends(NamedTuple):
-    """Rows of the bottom and the top row of blocks in u_full, or in forces on all blocks.
+    """Indices of the bottom and the top row of blocks in u_full, or in forces on all blocks.
 
-    Coordinates and the condensed slider have the bottom row at the same rows.
+    The bottom row has the same indices in generalised coordinates and in the condensed slider.
     """
 
     u_x: slice
@@ -21,7 +21,7 @@ class Ends(NamedTuple):
 class TableRows(NamedTuple):
     """Rows u_x, f, u_z, F_T and columns u_x, drive, 1 of the table of the condensed interface.
 
-    The rows and the columns of u_x have the same numbers. `given` are the columns drive and 1.
+    The rows and the columns of u_x have the same indices. `given` are the columns drive and 1.
     """
 
     u_x: slice

@@ -1,7 +1,7 @@
 """Sequences of static states as the core follows them: slider, protocol and interfaces as arrays.
 
 The core does what `Contact` and `pyfric.engines.quasistatic` do in Python, with the same changes in
-the same order. `follows` tells whether it can follow a scene.
+the same order. `follows` returns whether the core can follow a scene.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class Start(NamedTuple):
-    """How a run starts: contact states and held positions (m), shape (N_x,), and the drive (m)."""
+    """Start of a run: contact states and held positions (m), shape (N_x,), and the drive (m)."""
 
     scene: Scene
     mode: np.ndarray
@@ -64,10 +64,10 @@ def slider_of(problem: ContactProblem, parts: Sequence[Stretch]) -> CondensedSli
 
 
 def legs_of(parts: Sequence[Stretch]) -> list[CoreLeg]:
-    """Return the legs of a protocol for the core.
+    """Return the load segments of a protocol for the core.
 
-    While loads are constant, legs begin at the loaded state of each run (`interfaces_of`), so that
-    runs on different foundations share the legs.
+    While loads are constant, segments begin at the loaded state of each run (`interfaces_of`), so
+    that runs on different foundations share the segments.
     """
     found, routes = [], 0
     for leg, offset, route in parts:

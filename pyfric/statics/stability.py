@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 ROUNDED = 1e-7
 """Growth in one step that rounding can cause. Rounding splits double eigenvalues on the unit circle
-by the square root of the rounding error, 1.5e-8. The matrix can enlarge the split."""
+by the square root of the rounding error, 1.5e-8. The step matrix can enlarge this split."""
 GROWN = 2.0**-40
 """Growth of a Runge-Kutta step that counts as stable: 1e8 steps grow by 1e-4."""
 BITS = 52
-"""Number of bisections to full precision. Half as many leave 1.5e-8 of the interval."""
+"""Number of bisections to full precision. Half this number leaves 1.5e-8 of the interval."""
 
 
 def _least_end(
@@ -37,12 +37,12 @@ def _least_end(
     high: np.ndarray,
     size: np.ndarray | float = 1.0,
 ) -> tuple[float, int]:
-    """Return the smallest end of stable intervals over `size`, and its number; inf, 0 if none.
+    """Return the smallest end of a stable interval over `size`, and its index; inf, 0 if none.
 
     Each interval is bisected until another interval surely has a smaller end.
 
     Args:
-        stable: function of positions and numbers of their intervals, both of shape (m,), that
+        stable: function of positions and indices of their intervals, both of shape (m,), that
             returns whether the positions are stable.
         low, high: a stable and an unstable position in each interval, shape (n,).
         size: shape (n,) or a number.
@@ -61,16 +61,16 @@ def _least_end(
 
 
 def least_limit(stepper: Stepper, eigenvalues: np.ndarray) -> tuple[float, int]:
-    """Return the smallest limit of eigenvalues, shape (n,), and the number of that eigenvalue.
+    """Return the smallest stable step of eigenvalues, shape (n,), and the index of its eigenvalue.
 
-    The limit of lambda is |z|/|lambda| with the largest |z| up to 4 at which |R(z)| <= 1 + `GROWN`
-    for z in the direction of lambda. The stable part of each ray in the left half plane is
+    The stable step of lambda is |z|/|lambda| with the largest |z| up to 4 at which |R(z)| <= 1 +
+    `GROWN` for z in the direction of lambda. The stable part of each ray in the left half plane is
     connected, so that bisection finds its end. Positive real parts are due to rounding and set to
     0.
 
     Args:
         stepper: a stepper with R(z) (`Stepper.growth`).
-        eigenvalues: eigenvalues, in 1/s for a limit in s. The limit has the inverse of their unit.
+        eigenvalues: eigenvalues, in 1/s for a step in s. The step has the inverse of their unit.
     """
     z = np.minimum(eigenvalues.real, 0.0) + 1j * np.abs(eigenvalues.imag)
     moving = np.flatnonzero(z)
@@ -91,7 +91,7 @@ def least_limit(stepper: Stepper, eigenvalues: np.ndarray) -> tuple[float, int]:
 
 
 def _least_pair(stepper: Stepper, omega: np.ndarray, gamma: np.ndarray) -> tuple[float, int]:
-    """Return the smallest limit (s) of motions u'' + gamma u' + omega^2 u = 0, and its number."""
+    """Return the smallest stable step (s) of u'' + gamma u' + omega^2 u = 0, and its index."""
     if stepper.growth is not None:
         half = gamma / 2
         return least_limit(stepper, -half - np.sqrt((half**2 - omega**2).astype(complex)))
@@ -117,10 +117,10 @@ def _least_pair(stepper: Stepper, omega: np.ndarray, gamma: np.ndarray) -> tuple
 
 @functools.lru_cache(maxsize=256)
 def _bulk_limit(scene: Scene, stepper: str, on: float) -> float:
-    """Return the smallest limit over the Brillouin zone, in s.
+    """Return the smallest stable step of waves in the Brillouin zone, in s.
 
-    In a chain every block has springs to the foundation (unless it is open), k_top and `on` (N/m),
-    so that they enter its waves.
+    In a chain every block has springs to the foundation (unless it is open), k_top and `on` (N/m).
+    These springs enter the waves of the chain.
     """
     grounds, drags = [(0.0, 0.0)], [0.0]
     if scene.N_z == 1:
@@ -150,15 +150,16 @@ def _waves_limit(scene: Scene, ground: tuple[float, float], drag: float, stepper
 
 
 _REDUCED = (8, 5)
-"""Largest N_x, N_z of a lattice whose eigenvalues are computed densely. The motion that sets the
-limit is local, so that larger lattices have the same limit within 5 % (`tests/test_operators.py`).
+"""Largest N_x, N_z of a lattice whose eigenvalues are computed densely. The motion that limits the
+step is local, so that larger lattices have the same largest step within 5 %
+(`tests/test_operators.py`).
 """
 
 
 def _unloaded_top(
     scene: Scene, mass: float, mattress: float
 ) -> Rod | DistributedLoad | PrescribedLoad:
-    """Return the top of a scene under a load of 1 N, with this rod (kg, N/m) if it has one."""
+    """Return the top of a scene under a load of 1 N; `mass` (kg) and `mattress` (N/m) of a rod."""
     if scene.rigid:
         return Rod(F_N=1.0, mass=mass, mattress=mattress)
     if isinstance(scene.top, PrescribedLoad):
@@ -167,7 +168,7 @@ def _unloaded_top(
 
 
 def _unloaded(scene: Scene) -> Scene:
-    """Return the scene with the same matrices, under a load of 1 N, at rest, without friction."""
+    """Return a scene with the same matrices, under a load of 1 N, at rest, without friction."""
     interface = scene.interface
     return Scene(
         slider=scene.slider,
@@ -180,13 +181,13 @@ def _unloaded(scene: Scene) -> Scene:
 
 @functools.lru_cache(maxsize=256)
 def _reduced(scene: Scene) -> Scene:
-    """Return a small scene with the same local properties, or that of the scene if it is small.
+    """Return a scene of at most `_REDUCED` blocks with the same local properties.
 
-    l, k, m, eta, k_f are kept, and K on each driven block. The mass of the rod is scaled with N_x,
-    like the bonds that hold it. K is scaled in the same way if it acts only on the rod. The
+    l, k, m, eta, k_f and K on each driven block are unchanged. The mass of the rod is scaled with
+    N_x, like the bonds that hold it. K is scaled in the same way if it acts only on the rod. The
     mattress is scaled with the moment of inertia. Frequencies of the rod then keep their size.
-    Loads, speeds and friction do not matter to the limit: scenes that differ in nothing else have
-    the same small scene.
+    Loads, speeds and friction do not affect the limit. Scenes that differ only in loads, speeds and
+    friction have the same small scene.
     """
     n_x, n_z = np.minimum((scene.N_x, scene.N_z), _REDUCED).tolist()
     if (n_x, n_z) == (scene.N_x, scene.N_z):
@@ -204,7 +205,7 @@ def _reduced(scene: Scene) -> Scene:
     K = scene.driver.K / scene.n_driven * driven
     l, m, half, rod = scene.slider.l, scene.m, scene.slider.edges == "half", (0.0, 0.0)
     if scene.rigid:
-        # kappa over the moment of inertia is kept. Its factor 12/L^2 cancels: times this factor,
+        # kappa over the moment of inertia is unchanged. The factor 12/L^2 cancels: times 12/L^2,
         # m sum x_i^2 of a row of n blocks is m n (n + 1)/(n - 1), and half of
         # m ((n - 1) + 2/(n - 1)) with half blocks.
         rest = scene.top.mass * share
@@ -268,9 +269,9 @@ def _on_springs(scene: Scene) -> float:
 
 @functools.lru_cache(maxsize=256)
 def _small_limit(scene: Scene, stepper: Stepper, enough: float, on: float) -> float:
-    """Return the limit of a small lattice, in s.
+    """Return the largest stable step of a small lattice, in s.
 
-    A limit above `enough` (s) need not be exact. Bottom blocks may be on springs `on` (N/m).
+    A step above `enough` (s) need not be exact. Bottom blocks may be on springs `on` (N/m).
     """
     unit = np.sqrt(scene.slider.k / scene.m)
     if stepper.growth is not None:
@@ -283,7 +284,7 @@ def _small_limit(scene: Scene, stepper: Stepper, enough: float, on: float) -> fl
 
 @functools.lru_cache(maxsize=256)
 def _eigenvalues(scene: Scene, on: float) -> tuple[np.ndarray, ...]:
-    """Return the eigenvalues of motion with the matrices of `_matrices`; steppers share them."""
+    """Return the eigenvalues of motion with each of the `_matrices`, in units of sqrt(k/m)."""
     found = []
     for K, C in _matrices(scene, on):
         zero, unit = np.zeros(K.shape), np.eye(len(K))
@@ -321,15 +322,15 @@ def stability_limit(scene: SceneLike, stepper: str = "rk4") -> tuple[float, Mapp
     RK4. For this stepper the value is the largest sub-step that the error control can allow.
     "symplectic_euler" and "verlet" treat u and v differently; the matrix of their whole step must
     have no eigenvalue outside the unit circle. For a plane wave of frequency omega and damping rate
-    gamma this means (omega dt)^2 + 2 gamma dt <= 4 for "symplectic_euler". For "verlet" it is a
-    polynomial condition, which is omega dt <= 2 without damping and gamma dt <= 2 without
-    stiffness.
+    gamma this means (omega dt)^2 + 2 gamma dt <= 4 for "symplectic_euler". For "verlet" the
+    condition is a polynomial inequality, which is omega dt <= 2 without damping and gamma dt <= 2
+    without stiffness.
 
-    The motion that sets the limit is local. The result is therefore the smaller of two limits: for
-    plane waves of the infinite lattice, and for all modes of a small lattice with the boundaries of
-    the scene. The small lattice has at most 8 x 5 blocks, with foundation, driver and rod. Its
-    bottom row is closed or open, held, free or on junctions. A scene of at most this size is
-    computed exactly, without plane waves.
+    The motion that sets the limit is local. The result is therefore the smaller of two limits: the
+    limit of plane waves in the infinite lattice, and the limit of all modes of a small lattice with
+    the boundaries of the scene. The small lattice has at most 8 x 5 blocks, with foundation, driver
+    and rod. Its bottom row is closed or open, held, free or on junctions. A scene of at most this
+    size is computed exactly, without plane waves.
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.

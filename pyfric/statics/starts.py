@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene, SceneLike
 
 EXCESS = 0.05
-"""Default stress of patches beyond their strength, over the strength."""
+"""Default excess of the stress of a patch over its strength, divided by the strength."""
 
 
 def _at_rest(
@@ -75,7 +75,7 @@ def check_pushes(scene: Scene, solver: StaticSolver) -> None:
 
 
 def _patch(scene: Scene, x: float, length: float) -> list[int]:
-    """Return the blocks of a patch, counted from 1 at the trailing edge."""
+    """Return the numbers of the blocks of a patch, counted from 1 at the trailing edge."""
     l = scene.slider.l
     last = (scene.N_x - 1) * l
     if not x <= last * (1 + 1e-12):
@@ -139,7 +139,7 @@ def forced(
 def _stressed(
     scene: SceneLike, x: Any, length: Any, excess: Any, begin: Any, speed: float | None = None
 ) -> Scene:
-    """Return a scene with a stressed patch, at once or at the speed (m/s) of fronts from x."""
+    """Return a scene with a patch stressed at once, or by two fronts of a speed (m/s) from x."""
     scene = as_scene(scene)
     x, length = check_number("x", x, "m", ge=0.0), check_number("length", length, "m", ge=0.0)
     excess = check_number("excess", excess, "", gt=0.0)
@@ -161,7 +161,7 @@ def _stressed(
 
 
 def _steps_from(n: int, x: float, l: float) -> float:
-    """Return the distance of block n from x (m), over l (m); whole numbers are exact."""
+    """Return the distance of block n from x (m), over l (m), rounded to an integer within 1e-9."""
     steps = abs(n - 1 - x / l)
     return round(steps) if math.isclose(steps, round(steps), abs_tol=1e-9) else steps
 
@@ -188,7 +188,7 @@ def weakened(
         x: centre of the patch from the trailing edge, in m.
         length: length of the patch, in m, which contains blocks up to length/2 from x.
         speed: speed of the two fronts, in m/s; None means that the whole patch weakens at once.
-        mu: the last limit, >= 0; None means the smallest mu_k.
+        mu: final value of the limit, >= 0; None means the smallest mu_k.
         over: time in which the limit falls, in s; 0 means at once.
         begin: start time, in s.
 

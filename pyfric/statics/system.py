@@ -40,10 +40,11 @@ if TYPE_CHECKING:
     from pyfric.statics.contact import States
 
 LEADING = 13
-"""Bits kept of a Newton step, below the displacement that its residual force gives the stiffest
-spring. Fewer bits need more steps; with more bits, results show the rounding of LAPACK."""
+"""Leading bits of a Newton step that are used, counted from the displacement of the stiffest spring
+under the residual force. Fewer bits need more steps; with more bits, results show the rounding of
+LAPACK."""
 KEPT = 12
-"""Number of stored factorisations. On large lattices only one is stored."""
+"""Number of stored factorisations. On large lattices only one factorisation is stored."""
 
 
 class System:
@@ -56,7 +57,7 @@ class System:
     Attributes:
         u_drv0: u_x of the driven blocks at drive = 0 and F_T = 0, in m: see `Scene.u_driven`.
         pressed: blocks without friction that touch the foundation, (N_x,), bool. Blocks that are
-            open in the loaded state are left out once it is known.
+            open in the loaded state are left out once this state is computed.
         kept: results that engines store with the slider, by name.
     """
 
@@ -89,7 +90,7 @@ class System:
         self._factors.clear()
 
     def under(self, load: tuple[float, float] | None) -> Self:
-        """Return a copy of this object with other loads F_N and T (N) than at t = 0."""
+        """Return this slider, or a copy of it under other loads F_N and T (N) than at t = 0."""
         if load is None:
             return self
         scene, other = self.scene, copy.copy(self)
@@ -105,7 +106,7 @@ class System:
     # --- coordinates -----------------------------------------------------------------------------
 
     def coordinates(self, u: np.ndarray, rod: np.ndarray) -> np.ndarray:
-        """Return q, shape (n_q,), from u, (N_z, 2, N_x), and rod, (3,); rates in the same way."""
+        """Return q, (n_q,), from u, (N_z, 2, N_x), and rod, (3,), or q' from their velocities."""
         q = np.zeros(len(self.arm))
         n = len(q) - 3 if self.scene.rigid else len(q)
         q[:n] = u.reshape(-1)[:n]
@@ -134,7 +135,7 @@ class System:
         return self._stiffest * float(np.max(np.abs(q * self.arm)))
 
     def leading(self, step: np.ndarray, arm: np.ndarray, residual: float) -> np.ndarray:
-        """Return a step with its leading bits only; later steps correct the rest.
+        """Return a step with its leading bits only; later steps correct the omitted part.
 
         LAPACK kernels round in different orders, which changes the last bits of a step. Without its
         last bits each step, and so the state, is the same with all kernels.
@@ -159,7 +160,7 @@ class System:
 
     @property
     def _on_rod(self) -> float:
-        """Downward force on the rod, F_N and its weight, in N."""
+        """Downward force on the rod, F_N plus the weight of the rod, in N."""
         F_N = self.scene.F_N if self._loads is None else self._loads[0]
         return F_N + self.scene.M_rod * self.scene.slider.g
 
@@ -189,7 +190,7 @@ class System:
         return self._on_coordinates(self._springs(self.displacements(q)[0]))
 
     def _on_coordinates(self, force: np.ndarray) -> np.ndarray:
-        """Return forces on the coordinates, (n_q,), from those on blocks, (N_z, 2, N_x), in N."""
+        """Return generalised forces, (n_q,), from forces on blocks, (N_z, 2, N_x), in N."""
         found = self.coordinates(force, np.zeros(3))
         if self.scene.rigid:
             x, z = force[-1]
@@ -310,8 +311,8 @@ class System:
             mode: contact states, shape (N_x,).
             driven: whether the driver's spring is attached.
             friction: signed friction of slipping blocks over u_z, shape (N_x,), in N/m.
-            q: coordinates, shape (n_q,), at which to take another tangent. Its factorisation is not
-                stored.
+            q: coordinates, shape (n_q,), at which to take another tangent. The factorisation of
+                this tangent is not stored.
         """
 
         def make() -> BandedCholesky | SuperLU:
@@ -348,7 +349,7 @@ class System:
             raise EquilibriumError(what, np.nan, 0.0, 0) from error
 
     def banded(self, unknown: np.ndarray) -> tuple[np.ndarray, int]:
-        """Return the order with the narrowest band, rod last, and how many unknowns the rod has."""
+        """Return the order with the narrowest band, rod last, and the number of rod unknowns."""
         scene, n_rod = self.scene, 3 if self.scene.rigid else 0
         row, i = np.divmod(unknown[: len(unknown) - n_rod], scene.N_x)
         tall = scene.N_z > scene.N_x

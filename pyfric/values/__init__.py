@@ -1,4 +1,4 @@
-"""Input: checked values with units, errors, words, tables, files."""
+"""Checks of input: values with units, errors, synonyms of names, tables, files."""
 
 from pyfric.values.calls import usage
 from pyfric.values.checked import (

@@ -1,4 +1,4 @@
-"""Errors for calls with wrong arguments, with the line to write."""
+"""Errors for calls with wrong arguments, which contain the correct call."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from pyfric.values.words import line, meant
 P = ParamSpec("P")
 T = TypeVar("T")
 NAMED = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-"""Kinds of arguments that the line to write shows."""
+"""Kinds of arguments that the correct call in an error contains."""
 
 
 def usage(written: str = "") -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Decorate a function so that errors for wrong arguments contain the line to write.
+    """Decorate a function so that errors for wrong arguments contain the correct call.
 
     Args:
-        written: the line; "" means the function with its required arguments.
+        written: the correct call; "" means the function with its required arguments.
 
     Raises:
         SceneError: an argument is missing, given twice, or unknown.

@@ -26,21 +26,21 @@ from pyfric.values.units import (
 )
 
 FOR_EVER = (math.inf, "inf s")
-"""Values that mean "no end" or "never", in Python and in files."""
+"""Values that mean "without end" or "never", in Python and in scene files."""
 MAX_LISTED = 10_000
 """Largest number of values in a list."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Written:
-    """A value from a scene file. It may name files in `folder`; None means no files."""
+    """A value from a scene file, which may name files in `folder`; None forbids files."""
 
     value: Any
     folder: Path | None = None
 
 
 class Annotation:
-    """The allowed values of a field; `allowed` describes them in words."""
+    """The allowed values of a field; `allowed` is a text that describes these values."""
 
     unit: str = ""
     allowed: str = ""
@@ -53,7 +53,7 @@ class Annotation:
         """Return the checked value, from Python or from an entry `written` in a scene file.
 
         Raises:
-            SceneError: the value is refused. The error does not name the field.
+            SceneError: the value is refused; the error is raised without the name of the field.
         """
         return value
 
@@ -108,7 +108,7 @@ class Quantity(Annotation):
         return check_number("", value, self.unit, **self._limits, note=self.note)
 
     def _drawn(self, values: Mapping[str, Any], written: Written | None) -> Any:
-        """Return the object for a table, of the class in `drawn` whose fields the table names.
+        """Return the object for a table, of the class in `drawn` that has the fields of the table.
 
         If the table names a file, its numbers are read.
         """
@@ -196,7 +196,7 @@ class Words(Annotation):
 
 @dataclasses.dataclass(frozen=True)
 class Name(Annotation):
-    """A line of text without control characters, such as those for its direction."""
+    """A line of text without control characters, such as characters that set its direction."""
 
     longest: int
 
@@ -226,7 +226,7 @@ NotNegative = functools.partial(Quantity, ge=0.0)
 class OneOf(Annotation):
     """A part of one of several classes. In a scene file the entry `kind` selects the class.
 
-    A class with a method `from_file` reads its table of the file itself.
+    If a class has a method `from_file`, this method reads the table of the part.
 
     Args:
         classes: the classes, or a common base class.
@@ -308,7 +308,7 @@ def in_unit(cls: type, unit: str) -> dict[str, Annotation]:
 def from_entries(cls: type, entries: Mapping[str, Any], folder: Path | None, **more: Any) -> Any:
     """Return the part for a table of a scene file; files that the table names are in `folder`.
 
-    A method `from_file` of a part calls this after it has read its own entries.
+    A method `from_file` of a part calls this function after it has read its own entries.
     """
     marks = annotations(cls)
     values = {n: Written(v, folder) if n in marks else v for n, v in entries.items()}
@@ -329,7 +329,7 @@ def table(part: Any, marks: Mapping[str, Annotation] | None = None) -> dict[str,
 
 @typing.dataclass_transform(frozen_default=True, kw_only_default=True)
 def part(cls: type) -> type:
-    """Make a frozen keyword-only dataclass that checks its values with `SceneError`."""
+    """Turn a class into a frozen dataclass with keyword arguments, which checks its values."""
     cls = dataclasses.dataclass(frozen=True, kw_only=True)(cls)
     plain = cls.__init__
     _move_hints(cls, plain)

@@ -60,12 +60,12 @@ class SceneError(ValueError):
         return f"{type(self).__name__}({str(self)!r})"
 
     def at(self, field: str, where: str = "") -> SceneError:
-        """Return the same error with another dotted name, and a place before its reason."""
+        """Return this error with another dotted name, and with a place before its reason."""
         reason = f"{where}: {self.reason or 'not allowed'}" if where else self.reason
         return type(self)(field, self.value, self.unit, self.allowed, reason, self.others)
 
     def flat(self) -> list[SceneError]:
-        """Return this problem and all others, each as a separate error."""
+        """Return this error and each of `others` as separate errors without `others`."""
         return [type(self)(*self.args[:-1]), *(e for other in self.others for e in other.flat())]
 
     @classmethod
@@ -102,7 +102,7 @@ def show(value: Any) -> str:
 
 
 def unknown(field: str, value: Any, key: str, known: Iterable[str]) -> SceneError:
-    """Return the error for a `key` that is not in `known`, with the line to write instead."""
+    """Return the error for a `key` that is not in `known`; the error suggests a correct name."""
     known = list(known)
     if not meant(key, known) and (instead := line(key)):
         return SceneError(field, value, "", instead, "unknown here")

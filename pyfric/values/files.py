@@ -29,7 +29,7 @@ FORMATS = {
     **{".txt": "text", ".xlsx": "Excel", ".parquet": "Parquet", ".npz": "NumPy", ".zip": "zip"},
     ".mat": "MATLAB",
 }
-"""Suffixes of names of files, in small letters, and the formats for which they stand."""
+"""Formats of files, by suffix of the file name in small letters."""
 OLD = 86400.0
 """Age above which a temporary file of another machine counts as abandoned, in s."""
 
@@ -73,7 +73,7 @@ def check_suffix(path: str | os.PathLike[str], own: str) -> None:
 def check_free(
     path: str | os.PathLike[str], overwrite: bool, save: Callable[[Path], object], held: str = ""
 ) -> None:
-    """Refuse to replace a file, unless `overwrite` is True; then save under another name.
+    """Raise SceneError if a file exists and `overwrite` is False, after a save under another name.
 
     Args:
         path: the file.
@@ -113,7 +113,7 @@ def figure_stem(path: str | os.PathLike[str]) -> Path:
     """
     path = Path(path)
     if path.suffix.lower() in (".png", ".pdf"):
-        return figure_stem(path.with_suffix(""))  # so that the stem of a stem is the same
+        return figure_stem(path.with_suffix(""))  # so that a stem is its own stem
     check_suffix(path, ".png")
     return path
 
@@ -132,7 +132,7 @@ def write(path: str | os.PathLike[str], content: bytes, suffix: str = "") -> Pat
 
 
 def write_all(contents: Mapping[str | os.PathLike[str], bytes]) -> list[Path]:
-    """Write files by path, and return their paths; none is replaced before all are on the disk.
+    """Write files by path, and return the paths; no file is replaced before all are on the disk.
 
     Raises:
         OSError: see `written`.
@@ -164,7 +164,7 @@ def read_at_most(path: str | os.PathLike[str], size: int = -1) -> bytes:
 
 
 def check_writable(path: str | os.PathLike[str], size: int = 0, suffix: str = "") -> None:
-    """Check whether a file of this size, in bytes, can be written; no file is left.
+    """Check whether a file of a size in bytes can be written; the check leaves no file.
 
     Raises:
         OSError: the file cannot be written. The error names path.
@@ -232,15 +232,15 @@ def _draft(folder: Path) -> Path:
 def clean_drafts(folder: Path) -> int:
     """Delete the temporary files that killed processes left in a folder; return their number.
 
-    A file is deleted if its process no longer exists. If this cannot be checked, a file is deleted
-    if it is older than a day.
+    A file is deleted if its process no longer exists. If the process cannot be checked, the file is
+    deleted if it is older than a day.
     """
     gone = 0
     with contextlib.suppress(OSError):
         for path in list(folder.iterdir()):
             named = DRAFT.fullmatch(path.name)
             if named and _left_behind(path, named["host"], int(named["process"])):
-                with contextlib.suppress(OSError):  # then go on with the others
+                with contextlib.suppress(OSError):  # go on with other files
                     path.unlink()
                     gone += 1
     return gone
@@ -252,7 +252,7 @@ def _left_behind(draft: Path, host: str, process: int) -> bool:
             os.kill(process, 0)  # signal 0 only checks that the process exists
         except ProcessLookupError:
             return True
-        except PermissionError:  # the process exists, of another user
+        except PermissionError:  # a process of another user
             pass
     try:
         return time.time() - draft.stat().st_mtime > OLD

@@ -24,9 +24,9 @@ _BRACES = re.compile(r"^([^\\$]*)\{([^{}]*)\}$")
 _INDEX = re.compile(r"\b([^\W\d]+)\d\b")
 """A digit at the end of a name, as in mu_2."""
 _FACTOR = re.compile(r"[x*×·⋅]?\s*[\d^%‰⁰¹²³⁴-⁹⁻][\d^%‰⁰¹²³⁴-⁹⁻.eE*−-]*|[*×·⋅]")
-"""A number, a power of ten, a product or a share that remains in a head."""
+"""A number, a power of ten, a product or a share that remains in the head of a column."""
 SCALED = re.compile(r"[*×·⋅^⁰¹²³⁴-⁹]|\b1(?:e-?\d|0-\d|00+\b)", re.IGNORECASE)
-"""Signs and powers of ten in a factor. Dates, temperatures and numbers of samples do not match."""
+"""Signs and powers of ten in a factor. Dates, temperatures and sample numbers do not match."""
 _SHARES = re.compile(r"per\W?cent|per\W?mill?e?|ppm", re.IGNORECASE)
 WORDS = ("min", "dyn", "mus", "mud")
 """Units that are also names of friction coefficients: minimum, dynamic friction, mu_s, mu_d."""
@@ -184,7 +184,7 @@ def unit_in(head: str, si: str) -> str:
     for between in [None, *_BETWEEN.finditer(head)]:
         unit = head if between is None else head[between.end() :]
         plain = len(unit) > 1 or unit == si or (between is not None and between["sign"])
-        if plain and unit != "in" and fits(unit, si):  # the h of t_h may be no unit
+        if plain and unit != "in" and fits(unit, si):  # the h of t_h may be an index
             _check_name(head[: between.start()] if between else "", si)
             return unit
     if si and "/" in head:
@@ -209,7 +209,7 @@ def unit_in(head: str, si: str) -> str:
 
 
 def _check_name(name: str, si: str, *, index: bool = True) -> None:
-    """Check that a head without its unit has no number except an index, and no share such as ‰.
+    """Check that a column head without its unit has no number except an index, and no share like ‰.
 
     Raises:
         ValueError: the head has a number or a share.

@@ -1,4 +1,4 @@
-"""Scene files in TOML. Numbers are in SI units; text has a unit::
+"""Scene files in TOML. Numbers are in SI units; text contains a number and its unit::
 
     name = "fig1"
     stop_when = ["arrested"]    # optional: conditions that end a run
@@ -49,13 +49,15 @@ from pyfric.values.errors import SceneError
 from pyfric.values.files import read_at_most
 
 MAX_FILE = 1_048_576
-"""Largest size of a scene file, in bytes. Two lists of `checked.MAX_LISTED` forces fit in."""
+"""Largest size of a scene file, in bytes; a file can hold two lists of `checked.MAX_LISTED`
+forces."""
 
 
 def parsed(source: str | os.PathLike[str], what: str = "scene") -> tuple[dict[str, Any], Path]:
     """Return the TOML document in a file, or in a text of several lines, and its folder.
 
-    Names of files in the document are relative to this folder. A text has the current folder.
+    Names of files in the document are relative to this folder. For a text, this folder is the
+    current folder.
 
     Args:
         source: the path of a file, or the text.

@@ -27,8 +27,8 @@ USUAL = frozenset({
     "pound_force_per_square_inch", "radian", "second", "standard_atmosphere",
 })
 # fmt: on
-"""Accepted units, by their names in pint. Others are likely mistakes: gr is a grain, th a mil, kt a
-knot, c a speed."""
+"""Accepted units, by their names in pint. Other units are likely mistakes: gr is a grain, th a mil,
+kt a knot, c a speed."""
 UNUSUAL = ("megameter", "gigameter", "megasecond", "gigasecond", "petameter")
 """Units that are refused as likely mistakes: Mm for mm, Ms for ms."""
 
@@ -44,7 +44,7 @@ _LONGEST = 80  # characters in a quantity
 _SIGNS = str.maketrans("−⁻¹²³⋅", "--123·")
 _POWER = re.compile(r"(?<=[A-Za-zµμ%])(?=-?[1-9])")
 _NAME = re.compile(r"\b[A-Z][A-Za-z]{4,}\b")
-"""A unit spelled out with a capital. Shorter units are symbols, such as MPa and mPa."""
+"""Name of a unit that begins with a capital. Shorter names are symbols, such as MPa and mPa."""
 
 
 SHARES = ("1", "F_N", "sqrt(k m)")
@@ -55,7 +55,7 @@ LIMITS = {
     "le": ("<=", operator.le, "too large"),
     "lt": ("<", operator.lt, "too large"),
 }
-"""Name of a limit -> its sign, its comparison, and the fault of a value beyond it."""
+"""Sign and comparison of each limit, and the fault of a value beyond the limit, by name."""
 
 
 @functools.lru_cache(maxsize=1024)
@@ -136,7 +136,7 @@ def check_whole(
 def in_si(field: str, value: Any, unit: str, *, allowed: str) -> Any:
     """Convert text, or a quantity of pint, to SI; return anything else unchanged.
 
-    Text needs a unit, such as "5 mm". A pure number has none, or percent.
+    Text needs a unit, such as "5 mm". Text for a pure number has no unit, or percent.
 
     Raises:
         SceneError: the value has no unit, or a unit of another dimension.
@@ -147,7 +147,7 @@ def in_si(field: str, value: Any, unit: str, *, allowed: str) -> Any:
         return value
     try:
         return value.to(unit or "dimensionless").magnitude
-    except Exception as error:  # each library has its own
+    except Exception as error:  # each library of units raises its own errors
         raise SceneError(field, str(value), unit, allowed, str(error)) from None
 
 
@@ -222,7 +222,7 @@ def spoken(text: str) -> Any:
     """Return a value from a line of text, such as the argument of `--set`.
 
     The text is read as TOML: a number in SI, a list, or a table such as {mean = 0.7, std = 0.02}.
-    Numbers that TOML does not accept, such as .005 and 1.e-3, are accepted, too. Anything else is
+    Numbers that TOML does not accept, such as .005 and 1.e-3, are accepted, too. Any other line is
     returned as text, such as "7.5 mm" or "left".
     """
     try:
@@ -236,7 +236,7 @@ def spoken(text: str) -> Any:
 
 
 PREFIXES = {0: "", -1: "m", -2: "u", -3: "n", 1: "k", 2: "M", 3: "G"}
-"""Power of 1000 -> prefix of a unit."""
+"""Prefixes of units, by power of 1000."""
 
 
 def with_prefix(value: float, unit: str) -> str:
@@ -260,13 +260,13 @@ def _registry() -> Any:
 
 _SMALLER = re.compile(r"(?:s|m|N|Pa|J)(?=$|[ /])")
 _LARGER = re.compile(r"(?:N|Pa|J)(?=$|[ /])")
-"""First units of a product, without a power, for usual prefixes."""
+"""First unit of a product, without exponent, to which prefixes below 1, or above 1, can belong."""
 
 
 def _prefixed(name: str, unit: str) -> Fraction | None:
     """Return the number of SI `unit` in one `name`, such as "mm/s", if only a prefix differs.
 
-    Otherwise return None. This avoids reading the definitions of all units, which takes 0.7 s.
+    Otherwise return None. The definitions of all units, which take 0.7 s to read, are not needed.
     """
     powers = {prefix: power for power, prefix in PREFIXES.items()} | {"µ": -2, "μ": -2}
     power = powers.get(name[: len(name) - len(unit)])
@@ -280,7 +280,7 @@ def _factor(name: str, unit: str) -> Fraction:
     """Return the exact number of SI `unit` in one `name`.
 
     Raises:
-        ValueError: there is no such number. The message gives the reason.
+        ValueError: no factor converts the unit. The message gives the reason.
     """
     if (factor := _prefixed(name, unit)) is not None:
         return factor

@@ -1,4 +1,4 @@
-"""Common words for things with another name in pyfric, and the line to write instead.
+"""Common words for names in pyfric, and lines of code to write instead of unknown names.
 
 All unknown names are looked up here: fields, options, friction laws, attributes, functions,
 commands, and words of the command line. `meant` returns the known name for a word. If there is no
@@ -63,7 +63,7 @@ presets       list_presets scenes
 load          open read_record open_record load_record read_nc
 preset        setup block system
 """
-"""Known names, each with words that stand for it."""
+"""Known names, each with the words that stand for the name."""
 
 MATERIAL = (
     'slider=pyfric.Slider.of_material("PMMA", width="6 mm", L="140 mm", H="75 mm", l="2.5 mm"), '
@@ -191,11 +191,11 @@ LINES: Mapping[str, Mapping[str, str]] = {
     },
 }
 # fmt: on
-"""Owner of a name -> words -> the line to write. The owner "" means all owners."""
+"""Lines of code to write, by owner and unknown words. The owner "" means all owners."""
 
 
 LONG = 4
-"""Fewest letters of a word that may stand for a longer name that contains it."""
+"""Smallest number of letters of a word that may stand for a longer name with this word in it."""
 
 
 def plain(word: str) -> str:
@@ -239,7 +239,7 @@ def nearest(key: str, known: Iterable[str]) -> str:
 
 
 def line(word: str, owner: str = "") -> str:
-    """Return the line to write instead of a name that the owner lacks, or ""."""
+    """Return the line of code to write instead of a name that the owner lacks; "" if none."""
     return _lines(owner).get(plain(word), "")
 
 

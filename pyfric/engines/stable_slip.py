@@ -23,13 +23,14 @@ such speeds only just before slip becomes unstable."""
 
 
 class StableSlip(RingDown):
-    """The skip over rest and stable slip. With the option `energies` it skips only rest, because
-    the heat of slip in jumps is unknown.
+    """The skip over rest and stable slip.
+
+    With the option `energies` only rest is skipped, because the heat of slip in jumps is unknown.
     """
 
     @staticmethod
     def fits(scene: Scene) -> bool:
-        """Return whether friction of a scene depends on slip alone, apart from a viscous part."""
+        """Return whether friction of a scene depends on slip alone, except for a viscous part."""
         return scene.law.slides
 
     def _slips_for(self, state: State) -> int:

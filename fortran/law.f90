@@ -32,7 +32,7 @@ module pyfric_law
   integer, parameter :: N_FIELDS(RATE_STATE) = [N_RESTING, N_JUNCTIONS, N_RATE_STATE]
 
   type :: law_t
-    logical :: complete = .false.      !! there was enough memory, and the law is known
+    logical :: complete = .false.      !! memory was allocated, and the law is known
     logical :: known = .true.
     integer(ip), private :: kind
     integer :: n_memory                !! state variables of each block, including derived quantities

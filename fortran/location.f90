@@ -38,7 +38,7 @@ module pyfric_location
 
   !> Step control: progress within a step.
   type :: step_control_t
-    logical :: complete = .false.   !! there was enough memory
+    logical :: complete = .false.   !! memory was allocated
     logical :: located             !! locate switches; otherwise they occur at the end of the step
     real(dp) :: start = 0.0_dp     !! start of the sub-step, counted from the start of the step [s]
     real(dp) :: remaining = 0.0_dp !! time from the start of the sub-step to the end of the step [s]

@@ -69,7 +69,7 @@ module pyfric_model
   end type constants_t
 
   type, extends(constants_t) :: model_t
-    logical :: complete = .false.   !! there was enough memory, and the friction law is known
+    logical :: complete = .false.   !! memory was allocated, and the friction law is known
     integer :: nx           !! blocks along the interface
     integer :: nz           !! rows
     integer :: n            !! nx rounded up to LANES

@@ -27,7 +27,7 @@ module pyfric_pivots
 
   !> The slider condensed onto its interface, and its loads along each route of a protocol.
   type :: slider_t
-    logical :: complete = .false.           !! there was enough memory
+    logical :: complete = .false.           !! memory was allocated
     integer :: nx                           !! blocks along the interface
     real(dp) :: k                           !! stiffness of bonds [N/m]
     real(dp) :: k_driver                    !! K of the driver [N/m]

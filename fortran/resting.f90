@@ -31,7 +31,7 @@ module pyfric_resting
   integer, parameter :: SLIP = 1, SINCE = 2, N_MEMORY = 2
 
   type :: resting_t
-    logical :: complete = .false.      !! there was enough memory
+    logical :: complete = .false.      !! memory was allocated
     logical :: simple = .false.        !! no tables, no viscosity, no limit
     logical :: kinked = .false.        !! friction has corners over slip or speed
     logical :: keeps = .false.         !! a stick does not end a slip

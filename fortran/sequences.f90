@@ -26,7 +26,7 @@ module pyfric_sequences
     type(contact_t) :: contact
     type(run_t) :: run
     type(log_t) :: log
-    logical :: complete = .false.              !! there was enough memory
+    logical :: complete = .false.              !! memory was allocated
     logical :: shares = .false.                !! it has a table with which other runs begin
   end type work_t
 

@@ -76,7 +76,7 @@ module pyfric_slow_slip
   real(dp), parameter :: TURNED = 1e-12_dp, SLOWLY = 0.05_dp
 
   type :: condensed_t
-    logical :: complete = .false.         !! there was enough memory
+    logical :: complete = .false.         !! memory was allocated
     integer :: nx
     type(law_t) :: law
     logical, allocatable :: closed(:)     !! in contact
@@ -138,7 +138,7 @@ module pyfric_slow_slip
   end type slopes_t
 
   type :: work_t
-    logical :: complete = .false.          !! there was enough memory
+    logical :: complete = .false.          !! memory was allocated
     type(slopes_t) :: slopes               !! at the beginning of a step
     type(slopes_t) :: others               !! elsewhere
     real(dp), allocatable :: lu(:, :)      !! see `prepare`

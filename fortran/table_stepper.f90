@@ -207,7 +207,7 @@ contains
     real(dp), intent(in) :: sub                        !! length of the step or sub-step [s]
     real(dp), intent(in) :: weight_u(MAX_STAGES)
     real(dp), intent(in) :: weight_v(MAX_STAGES)
-    integer, intent(in) :: n                           !! stages known
+    integer, intent(in) :: n                           !! number of stages before
     integer, intent(in) :: j                           !! row
     real(dp), intent(in) :: y(LB:s%n + LANES, 4)       !! the row at the start
     real(dp), intent(in) :: rod(6)                     !! the rod at the start
@@ -263,7 +263,7 @@ contains
   pure subroutine combine(n, nz, stages, j, elapsed, abar, a, y, f, q)
     integer, intent(in) :: n                         !! length of a row
     integer, intent(in) :: nz                        !! rows
-    integer, intent(in) :: stages                    !! stages known
+    integer, intent(in) :: stages                    !! number of stages before
     integer, intent(in) :: j                         !! row
     real(dp), intent(in) :: elapsed                  !! time from the start of the step [s]
     real(dp), intent(in) :: abar(MAX_STAGES)        !! times h^2/m [m/N]

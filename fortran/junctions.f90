@@ -289,7 +289,7 @@ contains
     end do
   end subroutine drag
 
-  !> Breaks pinned junctions with |d_j| > c_j u_s. Their stretch drops to u_d, and they slip for a time t_R.
+  !> Breaks pinned junctions with |d_j| > c_j u_s. Their stretch drops to u_d at most, and they slip for a time t_R.
   pure subroutine break_stretched(of, i, t, u, k, memory, loss, changed)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: i            !! block

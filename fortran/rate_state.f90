@@ -11,7 +11,7 @@ module pyfric_rate_state
   private
   public :: rate_forces, rate_powers, begin_step, implicit_speeds, balanced_speeds
 
-  !> Below this y, 1 - exp(-2 y) is computed by a polynomial of degree 3.
+  !> Value of y below which 1 - exp(-2 y) is computed by a polynomial of degree 3.
   real(dp), parameter :: SMALL = 1e-5_dp
 
 contains
@@ -47,7 +47,7 @@ contains
     end do
   end subroutine rate_forces
 
-  !> Friction power above a kinetic strength, which is 0 in this law, and power of alpha.
+  !> Friction power above the kinetic strength, which is 0 under this law, and power of alpha.
   pure subroutine rate_powers(of, nx, v, above, viscous)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: nx              !! blocks
@@ -81,7 +81,7 @@ contains
   !>     v + (h/m) (alpha v + p a asinh(...)) = v_0 ,   x by `stage` .
   !>
   !> The left side grows with |v|, unless friction weakens faster than the step resolves. The root is found by Newton's method in
-  !> ln(|v|/V*), within bounds that become narrower. Blocks whose roots are found wait for the others.
+  !> ln(|v|/V*), within narrowing bounds. Iterations go on until the last block has its root.
   pure subroutine implicit_speeds(of, nx, h, m, p, x_0, near, v, theta, rate)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: nx            !! blocks
@@ -89,8 +89,8 @@ contains
     real(dp), intent(in) :: m(nx)        !! masses [kg]
     real(dp), intent(in) :: p(nx)        !! foundation force [N]
     real(dp), intent(in) :: x_0(nx)
-    real(dp), intent(in) :: near(nx)     !! velocities near the roots [m/s]
-    real(dp), intent(inout) :: v(nx)     !! v_0, then the roots [m/s]
+    real(dp), intent(in) :: near(nx)     !! first guesses of the roots [m/s]
+    real(dp), intent(inout) :: v(nx)     !! on entry v_0, on return the roots [m/s]
     real(dp), intent(out) :: theta(nx)   !! [s]
     real(dp), intent(out) :: rate(nx)
     real(dp), dimension(TOGETHER) :: w, c, inertia, eta, high, speed, x, slope
@@ -175,7 +175,7 @@ contains
     end do
   end subroutine find_roots
 
-  !> ln(|v|/V*), slightly above the value at which friction alone balances w.
+  !> A value of ln(|v|/V*) slightly above the root of friction = w without the term v.
   pure subroutine speed_by_friction(of, from, n, h, c, x_0, w, eta)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
@@ -303,12 +303,12 @@ contains
     end do
   end subroutine balanced_speeds
 
-  !> (f* + b psi)/a, and the slope of psi by x, if friction balances w.
+  !> (f* + b psi)/a, and the derivative of psi by x, at speeds at which friction balances w.
   pure subroutine resistance(of, from, n, x, w, p, kappa, slope)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
     integer, intent(in) :: n
-    real(dp), intent(in) :: x(n)      !! includes a share of stress if the law has a rate of stress
+    real(dp), intent(in) :: x(n)      !! variable of the law, plus (c/b) mu if the law has a rate of stress
     real(dp), intent(in) :: w(n)      !! [N]
     real(dp), intent(in) :: p(n)      !! [N]
     real(dp), intent(out) :: kappa(n)

@@ -47,7 +47,7 @@ contains
     real(dp), intent(in) :: step                    !! steps made
     real(dp), intent(in) :: t                       !! time [s]
     real(dp), intent(in) :: dt                      !! step [s]
-    real(dp), intent(in) :: soon                    !! junctions that pin within this time pin now [s]
+    real(dp), intent(in) :: soon                    !! time ahead within which junctions pin now [s]
     real(dp), intent(inout) :: y(LB:s%n + LANES, 4, s%nz)  !! v_x of the bottom row may be set to zero
     type(contact_t), intent(inout) :: contact
     type(log_t), intent(inout) :: log

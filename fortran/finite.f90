@@ -69,8 +69,8 @@ contains
     integer, intent(in) :: m
     real(dp), intent(in) :: l                     !! lattice constant [m]
     real(dp), intent(in) :: c(7)                  !! coefficients of the series
-    real(dp), intent(in) :: q(LB:n + LANES, 4)    !! the row of their first blocks
-    real(dp), intent(in) :: row(LB:n + LANES, 4)  !! the row of their second blocks
+    real(dp), intent(in) :: q(LB:n + LANES, 4)    !! the row of the first blocks of the bonds
+    real(dp), intent(in) :: row(LB:n + LANES, 4)  !! the row of the second blocks of the bonds
     real(dp), intent(inout) :: fx(LB:n + LANES)   !! forces on the first blocks [N]
     real(dp), intent(inout) :: fz(LB:n + LANES)   !! [N]
     real(dp), intent(inout) :: strain             !! largest (t/l0^2)^2 l^4 [m4]
@@ -106,8 +106,8 @@ contains
   pure subroutine in_closed_form(s, m, q, row, fx, fz)
     type(model_t), intent(in) :: s
     integer, intent(in) :: m
-    real(dp), intent(in) :: q(LB:s%n + LANES, 4)   !! the row of their first blocks
-    real(dp), intent(in) :: row(LB:s%n + LANES, 4) !! the row of their second blocks
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)   !! the row of the first blocks of the bonds
+    real(dp), intent(in) :: row(LB:s%n + LANES, 4) !! the row of the second blocks of the bonds
     real(dp), intent(out) :: fx(LB:s%n + LANES)    !! forces on the first blocks [N]
     real(dp), intent(out) :: fz(LB:s%n + LANES)    !! [N]
     real(dp) :: k, d(2), l2, dx, dz, t, g
@@ -130,8 +130,8 @@ contains
   pure subroutine add_dashpots(s, m, q, row, fx, fz)
     type(model_t), intent(in) :: s
     integer, intent(in) :: m
-    real(dp), intent(in) :: q(LB:s%n + LANES, 4)   !! the row of their first blocks
-    real(dp), intent(in) :: row(LB:s%n + LANES, 4) !! the row of their second blocks
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)   !! the row of the first blocks of the bonds
+    real(dp), intent(in) :: row(LB:s%n + LANES, 4) !! the row of the second blocks of the bonds
     real(dp), intent(inout) :: fx(LB:s%n + LANES)  !! forces on the first blocks [N]
     real(dp), intent(inout) :: fz(LB:s%n + LANES)  !! [N]
     real(dp) :: d(2), x, z, dvx, dvz, g

@@ -89,7 +89,7 @@ contains
   pure elemental function stiffness(of, i, p) result(k)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: i        !! block
-    real(dp), intent(in) :: p       !! its normal force [N]
+    real(dp), intent(in) :: p       !! normal force of the block [N]
     real(dp) :: k
 
     k = sqrt(of%c(i)*p/of%n)
@@ -241,7 +241,7 @@ contains
     integer, intent(in) :: n                     !! padded length of a row
     integer, intent(in) :: at(n)                 !! element of each block in a row
     real(dp), intent(in) :: t                    !! time [s]
-    real(dp), intent(in) :: soon                 !! junctions that pin within this time pin now [s]
+    real(dp), intent(in) :: soon                 !! time ahead within which junctions pin now [s]
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
     real(dp), intent(inout) :: memory(n_whole(of%n), nx)
@@ -378,8 +378,8 @@ contains
   pure function next_break(of, i, u, p, memory) result(room)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: i            !! block
-    real(dp), intent(in) :: u           !! its displacement [m]
-    real(dp), intent(in) :: p           !! its normal force [N]
+    real(dp), intent(in) :: u           !! displacement of the block [m]
+    real(dp), intent(in) :: p           !! normal force of the block [N]
     real(dp), intent(in) :: memory(of%n, N_PARTS)
     real(dp) :: room, u_s
     integer :: j
@@ -446,9 +446,9 @@ contains
   pure function drag_limits(of, i, u, v, p, p_rate, memory) result(marks)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: i            !! block
-    real(dp), intent(in) :: u           !! its displacement [m]
-    real(dp), intent(in) :: v           !! its velocity [m/s]
-    real(dp), intent(in) :: p           !! its normal force [N]
+    real(dp), intent(in) :: u           !! displacement of the block [m]
+    real(dp), intent(in) :: v           !! velocity of the block [m/s]
+    real(dp), intent(in) :: p           !! normal force of the block [N]
     real(dp), intent(in) :: p_rate      !! rate of p [N/s]
     real(dp), intent(in) :: memory(n_whole(of%n))
     real(dp) :: marks(4), u_d, a

@@ -1,8 +1,8 @@
 !> The friction law, one of three kinds: laws under which blocks rest (pyfric_resting), junctions (pyfric_junctions), rate and
 !> state (pyfric_rate_state). Only this module uses the modules of the three kinds.
 !>
-!> Each kind of law has its own fields, tables and state variables. It gives the force, powers and energy, event functions, contact
-!> states after a step, and changes of state variables at a switch. On junctions, and with rate and state, no block comes to rest.
+!> Each kind of law has its own fields, tables and state variables. Each kind gives the force, powers, energy, event functions,
+!> contact states after a step, and changes of state variables at a switch. On junctions, and with rate and state, no block comes to rest.
 !> On junctions, the force follows from displacements and state variables; with rate and state, from speeds and a state variable.
 module pyfric_law
   use pyfric_kinds, only: dp, ip, NOT_KNOWN
@@ -326,7 +326,7 @@ contains
     integer(ip), intent(in) :: mode(nx)          !! contact states
     real(dp), intent(inout) :: memory(law%n_memory, nx)
     real(dp), intent(in) :: t                    !! time [s]
-    real(dp), intent(in) :: soon                 !! junctions that pin within this time pin now [s]
+    real(dp), intent(in) :: soon                 !! time ahead within which junctions pin now [s]
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]

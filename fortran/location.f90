@@ -7,7 +7,7 @@
 !> lasts (pyfric_law). If an event function is negative at the end, shorter sub-steps are tried until the earliest root is
 !> bracketed. The sub-step then ends just behind the root, where contacts switch. The next sub-step goes to the end of the
 !> step. The stages of a sweep predict the root, so that one trial suffices in most cases. If no event function is negative
-!> at the end, a parabola through start, middle and end is tested for each. If it falls below zero, the sub-step is cut
+!> at the end, a parabola through start, middle and end is computed for each. If a parabola falls below zero, the sub-step ends
 !> there. Event functions are compared by their signs.
 module pyfric_location
   use pyfric_kinds, only: dp, ip
@@ -124,7 +124,7 @@ contains
     call last_knots(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, q(LB, UX), q(LB, VX), w%p, p_rate, control%marks)
   end subroutine mark_knots
 
-  !> Plans the next sub-step. It is as long as the error allows, and does not pass the end of the step or a knot of age.
+  !> Plans the next sub-step. The sub-step is as long as the error allows, and does not pass the end of the step or a knot of age.
   pure subroutine plan_substep(s, t, dt, contact, budget, control)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                !! time [s]
@@ -322,7 +322,7 @@ contains
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: step                           !! steps made before this one
     real(dp), intent(in) :: t                              !! time [s]
-    real(dp), intent(in) :: soon                           !! junctions that pin within this time pin now [s]
+    real(dp), intent(in) :: soon                           !! time ahead within which junctions pin now [s]
     real(dp), intent(inout) :: new(LB:s%n + LANES, 4, s%nz) !! state; v_x of blocks that stop is set to zero
     type(contact_t), intent(inout) :: contact
     type(log_t), intent(inout) :: log

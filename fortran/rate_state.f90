@@ -356,7 +356,7 @@ contains
     end do
   end subroutine speed_without_damping
 
-  !> eta = ln(|v|/V*) with damping, by Newton's method from the larger value without damping. The function is convex.
+  !> eta = ln(|v|/V*) with damping, by Newton's method from the larger value without damping. The method converges, because the equation is convex.
   pure subroutine damp(of, from, n, p, x, w, eta)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from

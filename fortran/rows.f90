@@ -171,7 +171,7 @@ contains
   end subroutine weigh
 
   !> Adds the external forces on row j: driver, pushes on the bottom row, shear, weight, absorbing sides and top. On a free top
-  !> row it also adds the load and -k_top u_x.
+  !> row, the load and -k_top u_x are also added.
   pure subroutine outer_forces(s, j, t, q, fx, fz, f_t)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                        !! row, from 1 at the bottom

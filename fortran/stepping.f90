@@ -92,7 +92,7 @@ contains
     real(dp), intent(inout) :: narrow_y(s%nx, 4, s%nz)            !! state
     real(dp), intent(inout) :: y(LB:s%n + LANES, 4, s%nz, 2)      !! work space: the state and the next one
     real(dp), intent(inout) :: stage(LB:s%n + LANES, 4, s%nz)     !! work space of tables: a stage
-    real(dp), intent(inout) :: forces(LB:s%n + LANES, 2, s%nz, MAX_STAGES)  !! and forces of all stages [N]
+    real(dp), intent(inout) :: forces(LB:s%n + LANES, 2, s%nz, MAX_STAGES)  !! work space: forces of all stages [N]
     integer, intent(in) :: n_work                                 !! work space of each thread
     real(dp), intent(inout) :: work(n_work, method%n_threads)     !! see `reserve`
     real(dp), intent(inout) :: rod(6)                             !! rod
@@ -162,7 +162,7 @@ contains
     type(run_t), intent(inout) :: run
     real(dp), intent(inout) :: y(LB:s%n + LANES, 4, s%nz, 2)      !! the state and the next one
     real(dp), intent(inout) :: stage(LB:s%n + LANES, 4, s%nz)     !! work space of tables: a stage
-    real(dp), intent(inout) :: forces(LB:s%n + LANES, 2, s%nz, MAX_STAGES)  !! and forces of all stages [N]
+    real(dp), intent(inout) :: forces(LB:s%n + LANES, 2, s%nz, MAX_STAGES)  !! work space: forces of all stages [N]
     integer, intent(in) :: n_work                                 !! work space of each thread
     real(dp), intent(inout) :: work(n_work, method%n_threads)     !! see `reserve`
     type(row_t), intent(inout) :: w(method%n_threads)             !! one for each thread
@@ -227,7 +227,7 @@ contains
     integer, intent(in) :: last                 !! see `first`
     real(dp), intent(inout) :: y(LB:s%n + LANES, 4, s%nz, 2)      !! the state and the next one
     real(dp), intent(inout) :: stage(LB:s%n + LANES, 4, s%nz)     !! work space of tables: a stage
-    real(dp), intent(inout) :: forces(LB:s%n + LANES, 2, s%nz, MAX_STAGES)  !! and forces of all stages [N]
+    real(dp), intent(inout) :: forces(LB:s%n + LANES, 2, s%nz, MAX_STAGES)  !! work space: forces of all stages [N]
     real(dp), intent(inout) :: rods(6, 2)                         !! the rod at both states
     type(contact_t), intent(in) :: contact
     type(budget_t), intent(inout) :: budget

@@ -53,7 +53,7 @@ contains
     real(dp), intent(in) :: rod(6)                    !! X, Z, phi and their rates at the start
     real(dp), intent(inout) :: y_new(LB:s%n + LANES, 4, s%nz)   !! rows j0..j1 are written
     real(dp), intent(inout) :: rod_new(6)             !! written by the thread that owns the top row
-    type(budget_t), intent(inout) :: budget           !! entries of rows j0..j1 are advanced
+    type(budget_t), intent(inout) :: budget           !! works and heat, to which rows j0..j1 are added
     real(dp), intent(inout) :: q(LB:s%n + LANES, 4, 0:table%stages, 2:table%stages)  !! work space: rows of stages
     real(dp), intent(inout) :: carry(LB:s%n + LANES, 2, table%stages)  !! work space of finite geometry
     real(dp), intent(inout) :: b(LB:s%n + LANES, 2, N_BOND)       !! work space of finite geometry

@@ -83,7 +83,7 @@ contains
     real(dp), intent(in) :: rod(6)                    !! X, Z, phi and their rates at the start
     real(dp), intent(inout) :: y_new(LB:s%n + LANES, 4, s%nz)   !! rows j0..j1 are written
     real(dp), intent(inout) :: rod_new(6)             !! written by the thread that owns the top row
-    type(budget_t), intent(inout) :: budget           !! entries of rows j0..j1 are advanced
+    type(budget_t), intent(inout) :: budget           !! works and heat, to which rows j0..j1 are added
     real(dp), intent(inout) :: f(LB:s%n + LANES, 2, s%nz, MAX_STAGES)  !! forces of the stages, shared [N]
     real(dp), intent(inout) :: q(LB:s%n + LANES, 4, s%nz)       !! a stage, shared
     real(dp), intent(inout) :: work(LB:s%n + LANES, COLUMNS)    !! work space, in which columns of bonds are zero on entry

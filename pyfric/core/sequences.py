@@ -164,7 +164,7 @@ class Sequences:
     Attributes:
         status: reason why each run stopped, a `Status`, shape (n,).
         counts: integers of each run, shape (n, 15); see `COUNTS`.
-        mode: contact states as logged, shape (n, N_x).
+        mode: contact states after the last logged change, shape (n, N_x).
     """
 
     def __init__(

@@ -45,14 +45,14 @@ class Option:
     """Declaration of an option.
 
     Args:
-        owner: its owner.
-        meaning: its meaning. The first sentence also stands in the help of the command line.
+        owner: the owner of the option.
+        meaning: text of its meaning. The help of the command line shows the first sentence.
         unless: meaning of None; "" if obvious.
         nothing: a value with the same effect as None.
         kept: function that returns the value of the option in a continued run, from the method of
             the record; None if a continued run may change the option.
-        default: its default.
-        mark: annotation of its values.
+        default: the default of the option.
+        mark: annotation of the values of the option.
     """
 
     owner: Owner

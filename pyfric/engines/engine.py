@@ -66,13 +66,13 @@ class Engine:
     """An engine.
 
     Args:
-        name: its name, the value of the option `fidelity`.
-        models: the physics that it models, in words.
-        leaves_out: the effects that it leaves out, in words.
-        options: names of options that it has.
-        geometries: geometries of bonds that it has.
-        steppers: steppers that it has; () if it makes no time steps.
-        jumps: whether it makes jumps.
+        name: name of the engine, a value of the option `fidelity`.
+        models: the physics that the engine models, in words.
+        leaves_out: the effects that the engine leaves out, in words.
+        options: names of the allowed options.
+        geometries: allowed geometries of bonds.
+        steppers: allowed steppers; () if the engine makes no time steps.
+        jumps: whether the engine makes jumps.
         check: function that raises SceneError for a scene that the engine cannot run.
         follow: function that runs a scene.
     """

@@ -110,9 +110,9 @@ class Guard:
     def _of_changes(self, state: State) -> float:
         """Return a bound of the work (J) that changes of loads do until a state.
 
-        The potential uses F_N and T at t = 0. The bound is the largest change of these loads over
-        the whole protocol, of pushes, and of forces of a moving plate on the top, times the largest
-        displacement. Between two states, both bounds are added.
+        The potential uses F_N and T at t = 0. The bound is a sum over loads: the largest change of
+        a load in its protocol, times the largest displacement. The loads are F_N, T, pushes, and
+        forces of a moving plate on the top. Between two states, both bounds are added.
         """
         top, parts = self.scene.top, 0.0
         for protocol, first, c in ((top.protocol, self.scene.F_N, 1), (top.T_protocol, 0.0, 0)):

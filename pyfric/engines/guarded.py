@@ -51,7 +51,7 @@ class GuardedSteps:
         model: the scene in the form that the core takes.
 
     Attributes:
-        good: the state to which a run that fails returns; None means the present state.
+        good: the state to which a failed run returns; None means the present state.
         longest: largest number of steps of one call.
         in_core: function of model, state, log and number of steps that makes steps in the core.
     """

@@ -5,7 +5,7 @@ oscillates about it (`path`, `modes`):
 
     q(s) = q_0 + q_1 s + q_2 s^2/2 + l_0 + l_1 s + w(s) .
 
-In linear geometry this is exact except for errors of the modes. In finite geometry it is a
+In linear geometry q(s) is exact except for errors of the modes. In finite geometry q(s) is a
 prediction. The residual of the equation of motion at the end of the jump,
 
     D = forces(q) - C q' - M q'' ,
@@ -250,7 +250,7 @@ class Jump:
         """Return the number of steps, from n to n_max, until just before gap functions reach zero.
 
         Args:
-            n, n_max: numbers of steps.
+            n, n_max: smallest and largest result.
             gaps: polynomials of the gap functions, see `Path`, shape (3, n_c).
             waves: amplitudes at s = 0, shape (n_c, n), complex, in N.
             rates: rates of the amplitudes, shape (n,), in 1/s.

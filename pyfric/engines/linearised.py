@@ -192,7 +192,7 @@ class Linearised:
         return -of_v - of_a
 
     def loads(self, q: np.ndarray, force: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
-        """Return loads and normal forces of blocks (N), (N_x, ...), at displacements and forces."""
+        """Return loads and normal forces of blocks (N), (N_x, ...), for q (m) and forces (N)."""
         held, k_f = self.closed, self._k_f
         if q.ndim > 1:
             held, k_f = held[:, None], k_f[:, None]

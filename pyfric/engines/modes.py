@@ -274,7 +274,7 @@ def modes_of(space: Space, dt: float | None = None, stepper: str = "rk4") -> Mod
 def modes_at(
     gap_functions: GapFunctions, tangent: Tangent, dt: float | None, stepper: str
 ) -> Modes:
-    """Return the modes at a tangent; see `Modes`."""
+    """Return the modes of a slider that is linearised at a tangent."""
     space = gap_functions.space
     B, held = space.B, space.held
     KB, CB, r = tangent.K @ B, tangent.C @ B, B.shape[1]

@@ -54,7 +54,7 @@ def may_slip(scene: Scene, space: Space, state: State, n_steps: int) -> np.ndarr
 
     Args:
         scene: a scene that `has_parts`.
-        space: static forces of the chain.
+        space: static solutions of the chain.
         state: its state.
         n_steps: number of steps.
     """

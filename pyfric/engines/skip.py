@@ -30,7 +30,7 @@ MOSTLY = 0.5
 
 @dataclasses.dataclass(frozen=True)
 class Span:
-    """Steps that can be left out.
+    """A solution that replaces a number of steps.
 
     Args:
         n: number of steps.

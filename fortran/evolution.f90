@@ -111,7 +111,7 @@ contains
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
     integer, intent(in) :: n
-    real(dp), intent(in) :: h          !! [s]
+    real(dp), intent(in) :: h          !! factor of dx/dt in the stage [s]
     real(dp), intent(in) :: x_0(n)
     real(dp), intent(in) :: eta(n)
     real(dp), intent(in) :: v(n)       !! speeds [m/s]
@@ -194,8 +194,8 @@ contains
     real(dp), intent(in) :: v(n)       !! velocities [m/s]
     real(dp), intent(in) :: y(n)       !! theta in s
     real(dp), intent(out) :: rate(n)
-    real(dp), intent(out) :: by_v(n)   !! [1/m]
-    real(dp), intent(out) :: by_y(n)   !! [1/s]
+    real(dp), intent(out) :: by_v(n)   !! derivatives of the rates by v [1/m]
+    real(dp), intent(out) :: by_y(n)   !! derivatives of the rates by y [1/s]
     real(dp) :: d_c
     integer :: i
 
@@ -246,7 +246,7 @@ contains
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
     integer, intent(in) :: n
-    real(dp), intent(in) :: h          !! [s]
+    real(dp), intent(in) :: h          !! factor of dx/dt in the stage [s]
     real(dp), intent(in) :: x_0(n)
     real(dp), intent(in) :: eta(n)
     real(dp), intent(in) :: v(n)       !! speeds [m/s]
@@ -288,7 +288,7 @@ contains
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
     integer, intent(in) :: n
-    real(dp), intent(in) :: h          !! [s]
+    real(dp), intent(in) :: h          !! factor of dx/dt in the stage [s]
     real(dp), intent(in) :: x_0(n)
     real(dp), intent(in) :: eta(n)
     real(dp), intent(in) :: v(n)       !! speeds [m/s]
@@ -370,8 +370,8 @@ contains
     real(dp), intent(in) :: v(n)       !! velocities [m/s]
     real(dp), intent(in) :: y(n)
     real(dp), intent(out) :: rate(n)
-    real(dp), intent(out) :: by_v(n)   !! [1/m]
-    real(dp), intent(out) :: by_y(n)   !! [1/s]
+    real(dp), intent(out) :: by_v(n)   !! derivatives of the rates by v [1/m]
+    real(dp), intent(out) :: by_y(n)   !! derivatives of the rates by y [1/s]
     real(dp), dimension(TOGETHER) :: eta, x_0, x, speed, heals
     integer :: i, k
 

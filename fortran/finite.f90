@@ -72,7 +72,7 @@ contains
     real(dp), intent(in) :: q(LB:n + LANES, 4)    !! the row of the first blocks of the bonds
     real(dp), intent(in) :: row(LB:n + LANES, 4)  !! the row of the second blocks of the bonds
     real(dp), intent(inout) :: fx(LB:n + LANES)   !! forces on the first blocks [N]
-    real(dp), intent(inout) :: fz(LB:n + LANES)   !! [N]
+    real(dp), intent(inout) :: fz(LB:n + LANES)   !! forces along z [N]
     real(dp), intent(inout) :: strain             !! largest (t/l0^2)^2 l^4 [m4]
     real(dp) :: dx, dz, t, t2, t2_max, g
     integer :: i
@@ -94,8 +94,8 @@ contains
   !> c l + dx; only dx, without an addition, if c is 0.
   pure function plus(c, l, dx) result(x)
     real(dp), intent(in) :: c
-    real(dp), intent(in) :: l   !! [m]
-    real(dp), intent(in) :: dx  !! [m]
+    real(dp), intent(in) :: l   !! lattice constant [m]
+    real(dp), intent(in) :: dx  !! difference of displacements [m]
     real(dp) :: x
 
     x = dx
@@ -109,7 +109,7 @@ contains
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)   !! the row of the first blocks of the bonds
     real(dp), intent(in) :: row(LB:s%n + LANES, 4) !! the row of the second blocks of the bonds
     real(dp), intent(out) :: fx(LB:s%n + LANES)    !! forces on the first blocks [N]
-    real(dp), intent(out) :: fz(LB:s%n + LANES)    !! [N]
+    real(dp), intent(out) :: fz(LB:s%n + LANES)    !! forces along z [N]
     real(dp) :: k, d(2), l2, dx, dz, t, g
     integer :: i
 
@@ -133,7 +133,7 @@ contains
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)   !! the row of the first blocks of the bonds
     real(dp), intent(in) :: row(LB:s%n + LANES, 4) !! the row of the second blocks of the bonds
     real(dp), intent(inout) :: fx(LB:s%n + LANES)  !! forces on the first blocks [N]
-    real(dp), intent(inout) :: fz(LB:s%n + LANES)  !! [N]
+    real(dp), intent(inout) :: fz(LB:s%n + LANES)  !! forces along z [N]
     real(dp) :: d(2), x, z, dvx, dvz, g
     integer :: i
 

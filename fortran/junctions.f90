@@ -134,7 +134,7 @@ contains
     integer, intent(in) :: m
     real(dp), intent(in) :: u           !! displacement of the block [m]
     real(dp), intent(in) :: u_d         !! slip level [m]
-    real(dp), intent(in) :: anchors(m)  !! [m]
+    real(dp), intent(in) :: anchors(m)  !! anchors of slipping junctions [m]
     real(dp) :: total, lanes_of(LANES)
     integer :: j, l, whole
 
@@ -163,8 +163,8 @@ contains
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
     real(dp), intent(in) :: p_rate(nx)           !! rate of p [N/s]
-    real(dp), intent(out) :: dragging(nx)        !! [W]
-    real(dp), intent(out) :: stiffening(nx)      !! [W]
+    real(dp), intent(out) :: dragging(nx)        !! power of dragging [W]
+    real(dp), intent(out) :: stiffening(nx)      !! power of changes of stiffness [W]
     real(dp) :: k, u_d, growth, d, heat
     integer :: i, j, s
 
@@ -191,7 +191,7 @@ contains
     real(dp), intent(in) :: d           !! stretch, with the anchor at the start of the step [m]
     real(dp), intent(in) :: u_d         !! slip level [m]
     real(dp), intent(in) :: v           !! velocity of the block [m/s]
-    real(dp), intent(in) :: u_d_rate    !! [m/s]
+    real(dp), intent(in) :: u_d_rate    !! rate of u_d [m/s]
     real(dp) :: speed
 
     speed = 0.0_dp
@@ -245,7 +245,7 @@ contains
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
     real(dp), intent(inout) :: memory(n_whole(of%n), nx)
-    real(dp), intent(out) :: excess(nx)          !! [-]
+    real(dp), intent(out) :: excess(nx)          !! number of breaks before a block is ruptured [-]
     real(dp), intent(inout) :: loss(nx)          !! heat of breaks and of pinning so far [J]
     real(dp) :: k, u, stretch, weakest
     logical :: changed
@@ -297,7 +297,7 @@ contains
     real(dp), intent(in) :: u           !! displacement of the block [m]
     real(dp), intent(in) :: k           !! k_j [N/m]
     real(dp), intent(inout) :: memory(of%n, N_PARTS)
-    real(dp), intent(inout) :: loss     !! [J]
+    real(dp), intent(inout) :: loss     !! heat of breaks and of pinning so far [J]
     logical, intent(inout) :: changed
     real(dp) :: u_s, d, after
     integer :: j
@@ -323,7 +323,7 @@ contains
     real(dp), intent(in) :: u           !! displacement of the block [m]
     real(dp), intent(in) :: k           !! k_j [N/m]
     real(dp), intent(inout) :: memory(n, N_PARTS)
-    real(dp), intent(inout) :: loss     !! [J]
+    real(dp), intent(inout) :: loss     !! heat of breaks and of pinning so far [J]
     logical, intent(inout) :: changed
     integer :: j
 

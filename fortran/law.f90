@@ -2,7 +2,7 @@
 !> state (pyfric_rate_state). Only this module uses the modules of the three kinds.
 !>
 !> Each kind of law has its own fields, tables and state variables. Each kind gives the force, powers, energy, event functions,
-!> contact states after a step, and changes of state variables at a switch. On junctions, and with rate and state, no block comes to rest.
+!> contact states after a step, and changes of state variables at a switch. On junctions, and with rate and state, no block rests.
 !> On junctions, the force follows from displacements and state variables; with rate and state, from speeds and a state variable.
 module pyfric_law
   use pyfric_kinds, only: dp, ip, NOT_KNOWN
@@ -153,8 +153,8 @@ contains
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
     real(dp), intent(in) :: p_rate(nx)           !! rate of p [N/s]
     real(dp), intent(in) :: f(nx)                !! friction force on the blocks, along +x [N]
-    real(dp), intent(out) :: above(nx)           !! [W]
-    real(dp), intent(out) :: viscous(nx)         !! [W]
+    real(dp), intent(out) :: above(nx)           !! power above the kinetic strength; on junctions of dragging [W]
+    real(dp), intent(out) :: viscous(nx)         !! power of alpha; on junctions of changes of stiffness [W]
 
     select case (law%kind)
     case (RESTING)
@@ -284,7 +284,7 @@ contains
     integer, intent(in) :: nx                    !! blocks
     integer(ip), intent(in) :: mode(nx)          !! contact states
     real(dp), intent(in) :: memory(law%n_memory, nx)
-    real(dp), intent(in) :: t                    !! [s]
+    real(dp), intent(in) :: t                    !! time [s]
     real(dp) :: shortest
 
     select case (law%kind)
@@ -312,7 +312,7 @@ contains
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     integer(ip), intent(out) :: new(nx)          !! new contact states
-    real(dp), intent(out) :: margin(nx)          !! [N]
+    real(dp), intent(out) :: margin(nx)          !! strength minus load [N]
 
     call resting_states(law%resting, nx, n, at, mode, memory, t, other, p, v_x, new, margin)
   end subroutine next_states

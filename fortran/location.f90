@@ -395,7 +395,7 @@ contains
     real(dp), intent(in) :: marks(N_MARK, s%nx)         !! marks of the law at the start of the sub-step
     type(row_t), intent(inout) :: w
     real(dp), intent(out) :: g(:, :)                    !! [N] or [m/s], [m], knots [m] and [m/s]
-    real(dp), intent(out) :: margin(s%nx)               !! [N]
+    real(dp), intent(out) :: margin(s%nx)               !! strength minus load [N]
     real(dp) :: fx(LB:s%n + LANES), p_rate(s%nx)
 
     call foundation(s, q(LB, UZ), w%p)

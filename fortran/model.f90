@@ -306,7 +306,7 @@ contains
     q = [block(UX), -block(UZ), block(VX), -block(VZ)]
   end function reflected
 
-  !> Closes a row of the state. In finite geometry the padding moves with the last block, so that bonds of the padding are not strained.
+  !> Closes a row of the state. In finite geometry the padding moves with the last block, so that its bonds have no strain.
   !> Beyond a mirrored side is the image of the last block.
   pure subroutine close_state(s, q)
     type(model_t), intent(in) :: s

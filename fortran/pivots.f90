@@ -54,9 +54,9 @@ module pyfric_pivots
 
   !> The interface in a static state, or its derivatives by the path length of the driver.
   type :: values_t
-    real(dp), allocatable :: u_x(:)         !! [m]
+    real(dp), allocatable :: u_x(:)         !! displacements of the blocks [m]
     real(dp), allocatable :: f(:)           !! friction force along +x [N]
-    real(dp), allocatable :: u_z(:)         !! [m]
+    real(dp), allocatable :: u_z(:)         !! vertical displacements of the blocks [m]
     real(dp), allocatable :: p(:)           !! foundation force [N]
     real(dp) :: f_t = 0.0_dp                !! force of the driver [N]
   end type values_t
@@ -187,7 +187,7 @@ contains
     type(ground_t), intent(in) :: g
     type(contact_t), intent(in) :: c
     real(dp), intent(in) :: v(3*s%nx + 1)        !! column of the table
-    real(dp), intent(in) :: gap(s%nx)            !! [m]
+    real(dp), intent(in) :: gap(s%nx)            !! heights of the blocks at u_z = 0 [m]
     type(values_t), intent(inout) :: values
     integer :: nx
 
@@ -208,7 +208,7 @@ contains
     type(contact_t), intent(inout) :: c
     logical, intent(in) :: which(s%nx)           !! blocks that change
     integer(ip), intent(in) :: mode(s%nx)        !! new states of these blocks
-    real(dp), intent(in) :: u_x(s%nx)            !! [m]
+    real(dp), intent(in) :: u_x(s%nx)            !! displacements at which blocks are held [m]
     integer(ip) :: new(s%nx)
     integer :: i, turn
 
@@ -253,7 +253,7 @@ contains
     type(contact_t), intent(inout) :: c
     integer, intent(in) :: i
     integer(ip), intent(in) :: mode
-    real(dp), intent(in) :: u_x                  !! [m]
+    real(dp), intent(in) :: u_x                  !! displacement at which the block is held [m]
     real(dp) :: row(s%nx + 2), factor(3*s%nx + 1), pivot, friction
     integer :: first, last, j
 

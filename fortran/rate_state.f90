@@ -20,10 +20,10 @@ contains
   pure subroutine rate_forces(of, nx, theta, v, p, f)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: nx              !! blocks
-    real(dp), intent(in) :: theta(nx)      !! [s]
+    real(dp), intent(in) :: theta(nx)      !! state variables theta [s]
     real(dp), intent(in) :: v(nx)          !! velocities [m/s]
     real(dp), intent(in) :: p(nx)          !! foundation force [N]
-    real(dp), intent(out) :: f(nx)         !! [N]
+    real(dp), intent(out) :: f(nx)         !! friction forces [N]
     real(dp), dimension(TOGETHER) :: eta, psi, slope, value
     integer :: from, n, i, k
 
@@ -52,8 +52,8 @@ contains
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: nx              !! blocks
     real(dp), intent(in) :: v(nx)          !! velocities [m/s]
-    real(dp), intent(out) :: above(nx)     !! [W]
-    real(dp), intent(out) :: viscous(nx)   !! [W]
+    real(dp), intent(out) :: above(nx)     !! friction power above the kinetic strength [W]
+    real(dp), intent(out) :: viscous(nx)   !! power of alpha [W]
 
     above = 0.0_dp
     viscous = of%alpha*v*v
@@ -64,7 +64,7 @@ contains
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: nx            !! blocks
     real(dp), intent(in) :: v(nx)        !! velocities [m/s]
-    real(dp), intent(in) :: theta(nx)    !! [s]
+    real(dp), intent(in) :: theta(nx)    !! state variables theta [s]
     real(dp), intent(out) :: x(nx)
     real(dp), intent(out) :: rate(nx)
     real(dp) :: bare(nx)
@@ -91,7 +91,7 @@ contains
     real(dp), intent(in) :: x_0(nx)
     real(dp), intent(in) :: near(nx)     !! first guesses of the roots [m/s]
     real(dp), intent(inout) :: v(nx)     !! on entry v_0, on return the roots [m/s]
-    real(dp), intent(out) :: theta(nx)   !! [s]
+    real(dp), intent(out) :: theta(nx)   !! state variables theta [s]
     real(dp), intent(out) :: rate(nx)
     real(dp), dimension(TOGETHER) :: w, c, inertia, eta, high, speed, x, slope
     integer :: from, n, i, k
@@ -136,7 +136,7 @@ contains
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: n
     real(dp), intent(in) :: eta(n)
-    real(dp), intent(out) :: speed(n)    !! [m/s]
+    real(dp), intent(out) :: speed(n)    !! speeds [m/s]
 
     speed = eta
     call exponentials(n, speed)
@@ -152,7 +152,7 @@ contains
     real(dp), intent(in) :: c(n)         !! p h/m [m/s]
     real(dp), intent(in) :: inertia(n)   !! V* (1 + alpha h/m) [m/s]
     real(dp), intent(in) :: x_0(n)
-    real(dp), intent(in) :: w(n)         !! [m/s]
+    real(dp), intent(in) :: w(n)         !! right sides of the equations [m/s]
     real(dp), intent(inout) :: high(n)
     real(dp), intent(inout) :: eta(n)
     real(dp), dimension(TOGETHER) :: low, left, grows, found
@@ -183,7 +183,7 @@ contains
     real(dp), intent(in) :: h
     real(dp), intent(in) :: c(n)      !! p h/m [m/s]
     real(dp), intent(in) :: x_0(n)
-    real(dp), intent(in) :: w(n)      !! [m/s]
+    real(dp), intent(in) :: w(n)      !! right sides of the equations [m/s]
     real(dp), intent(out) :: eta(n)
     real(dp), dimension(TOGETHER) :: x, psi, slope, y, none
     integer :: i, k
@@ -213,13 +213,13 @@ contains
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
     integer, intent(in) :: n
-    real(dp), intent(in) :: h            !! [s]
+    real(dp), intent(in) :: h            !! step times the diagonal of the table [s]
     real(dp), intent(in) :: c(n)         !! p h/m [m/s]
     real(dp), intent(in) :: inertia(n)   !! V* (1 + alpha h/m) [m/s]
     real(dp), intent(in) :: x_0(n)
     real(dp), intent(in) :: eta(n)
-    real(dp), intent(out) :: left(n)     !! [m/s]
-    real(dp), intent(out) :: grows(n)    !! [m/s]
+    real(dp), intent(out) :: left(n)     !! left sides of the equations [m/s]
+    real(dp), intent(out) :: grows(n)    !! derivatives of the left sides by eta [m/s]
     real(dp), dimension(TOGETHER) :: x, q, speed, v, x_slope, psi, psi_slope, value, slope
     integer :: i, k
 
@@ -248,10 +248,10 @@ contains
     real(dp), intent(in) :: load(nx)       !! along +x [N]
     real(dp), intent(in) :: p(nx)          !! normal force [N]
     real(dp), intent(in) :: log_theta(nx)  !! ln of theta [s]
-    real(dp), intent(out) :: v(nx)         !! [m/s]
-    real(dp), intent(out) :: by_load(nx)   !! [m/(s N)]
-    real(dp), intent(out) :: by_p(nx)      !! [m/(s N)]
-    real(dp), intent(out) :: by_theta(nx)  !! by ln(theta) [m/s]
+    real(dp), intent(out) :: v(nx)         !! velocities [m/s]
+    real(dp), intent(out) :: by_load(nx)   !! derivatives of v by load [m/(s N)]
+    real(dp), intent(out) :: by_p(nx)      !! derivatives of v by p [m/(s N)]
+    real(dp), intent(out) :: by_theta(nx)  !! derivatives of v by ln(theta) [m/s]
     real(dp), dimension(TOGETHER) :: x, x_slope, psi_slope, kappa, w, pressed, eta, value, slope
     real(dp) :: gain
     logical :: touches
@@ -309,8 +309,8 @@ contains
     integer, intent(in) :: from
     integer, intent(in) :: n
     real(dp), intent(in) :: x(n)      !! variable of the law, plus (c/b) mu if the law has a rate of stress
-    real(dp), intent(in) :: w(n)      !! [N]
-    real(dp), intent(in) :: p(n)      !! [N]
+    real(dp), intent(in) :: w(n)      !! right sides of the equations [N]
+    real(dp), intent(in) :: p(n)      !! normal forces [N]
     real(dp), intent(out) :: kappa(n)
     real(dp), intent(out) :: slope(n)
     real(dp), dimension(TOGETHER) :: psi, bare
@@ -335,8 +335,8 @@ contains
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
     integer, intent(in) :: n
-    real(dp), intent(in) :: w(n)   !! [N]
-    real(dp), intent(in) :: p(n)   !! [N]
+    real(dp), intent(in) :: w(n)   !! right sides of the equations [N]
+    real(dp), intent(in) :: p(n)   !! normal forces [N]
     real(dp), intent(out) :: q(n)
     real(dp) :: y(TOGETHER)
     integer :: i
@@ -356,14 +356,14 @@ contains
     end do
   end subroutine speed_without_damping
 
-  !> eta = ln(|v|/V*) with damping, by Newton's method from the larger value without damping. The method converges, because the equation is convex.
+  !> eta = ln(|v|/V*) with damping, by Newton's method from the larger value without damping. The equation is convex.
   pure subroutine damp(of, from, n, p, x, w, eta)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
     integer, intent(in) :: n
-    real(dp), intent(in) :: p(n)         !! [N]
+    real(dp), intent(in) :: p(n)         !! normal forces [N]
     real(dp), intent(in) :: x(n)
-    real(dp), intent(in) :: w(n)         !! [N]
+    real(dp), intent(in) :: w(n)         !! right sides of the equations [N]
     real(dp), intent(inout) :: eta(n)
     real(dp), dimension(TOGETHER) :: bound, inertia, left, grows, step
     integer :: i, k

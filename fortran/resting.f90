@@ -157,8 +157,8 @@ contains
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
     real(dp), intent(in) :: f(nx)                !! friction force on the blocks, along +x [N]
-    real(dp), intent(out) :: above(nx)           !! [W]
-    real(dp), intent(out) :: viscous(nx)         !! [W]
+    real(dp), intent(out) :: above(nx)           !! friction power above the kinetic strength [W]
+    real(dp), intent(out) :: viscous(nx)         !! power of alpha [W]
     real(dp) :: v
     integer :: i
 
@@ -305,7 +305,7 @@ contains
     integer, intent(in) :: nx                    !! blocks
     integer(ip), intent(in) :: mode(nx)          !! contact states
     real(dp), intent(in) :: memory(N_MEMORY, nx)
-    real(dp), intent(in) :: t                    !! [s]
+    real(dp), intent(in) :: t                    !! time [s]
     real(dp) :: shortest
     integer :: i, c
 
@@ -344,7 +344,7 @@ contains
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     integer(ip), intent(out) :: new(nx)          !! new contact states
-    real(dp), intent(out) :: margin(nx)          !! [N]
+    real(dp), intent(out) :: margin(nx)          !! strength minus load [N]
     real(dp) :: strength
     integer :: i
 

@@ -219,7 +219,7 @@ contains
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)    !! the bottom row
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)   !! the row above
     type(row_t), intent(inout) :: w
-    real(dp), intent(out) :: fx(LB:s%n + LANES)     !! [N]
+    real(dp), intent(out) :: fx(LB:s%n + LANES)     !! forces along x [N]
     real(dp) :: carry(LB:s%n + LANES, 2), b(LB:s%n + LANES, 2, N_BOND), fz(LB:s%n + LANES)
 
     carry = 0.0_dp

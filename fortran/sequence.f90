@@ -228,7 +228,7 @@ contains
   pure function time_at(leg, offset, drive) result(t)
     type(leg_t), intent(in) :: leg
     real(dp), intent(in) :: offset             !! offset of the drive of the run [m]
-    real(dp), intent(in) :: drive              !! [m]
+    real(dp), intent(in) :: drive              !! position of the driver [m]
     real(dp) :: t, far, speed, root
 
     far = leg%way*((drive - (offset + leg%offset)) - leg%first)
@@ -409,7 +409,7 @@ contains
     integer, intent(in) :: nx
     real(dp), intent(in) :: at                !! present path of the driver [m]
     integer(ip), intent(in) :: new            !! state that these blocks get
-    real(dp), intent(in) :: margin(nx)        !! [N]
+    real(dp), intent(in) :: margin(nx)        !! margin to the new state [N]
     real(dp), intent(in) :: slope(nx)         !! rate of the margin [N/m]
     logical, intent(in) :: which(nx)
     real(dp), intent(in) :: small             !! largest rate by rounding [N/m]
@@ -539,7 +539,7 @@ contains
   pure subroutine log_changes(s, rules, t, c, before, run, log)
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules
-    real(dp), intent(in) :: t                   !! [s]
+    real(dp), intent(in) :: t                   !! time [s]
     type(contact_t), intent(in) :: c            !! `now` is up to date
     type(values_t), intent(in) :: before
     type(run_t), intent(inout) :: run
@@ -573,7 +573,7 @@ contains
     type(rules_t), intent(in) :: rules
     integer, intent(in) :: i                    !! block, from 1
     integer(ip), intent(in) :: new              !! state of the block after the change
-    real(dp), intent(in) :: t                   !! [s]
+    real(dp), intent(in) :: t                   !! time [s]
     type(values_t), intent(in) :: at            !! values, of which u_x and p are logged
     type(run_t), intent(inout) :: run
     type(log_t), intent(inout) :: log
@@ -586,7 +586,7 @@ contains
 
   pure subroutine log_quiet(step, t, kind, mode, at, log)
     integer, intent(in) :: step
-    real(dp), intent(in) :: t                   !! [s]
+    real(dp), intent(in) :: t                   !! time [s]
     integer(ip), intent(in) :: kind             !! +1 first slip, -1 last stick
     integer(ip), intent(in) :: mode(:)
     type(values_t), intent(in) :: at
@@ -601,7 +601,7 @@ contains
 
   pure subroutine log_point(s, t, g, c, run, log)
     type(slider_t), intent(in) :: s
-    real(dp), intent(in) :: t                   !! [s]
+    real(dp), intent(in) :: t                   !! time [s]
     type(ground_t), intent(in) :: g
     type(contact_t), intent(inout) :: c
     type(run_t), intent(in) :: run

@@ -155,11 +155,11 @@ contains
   !> Inertia acts to first order: loads by inertia follow from accelerations without inertia.
   pure subroutine rates_at(s, t, q, f, slopes, p, inertia)
     type(condensed_t), intent(in) :: s
-    real(dp), intent(in) :: t                 !! [s]
+    real(dp), intent(in) :: t                 !! time [s]
     real(dp), intent(in) :: q(s%nx, 2)        !! u [m], y
     real(dp), intent(out) :: f(s%nx, 2)       !! [m/s], [1/s]
     type(slopes_t), intent(inout) :: slopes
-    real(dp), intent(out) :: p(s%nx)          !! [N]
+    real(dp), intent(out) :: p(s%nx)          !! normal forces [N]
     real(dp), intent(out), optional :: inertia !! sum of loads by inertia [N]
     real(dp), dimension(s%nx) :: load, load_0, p_0, a
     integer :: i
@@ -183,13 +183,13 @@ contains
   !> Rates of u and y, and derivatives of the rates, from load and normal force without viscosity.
   pure subroutine rates_under(s, t, q, load_0, p_0, f, slopes, p)
     type(condensed_t), intent(in) :: s
-    real(dp), intent(in) :: t                 !! [s]
+    real(dp), intent(in) :: t                 !! time [s]
     real(dp), intent(in) :: q(s%nx, 2)        !! u [m], y
-    real(dp), intent(in) :: load_0(s%nx)      !! [N]
-    real(dp), intent(in) :: p_0(s%nx)         !! [N]
+    real(dp), intent(in) :: load_0(s%nx)      !! load without viscosity [N]
+    real(dp), intent(in) :: p_0(s%nx)         !! normal force without viscosity [N]
     real(dp), intent(out) :: f(s%nx, 2)       !! [m/s], [1/s]
     type(slopes_t), intent(inout) :: slopes
-    real(dp), intent(out) :: p(s%nx)          !! [N]
+    real(dp), intent(out) :: p(s%nx)          !! normal forces [N]
     real(dp), dimension(s%nx) :: load, v, change, pressed
     real(dp) :: before
     integer :: n
@@ -283,7 +283,7 @@ contains
   pure subroutine look(s, limits, t, q, slopes, within)
     type(condensed_t), intent(in) :: s
     type(limits_t), intent(in) :: limits
-    real(dp), intent(in) :: t                 !! [s]
+    real(dp), intent(in) :: t                 !! time [s]
     real(dp), intent(in) :: q(s%nx, 2)        !! u [m], y
     type(slopes_t), intent(inout) :: slopes   !! work space
     logical, intent(out) :: within
@@ -361,7 +361,7 @@ contains
   pure subroutine begin_phase(s, w, v, q)
     type(condensed_t), intent(inout) :: s
     type(work_t), intent(inout) :: w
-    real(dp), intent(inout) :: v(s%nx)        !! [m/s]
+    real(dp), intent(inout) :: v(s%nx)        !! velocities [m/s]
     real(dp), intent(inout) :: q(s%nx, 2)     !! u [m]; on entry ln(theta), on return y
     real(dp) :: stress(s%nx), x(s%nx), slope(s%nx)
 
@@ -379,7 +379,7 @@ contains
   !> Velocities [m/s] and accelerations [m/s2] at the end of a phase or at a point. y is replaced by ln(theta).
   pure subroutine end_phase(s, t, w, q, v, acceleration)
     type(condensed_t), intent(in) :: s
-    real(dp), intent(in) :: t                 !! [s]
+    real(dp), intent(in) :: t                 !! time [s]
     type(work_t), intent(inout) :: w
     real(dp), intent(inout) :: q(s%nx, 2)     !! u [m]; on entry y, on return ln(theta)
     real(dp), intent(out) :: v(s%nx)
@@ -392,7 +392,7 @@ contains
   !> Velocities [m/s], and accelerations without inertia [m/s2].
   pure subroutine velocities(s, t, q, w, v, acceleration)
     type(condensed_t), intent(in) :: s
-    real(dp), intent(in) :: t                 !! [s]
+    real(dp), intent(in) :: t                 !! time [s]
     real(dp), intent(in) :: q(s%nx, 2)        !! u [m], y
     type(work_t), intent(inout) :: w
     real(dp), intent(out) :: v(s%nx)
@@ -442,8 +442,8 @@ contains
   pure subroutine step(s, limits, t, h, q, w, error)
     type(condensed_t), intent(in) :: s
     type(limits_t), intent(in) :: limits
-    real(dp), intent(in) :: t                     !! [s]
-    real(dp), intent(in) :: h                     !! [s]
+    real(dp), intent(in) :: t                     !! time [s]
+    real(dp), intent(in) :: h                     !! length of the step [s]
     real(dp), intent(in) :: q(s%nx, 2)            !! u [m], y
     type(work_t), intent(inout) :: w              !! q_new and poly are set
     real(dp), intent(out) :: error
@@ -531,7 +531,7 @@ contains
 
   !> Length of the next step, after a step of length h with this error.
   pure function next_length(h, error) result(next)
-    real(dp), intent(in) :: h              !! [s]
+    real(dp), intent(in) :: h              !! length of the step [s]
     real(dp), intent(in) :: error          !! error over the allowed error
     real(dp) :: next, change(1)
 
@@ -591,8 +591,8 @@ contains
   pure subroutine share_within(s, limits, t, h, q, w, low)
     type(condensed_t), intent(in) :: s
     type(limits_t), intent(in) :: limits
-    real(dp), intent(in) :: t                  !! [s]
-    real(dp), intent(in) :: h                  !! [s]
+    real(dp), intent(in) :: t                  !! time [s]
+    real(dp), intent(in) :: h                  !! length of the step [s]
     real(dp), intent(in) :: q(s%nx, 2)
     type(work_t), intent(inout) :: w
     real(dp), intent(out) :: low
@@ -615,7 +615,7 @@ contains
   pure subroutine find_passages(s, phase, h, share, w, passages)
     type(condensed_t), intent(in) :: s
     type(phase_t), intent(in) :: phase         !! at the beginning of the step
-    real(dp), intent(in) :: h                  !! [s]
+    real(dp), intent(in) :: h                  !! length of the step [s]
     real(dp), intent(in) :: share
     type(work_t), intent(inout) :: w
     type(passages_t), intent(inout) :: passages
@@ -652,10 +652,10 @@ contains
   pure subroutine pass(s, phase, h, share, i, threshold, speeds, w, at)
     type(condensed_t), intent(in) :: s
     type(phase_t), intent(in) :: phase         !! at the beginning of the step
-    real(dp), intent(in) :: h                  !! [s]
+    real(dp), intent(in) :: h                  !! length of the step [s]
     real(dp), intent(in) :: share
     integer, intent(in) :: i                   !! block
-    real(dp), intent(in) :: threshold          !! [m/s]
+    real(dp), intent(in) :: threshold          !! speed above which a block is fast [m/s]
     real(dp), intent(in) :: speeds(2)          !! at the beginning and at the share [m/s]
     type(work_t), intent(inout) :: w
     real(dp), intent(out) :: at
@@ -683,7 +683,7 @@ contains
   !> Normal force of a block [N].
   pure function normal_force(s, t, q, i) result(p)
     type(condensed_t), intent(in) :: s
-    real(dp), intent(in) :: t                 !! [s]
+    real(dp), intent(in) :: t                 !! time [s]
     real(dp), intent(in) :: q(s%nx, 2)        !! u [m], y
     integer, intent(in) :: i
     real(dp) :: p
@@ -699,14 +699,14 @@ contains
   pure subroutine take(nx, limits, h, share, q_new, poly, at_end, phase, n_points, times, points)
     integer, intent(in) :: nx
     type(limits_t), intent(in) :: limits
-    real(dp), intent(in) :: h                  !! [s]
+    real(dp), intent(in) :: h                  !! length of the step [s]
     real(dp), intent(in) :: share
     real(dp), intent(in) :: q_new(nx, 2)
     real(dp), intent(in) :: poly(nx, 2, 3)
     logical, intent(in) :: at_end              !! whether the share ends at the end of the phase
     type(phase_t), intent(inout) :: phase
     integer, intent(in) :: n_points
-    real(dp), intent(in) :: times(n_points)               !! [s]
+    real(dp), intent(in) :: times(n_points)               !! times of the points [s]
     real(dp), intent(inout) :: points(nx, 2, n_points)
     real(dp) :: t_new, on_grid
 

@@ -146,7 +146,7 @@ class GuardedSteps:
         return status
 
     def _make(self, n_steps: int) -> Status:
-        """Let the core make up to n_steps and record them; return its status."""
+        """Make up to n_steps in the core, and record these steps; return the status of the core."""
         state, recorder, step = self.state, self.recorder, self.state.step
         start = time.perf_counter()
         status = self.make_steps(state, n_steps)

@@ -38,8 +38,8 @@ DRIVER_SHARE, RING_DOWN = 0.9e-3, 4.0
 SLOWEST = 10
 """Number of slowest undamped modes from which the slowest decay is computed."""
 AT_REST = 0.05
-"""Increase of F_T during a relaxation time, over F_N, above which a quasi-static run has a note. A
-policy."""
+"""Increase of F_T during a relaxation time, over F_N, above which a quasi-static run has a note.
+The number is a policy."""
 _known: Memory[float] = Memory(64)
 """Stored relaxation times, by the parts of a scene on which they depend."""
 BLOCKS, COLUMNS = 5_000, 250

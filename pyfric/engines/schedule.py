@@ -18,7 +18,9 @@ COUNTED = ("attempts", "landings", "slides", "modal_bases")
 
 
 class Schedule:
-    """Times of attempts to jump. Before each, earlier attempts have become a small share of work.
+    """Times of attempts to jump.
+
+    An attempt waits until the work of earlier attempts is a small share of all work.
 
     Args:
         recorder: recorder of the run, whose counts include the operations `COUNTED`.

@@ -39,7 +39,7 @@ class Span:
         motion: function that returns the motion of the interface at such times, arrays over times
             and blocks.
         put: function that sets a state to the end of the span, energies included; None: steps lead
-            to the end, because its error would be too large.
+            to the end, because the solution is not accurate enough there.
         reach: number of steps up to which `F_T` holds; None: n.
         done: number of steps that the continued run has already recorded.
         ending: status of a run that ends with the span, or "".

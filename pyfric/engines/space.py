@@ -45,10 +45,11 @@ N_MODES = 28
 """Number of undamped modes in a new space."""
 BLOCK, APPLIED = 16, 6
 """Number of vectors in a block of block Lanczos, and number of applications of the operator to a
-block. They leave an error of 4e-4 in the squared frequency of the fastest mode. Policies."""
+block. They leave an error of 4e-4 in the squared frequency of the fastest mode. Both
+are policies."""
 FEW, KEPT = 4, 32
 """Largest number of slipped blocks for which a static state is found from stored responses, and
-number of stored responses. Events of few blocks recur at the same blocks. Policies."""
+number of stored responses. Events of few blocks recur at the same blocks. Both are policies."""
 SLOWEST = 7.0
 """Largest ratio of viscous to elastic forces in overdamped motion, in units of eta/k. It is 6 in
 plane waves; edges of a lattice raise it to 6.6."""
@@ -313,7 +314,7 @@ class Space:
     def stiffer(self, q: np.ndarray) -> np.ndarray | None:
         """Return the change of bond stiffness from the factorised tangent to q, (3, n_bonds), N/m.
 
-        None in linear geometry.
+        In linear geometry, return None.
         """
         if self.solver.geometry == "linear":
             return None

@@ -36,8 +36,8 @@ class StableSlip(RingDown):
     def _slips_for(self, state: State) -> int:
         """Return the number of steps during which slip prevents a jump.
 
-        For a jump, slip has to be slow. No block may have started or stopped during as many steps
-        as an attempt costs.
+        For a jump, slip has to be slow. All slipping blocks must have slipped for `Schedule.slide`
+        steps or more.
         """
         slips = np.abs(state.mode) == 1
         if self.method.budget or not slips.any():

@@ -27,7 +27,7 @@ LONGEST = 0.9
 """Longest step over the stability limit. The limit holds for the lattice at rest. Steps stay below
 it, because the slider is loaded and contacts switch."""
 HALVED = 2
-"""Largest number of halvings by which a step is shortened to resolve weakening. A policy."""
+"""Largest number of halvings by which a step is shortened to resolve weakening, a policy."""
 DIGITS = 3
 """Number of digits to which dt = "auto" over sqrt(m/k) is rounded."""
 ALMOST = 1e-9

@@ -7,7 +7,7 @@ module pyfric_curve
 
   !> A function that is linear between knots and constant beyond them.
   type :: curve_t
-    logical :: complete = .false.   !! memory was allocated
+    logical :: complete = .false.   !! whether memory was allocated
     integer :: n                    !! number of knots; 0: no curve
     real(dp), allocatable :: x(:)
     real(dp), allocatable :: y(:)

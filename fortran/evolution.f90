@@ -40,14 +40,14 @@ module pyfric_evolution
   real(dp), parameter :: LAST_STEP = 1e-7_dp, FAR = 690.0_dp, LEAST = -600.0_dp
 
   type :: rate_state_t
-    logical :: complete = .false.     !! memory was allocated
-    logical :: known = .false.        !! the code of the law is known
+    logical :: complete = .false.     !! whether memory was allocated
+    logical :: known = .false.        !! whether the code of the law is known
     integer(ip) :: law = 0            !! code of the law of evolution
     integer :: variable = 0           !! code of the variable in which the law evolves
     real(dp) :: v_ref                 !! V* [m/s]
     real(dp) :: cut                   !! V*/V_c, 0 without a cut-off speed V_c [-]
     real(dp) :: v_slip                !! speed from which a block slips [m/s]
-    logical :: stressed = .false.     !! the law has a rate of stress
+    logical :: stressed = .false.     !! whether the law has a rate of stress
     real(dp), allocatable :: stress(:) !! c/b if the law has a rate of stress, else 0
     real(dp), allocatable :: a(:)     !! direct effect [-]
     real(dp), allocatable :: b(:)     !! evolution effect [-]

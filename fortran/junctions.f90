@@ -31,11 +31,11 @@ module pyfric_junctions
   real(dp), parameter :: AT_LIMIT = 1e-9_dp
 
   type :: junctions_t
-    logical :: complete = .false.   !! memory was allocated
+    logical :: complete = .false.   !! whether memory was allocated
     integer :: n = 0                       !! number of junctions of a block
     real(dp) :: fewest                     !! number of pinned junctions below which a block is ruptured
     integer(int64) :: seed                 !! seed of the slip times of junctions
-    logical :: from_right                  !! blocks are counted from the right side, which is driven
+    logical :: from_right                  !! whether blocks are counted from the right side, because it is driven
     type(curve_t) :: quantiles             !! quantiles of t_R over the mean of t_R; no knots: a normal distribution
     real(dp), allocatable :: factors(:)    !! c_j of each junction of a block
     real(dp), allocatable :: mu_s(:)       !! friction coefficient at which a junction breaks [-]

@@ -32,15 +32,15 @@ module pyfric_law
   integer, parameter :: N_FIELDS(RATE_STATE) = [N_RESTING, N_JUNCTIONS, N_RATE_STATE]
 
   type :: law_t
-    logical :: complete = .false.      !! memory was allocated, and the law is known
+    logical :: complete = .false.      !! whether memory was allocated, and the law is known
     logical :: known = .true.
     integer(ip), private :: kind
     integer :: n_memory                !! number of state variables of each block, including derived quantities
     integer :: per_block = 1           !! number of junctions of a block; 1 without junctions
-    logical :: rests = .false.         !! blocks come to rest
-    logical :: flows = .false.         !! each stage is implicit in the velocities of the blocks
-    logical :: simple = .false.        !! friction heat is not divided into parts
-    logical :: kinked = .false.        !! friction over slip or speed has corners
+    logical :: rests = .false.         !! whether blocks come to rest
+    logical :: flows = .false.         !! whether each stage is implicit in the velocities of the blocks
+    logical :: simple = .false.        !! whether friction heat has no parts
+    logical :: kinked = .false.        !! whether friction over slip or speed has corners
     type(resting_t), private :: resting
     type(junctions_t), private :: junctions
     type(rate_state_t) :: rate_state
@@ -56,7 +56,7 @@ contains
     logical, intent(in) :: from_right          !! whether blocks are counted from the right
     logical, intent(in) :: keeps               !! whether slip goes on after a stick
     real(dp), intent(in) :: t_0                !! time at which the limits hold [s]
-    integer(ip), intent(in) :: n_own           !! number of other numbers of the law
+    integer(ip), intent(in) :: n_own           !! how many other numbers the law has
     integer(ip), intent(in) :: n_knots(N_TABLES)
     real(dp), contiguous, intent(in) :: numbers(:)
     type(law_t) :: law

@@ -8,7 +8,7 @@
 !> bracketed. The sub-step then ends just behind the root, where contacts switch. The next sub-step goes to the end of the
 !> step. The stages of a sweep predict the root, so that one trial suffices in most cases. If no event function is negative
 !> at the end, a parabola through start, middle and end is computed for each. If a parabola falls below zero, the sub-step ends
-!> there. Event functions are compared by their signs.
+!> there. Crossings follow from the signs of event functions.
 module pyfric_location
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
@@ -38,7 +38,7 @@ module pyfric_location
 
   !> Step control: progress within a step.
   type :: step_control_t
-    logical :: complete = .false.   !! memory was allocated
+    logical :: complete = .false.   !! whether memory was allocated
     logical :: located             !! whether switches are located inside the step
     real(dp) :: start = 0.0_dp     !! start of the sub-step, counted from the start of the step [s]
     real(dp) :: remaining = 0.0_dp !! time from the start of the sub-step to the end of the step [s]
@@ -52,9 +52,9 @@ module pyfric_location
     integer :: moved = 0           !! end of the search interval that moved last: -1 for a, +1 for b
     integer :: n_instants = 0      !! number of times in this step at which contacts switched
     integer :: block = 0           !! first block of the last switches, from 1
-    logical :: accepted = .true.   !! the trial sub-step is accepted
-    logical :: finished = .true.   !! the trial sub-step ends the step
-    logical :: crossed = .false.   !! an event function is negative at the end of the trial sub-step
+    logical :: accepted = .true.   !! whether the trial sub-step is accepted
+    logical :: finished = .true.   !! whether the trial sub-step ends the step
+    logical :: crossed = .false.   !! whether an event function is negative at the end of the trial sub-step
     real(dp) :: t = 0.0_dp         !! time at the end of the trial sub-step [s]
     real(dp), allocatable :: g_0(:, :)  !! event functions at the start of the sub-step: friction [N] or [m/s], gap [m], knots
     real(dp), allocatable :: g_a(:, :)  !! event functions at a

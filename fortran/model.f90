@@ -33,7 +33,7 @@ module pyfric_model
     integer(ip) :: along    !! 1: dashpots act along the bonds only, 0: on the full relative velocity
     integer(ip) :: law      !! friction law, see pyfric_law
     integer(ip) :: n_memory !! saved state variables of the law for each block
-    integer(ip) :: n_own    !! number of other numbers of the law
+    integer(ip) :: n_own    !! how many other numbers the law has
     integer(ip) :: n_hold   !! number of knots of each table of the law
     integer(ip) :: n_slide
     integer(ip) :: n_speed
@@ -69,25 +69,25 @@ module pyfric_model
   end type constants_t
 
   type, extends(constants_t) :: model_t
-    logical :: complete = .false.   !! memory was allocated, and the friction law is known
+    logical :: complete = .false.   !! whether memory was allocated, and the friction law is known
     integer :: nx           !! blocks along the interface
     integer :: nz           !! rows
     integer :: n            !! nx rounded up to a multiple of LANES
     integer, allocatable :: at(:)   !! element of each block i = 1..n in a row; padding for i above nx
-    logical :: finite       !! finite geometry (bonds rotate); else linear
-    logical :: rigid        !! top row glued to the rod (setup 1); else free (setup 2)
+    logical :: finite       !! whether geometry is finite (bonds rotate) or linear
+    logical :: rigid        !! whether the top row is glued to the rod (setup 1) or free (setup 2)
     integer :: i_h          !! first column of driven blocks
     integer :: i_h_end      !! last column of driven blocks
     integer :: n_driven     !! number of driven blocks
     integer :: j_h          !! row of the lowest driven block
     integer :: j_h_top      !! row of the highest driven block
-    logical :: prescribed   !! the interface has no foundation, and p is `load`
+    logical :: prescribed   !! whether the interface has no foundation, with `load` as p
     integer :: left         !! boundary condition at the left side; the next two: right side, top
     integer :: right
     integer :: top
-    logical :: along        !! dashpots act along the bonds only
+    logical :: along        !! whether dashpots act only along the bonds
     integer :: j_shear      !! row on which shear acts
-    logical :: halved       !! blocks along free edges are half blocks
+    logical :: halved       !! whether blocks along free edges are half blocks
     logical :: has_halves   !! whether there can be half blocks
     real(dp) :: z_p         !! impedance of a block to longitudinal waves, rho c_P times its face [N s/m]
     real(dp) :: z_s         !! impedance of a block to shear waves [N s/m]

@@ -28,7 +28,7 @@ module pyfric_pivots
 
   !> The slider condensed onto its interface, and its loads along each route of a protocol.
   type :: slider_t
-    logical :: complete = .false.           !! memory was allocated
+    logical :: complete = .false.           !! whether memory was allocated
     integer :: nx                           !! blocks along the interface
     real(dp) :: k                           !! stiffness of bonds [N/m]
     real(dp) :: k_driver                    !! K of the driver [N/m]
@@ -85,7 +85,7 @@ contains
   pure subroutine new_values(nx, v, status)
     integer, intent(in) :: nx
     type(values_t), intent(inout) :: v
-    integer(ip), intent(inout) :: status    !! NO_MEMORY without memory
+    integer(ip), intent(inout) :: status    !! NO_MEMORY if memory could not be allocated
     integer :: failed
 
     allocate (v%u_x(nx), v%f(nx), v%u_z(nx), v%p(nx), stat=failed)

@@ -31,17 +31,17 @@ module pyfric_resting
   integer, parameter :: SLIP = 1, SINCE = 2, N_MEMORY = 2
 
   type :: resting_t
-    logical :: complete = .false.      !! memory was allocated
-    logical :: simple = .false.        !! no tables, no viscosity, no limit
-    logical :: kinked = .false.        !! friction over slip or speed has corners
-    logical :: keeps = .false.         !! slip goes on after a stick
-    logical :: limited = .false.       !! some blocks have a limit
+    logical :: complete = .false.      !! whether memory was allocated
+    logical :: simple = .false.        !! whether the law has no tables, no viscosity and no limit
+    logical :: kinked = .false.        !! whether friction over slip or speed has corners
+    logical :: keeps = .false.         !! whether slip goes on after a stick
+    logical :: limited = .false.       !! whether some blocks have a limit
     real(dp) :: t_0 = 0.0_dp           !! time at which `limit` holds [s]
     real(dp), allocatable :: mu_s(:)   !! static friction coefficient [-]
     real(dp), allocatable :: mu_k(:)   !! kinetic friction coefficient [-]
     real(dp), allocatable :: d_c(:)    !! unit of slip in `slide`; 0: friction drops at once [m]
     real(dp), allocatable :: alpha(:)  !! viscosity of slip [N s/m]
-    logical, allocatable :: bare(:)    !! no friction in contact; the contact state is then open
+    logical, allocatable :: bare(:)    !! whether a block has no friction in contact; its state is then open
     real(dp), allocatable :: limit(:)  !! largest friction coefficient at t_0 [-]
     real(dp), allocatable :: limit_rate(:) !! rate of the limit [1/s]
     type(curve_t) :: hold              !! gain of mu_s as a function of time since the block stuck [s]

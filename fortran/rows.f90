@@ -16,7 +16,7 @@ module pyfric_rows
 
   !> Work space of one row, except forces on blocks and bonds, which are in aligned arrays.
   type :: row_t
-    logical :: complete = .false.   !! memory was allocated
+    logical :: complete = .false.   !! whether memory was allocated
     real(dp), allocatable :: zeros(:, :)  !! zeros, in place of a missing row below or above (:, 4)
     real(dp), allocatable :: p(:)        !! foundation force, bottom row [N]
     real(dp), allocatable :: f(:)        !! friction force along +x, bottom row [N]
@@ -26,7 +26,7 @@ module pyfric_rows
 
   !> Works and dissipations since the start [J].
   type :: budget_t
-    logical :: complete = .true.    !! memory was allocated
+    logical :: complete = .true.    !! whether memory was allocated
     real(dp), allocatable :: dissipated(:)  !! heat of the bonds that start in each row, and energy to absorbing walls
     real(dp), allocatable :: radiated(:)    !! part of `dissipated` by absorbing walls
     real(dp), allocatable :: heat(:)        !! friction heat under each bottom block

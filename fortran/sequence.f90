@@ -54,7 +54,7 @@ module pyfric_sequence
     integer :: n_switch = 0
     integer :: n_quiet = 0
     integer :: n_point = 0
-    logical :: complete = .false.               !! memory was allocated
+    logical :: complete = .false.               !! whether memory was allocated
     integer(ip), allocatable :: switch_i(:, :)  !! block from 0, old state, new state, corner
     real(dp), allocatable :: switch_r(:, :)     !! step, time [s], u_x [m], p [N]
     integer(ip), allocatable :: quiet_i(:, :)   !! +1 first slip or -1 last stick, then contact states

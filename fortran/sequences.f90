@@ -26,7 +26,7 @@ module pyfric_sequences
     type(contact_t) :: contact
     type(run_t) :: run
     type(log_t) :: log
-    logical :: complete = .false.              !! memory was allocated
+    logical :: complete = .false.              !! whether memory was allocated
     logical :: shares = .false.                !! whether other runs begin with a table of this run
   end type work_t
 

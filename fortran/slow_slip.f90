@@ -76,7 +76,7 @@ module pyfric_slow_slip
   real(dp), parameter :: TURNED = 1e-12_dp, SLOWLY = 0.05_dp
 
   type :: condensed_t
-    logical :: complete = .false.         !! memory was allocated
+    logical :: complete = .false.         !! whether memory was allocated
     integer :: nx
     type(law_t) :: law
     logical, allocatable :: closed(:)     !! whether each block is in contact
@@ -138,7 +138,7 @@ module pyfric_slow_slip
   end type slopes_t
 
   type :: work_t
-    logical :: complete = .false.          !! memory was allocated
+    logical :: complete = .false.          !! whether memory was allocated
     type(slopes_t) :: slopes               !! derivatives at the beginning of a step
     type(slopes_t) :: others               !! derivatives at other times
     real(dp), allocatable :: lu(:, :)      !! see `prepare`

@@ -28,16 +28,16 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, n_columns, cou
   integer(c_int), intent(in) :: n_columns                    !! columns of the table of the stepper
   real(c_double), intent(in) :: table(stages, n_columns)     !! see pyfric_table_stepper
   integer(c_int), intent(in) :: located                      !! 1: locate switches inside steps, 0: at step ends
-  real(c_double), intent(in) :: rtol                         !! error of an adaptive sub-step over the effect of F_N/N_x
+  real(c_double), intent(in) :: rtol                         !! allowed error of an adaptive sub-step, over the effect of F_N/N_x
   real(c_double), intent(in) :: t0                           !! time of step 0 [s]
   real(c_double), intent(in) :: dt                           !! step [s]
-  integer(c_int), intent(in) :: n_steps                      !! steps to make
+  integer(c_int), intent(in) :: n_steps                      !! largest number of steps
   integer(c_int), intent(in) :: n_threads                    !! threads
   integer(c_int), intent(in) :: keep_budget                  !! 1: integrate works and dissipations
-  integer(c_int), intent(in) :: max_switch                   !! room for switches
-  integer(c_int), intent(in) :: max_quiet                    !! room for quiet transitions
+  integer(c_int), intent(in) :: max_switch                   !! largest number of switches in the log
+  integer(c_int), intent(in) :: max_quiet                    !! largest number of starts and ends of slip in the log
   integer(c_int), intent(in) :: every                        !! steps between two points of the loading curve, 0: none
-  integer(c_int), intent(in) :: max_point                    !! room for points
+  integer(c_int), intent(in) :: max_point                    !! largest number of points
   real(c_double), intent(inout) :: step(1)                   !! steps made
   real(c_double), intent(inout) :: sub(1)                    !! longest sub-step that the error allows [s]
   real(c_double), intent(inout) :: y(nx, 4, nz)              !! u_x, u_z [m], v_x, v_z [m/s]
@@ -52,24 +52,24 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, n_columns, cou
   real(c_double), intent(inout) :: heat(nx)                  !! friction heat [J]
   real(c_double), intent(inout) :: parts(nx, 2)              !! parts of heat above the kinetic strength, and by alpha [J]
   real(c_double), intent(inout) :: work(2)                   !! works of driver, and of forces on the top [J]
-  integer(c_int), intent(out) :: n_log(5)                    !! logged: switches, quiet transitions, points, crossings, bursts
+  integer(c_int), intent(out) :: n_log(5)                    !! logged switches, starts and ends of slip, points, crossings, bursts
   integer(c_int), intent(inout) :: switch_i(4, max_switch)   !! block from 0, old, new, corner
   real(c_double), intent(inout) :: switch_r(4, max_switch)   !! step, t [s], u_x [m], p [N]
   integer(c_int), intent(inout) :: quiet_i(nx + 1, max_quiet)  !! kind, contact states
   real(c_double), intent(inout) :: quiet_r(nx + 18, max_quiet) !! step, t [s], a point (see pyfric_energy), u_x [m]
   real(c_double), intent(inout) :: points(16, max_point)     !! points after each multiple of `every` steps, see pyfric_energy
   real(c_double), intent(in) :: threshold                    !! speed above which a block is fast [m/s]; 0: no threshold
-  integer(c_int), intent(in) :: max_crossing                 !! room for passages through the threshold
-  integer(c_int), intent(in) :: max_burst                    !! room for starts and ends of fast slip
-  integer(c_int), intent(inout) :: fast(nx, 2)               !! +1, -1 fast to the right, left, 0 not; 1: with a corner start
-  real(c_double), intent(inout) :: speeds(nx + 1)            !! v_x at the end of the last step, largest sum of a burst [m/s]
+  integer(c_int), intent(in) :: max_crossing                 !! largest number of passages through the threshold
+  integer(c_int), intent(in) :: max_burst                    !! largest number of starts and ends of fast slip
+  integer(c_int), intent(inout) :: fast(nx, 2)               !! +1, -1 fast to the right, left, 0 slow; 1: corner slip
+  real(c_double), intent(inout) :: speeds(nx + 1)            !! v_x at the last step; largest |sum of v_x| in a burst [m/s]
   integer(c_int), intent(inout) :: crossing_i(4, max_crossing) !! block from 0, old, new, corner
   real(c_double), intent(inout) :: crossing_r(4, max_crossing) !! step, t [s], u_x [m], p [N]
   integer(c_int), intent(inout) :: burst_i(nx + 1, max_burst)  !! kind, contact states
-  real(c_double), intent(inout) :: burst_r(nx + 19, max_burst) !! step, t [s], a point, u_x [m], largest sum of speeds [m/s]
-  real(c_double), intent(out) :: tried                       !! steps and sub-steps computed
-  integer(c_int), intent(out) :: block                       !! block of a failure, from 1; 0 for none
-  real(c_double), intent(out) :: t_block                     !! time of a failure [s]
+  real(c_double), intent(inout) :: burst_r(nx + 19, max_burst) !! step, t [s], a point, u_x [m], largest |sum of v_x| [m/s]
+  real(c_double), intent(out) :: tried                       !! number of computed steps and sub-steps
+  integer(c_int), intent(out) :: block                       !! block at which a step failed, from 1; 0: no failure
+  real(c_double), intent(out) :: t_block                     !! time at which a step failed [s]
   integer(c_int), intent(out) :: status                      !! see pyfric_status
   type(model_t) :: model
   type(contact_t) :: contact
@@ -108,7 +108,7 @@ subroutine advance(nx, nz, n_memory, n_counts, n_numbers, stages, n_columns, cou
   call save_speeds(log, fast, speeds, crossing_i, crossing_r, burst_i, burst_r)
 end subroutine advance
 
-!> All forces, accelerations and powers, with fixed contact states.
+!> All forces, accelerations and powers of a state, at fixed contact states.
 subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n_times, y, rod, mode, memory, &
                     a, a_rod, f, p, f_t, dissipated, heat, work, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
@@ -127,7 +127,7 @@ subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n
   integer(c_int), intent(in) :: counts(n_counts)             !! the scene, see pyfric_model
   real(c_double), intent(in) :: numbers(n_numbers)           !! the scene, see pyfric_model [SI]
   real(c_double), intent(in) :: t                            !! time [s]
-  integer(c_int), intent(in) :: n_times                      !! evaluations to make, for timing
+  integer(c_int), intent(in) :: n_times                      !! number of equal evaluations, for timing
   real(c_double), intent(in) :: y(nx, 4, nz)                 !! u_x, u_z [m], v_x, v_z [m/s]
   real(c_double), intent(in) :: rod(6)                       !! X, Z [m], phi [rad] and their rates
   integer(c_int), intent(in) :: mode(nx)                     !! contact states
@@ -159,7 +159,7 @@ subroutine evaluate(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, n
   work = power%work
 end subroutine evaluate
 
-!> A point of the loading curve.
+!> Computes a point of the loading curve from a state.
 subroutine curve_point(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t, y, rod, memory, dissipated, radiated, heat, &
                        loss, parts, work, keep_budget, point, status)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
@@ -186,7 +186,7 @@ subroutine curve_point(nx, nz, n_memory, n_counts, n_numbers, counts, numbers, t
   real(c_double), intent(in) :: heat(nx)                     !! friction heat [J]
   real(c_double), intent(in) :: loss(nx)                     !! switching loss [J]
   real(c_double), intent(in) :: parts(nx, 2)                 !! parts of the heat, see `advance` [J]
-  real(c_double), intent(in) :: work(2)                      !! driver, forces on the top [J]
+  real(c_double), intent(in) :: work(2)                      !! works of driver, and of forces on the top [J]
   integer(c_int), intent(in) :: keep_budget                  !! 1: with the energy budget
   real(c_double), intent(out) :: point(16)                   !! see pyfric_energy [N, J]
   integer(c_int), intent(out) :: status                      !! see pyfric_status
@@ -224,8 +224,8 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, coun
   integer(c_int), intent(in) :: n_counts                     !! length of counts
   integer(c_int), intent(in) :: n_numbers                    !! length of numbers
   integer(c_int), intent(in) :: n_points                     !! points of the loading curve
-  integer(c_int), intent(in) :: n_passages                   !! room for passages, at least nx
-  integer(c_int), intent(in) :: n_sums                       !! room for sums of velocities
+  integer(c_int), intent(in) :: n_passages                   !! largest number of passages, at least nx
+  integer(c_int), intent(in) :: n_sums                       !! largest number of sums of velocities
   integer(c_int), intent(in) :: counts(n_counts)             !! the scene, see pyfric_model
   real(c_double), intent(in) :: numbers(n_numbers)           !! the scene, see pyfric_model [SI]
   integer(c_int), intent(in) :: closed(nx)                   !! 1: in contact
@@ -238,21 +238,21 @@ subroutine slow_slip(nx, n_counts, n_numbers, n_points, n_passages, n_sums, coun
   real(c_double), intent(in) :: p_v(nx, nx)                  !! derivatives of p by velocities [N s/m]
   real(c_double), intent(in) :: p_a(nx, nx)                  !! derivatives of p by accelerations [kg]
   real(c_double), intent(in) :: limits(9)                    !! see `limits_t` of pyfric_slow_slip
-  integer(c_int), intent(in) :: max_steps                    !! most steps
+  integer(c_int), intent(in) :: max_steps                    !! largest number of steps
   real(c_double), intent(in) :: times(n_points)              !! times of the points, ascending, since the beginning [s]
-  real(c_double), intent(in) :: threshold                    !! speed of passages; 0: no threshold [m/s]
-  real(c_double), intent(inout) :: h(1)                      !! next step [s]
-  real(c_double), intent(inout) :: q(nx, 2)                  !! u [m], ln theta at the beginning; then at t_end
-  real(c_double), intent(inout) :: v(nx)                     !! velocities at the beginning, see `begin_phase`; then at t_end [m/s]
+  real(c_double), intent(in) :: threshold                    !! speed above which a block is fast; 0: no threshold [m/s]
+  real(c_double), intent(inout) :: h(1)                      !! length of the next step [s]
+  real(c_double), intent(inout) :: q(nx, 2)                  !! u [m], ln theta: on entry at the beginning, on return at t_end
+  real(c_double), intent(inout) :: v(nx)                     !! velocities: on entry see `begin_phase`, on return at t_end [m/s]
   real(c_double), intent(out) :: a(nx)                       !! accelerations at t_end [m/s2]
   real(c_double), intent(inout) :: points(nx, 3, n_points)   !! u [m], ln theta, velocities [m/s]
   integer(c_int), intent(in) :: fast(nx)                     !! see `passages_t` of pyfric_slow_slip
   integer(c_int), intent(inout) :: passed_i(2, n_passages)   !! `of` in `passages_t`
   real(c_double), intent(inout) :: passed_r(nx + 2, n_passages)  !! `at` in `passages_t`
   real(c_double), intent(inout) :: sums(2, n_sums)           !! `sums` in `passages_t`
-  integer(c_int), intent(out) :: made(3)                     !! steps made, points filled, passages found
-  real(c_double), intent(out) :: t_end                       !! last time on the grid [s]
-  integer(c_int), intent(out) :: status                      !! see pyfric_slow_slip; if negative, minus a code of pyfric_status
+  integer(c_int), intent(out) :: made(3)                     !! numbers of steps made, of points reached, and of passages
+  real(c_double), intent(out) :: t_end                       !! last time on the grid of time steps [s]
+  integer(c_int), intent(out) :: status                      !! code of pyfric_slow_slip; if negative, minus a code of pyfric_status
   type(model_t) :: model
   type(condensed_t) :: s
   type(phase_t) :: phase
@@ -306,15 +306,15 @@ subroutine sequences(nx, n_routes, n_legs, n_runs, n_states, n_tables, n_counts,
   implicit none
   !f2py threadsafe
   integer(c_int), intent(in) :: nx                           !! blocks along the interface
-  integer(c_int), intent(in) :: n_routes                     !! routes of the loads
-  integer(c_int), intent(in) :: n_legs                       !! legs of the protocol
-  integer(c_int), intent(in) :: n_runs                       !! runs
+  integer(c_int), intent(in) :: n_routes                     !! number of routes of the loads
+  integer(c_int), intent(in) :: n_legs                       !! number of legs of the protocol
+  integer(c_int), intent(in) :: n_runs                       !! number of runs
   integer(c_int), intent(in) :: n_states                     !! lengths of the arrays of a run, see pyfric_sequences
   integer(c_int), intent(in) :: n_tables
   integer(c_int), intent(in) :: n_counts
-  integer(c_int), intent(in) :: max_switch                   !! room for switches of each run
-  integer(c_int), intent(in) :: max_quiet                    !! room for starts and ends of slip
-  integer(c_int), intent(in) :: max_point                    !! room for points of the loading curve
+  integer(c_int), intent(in) :: max_switch                   !! largest number of switches in the log of a run
+  integer(c_int), intent(in) :: max_quiet                    !! largest number of starts and ends of slip in the log of a run
+  integer(c_int), intent(in) :: max_point                    !! largest number of points of the loading curve of a run
   real(c_double), intent(in) :: scales(6)                    !! the slider, with the next four; see slider_t of pyfric_pivots
   real(c_double), intent(in) :: s(2*nx, 2*nx)
   real(c_double), intent(in) :: drive(2*nx)
@@ -323,10 +323,10 @@ subroutine sequences(nx, n_routes, n_legs, n_runs, n_states, n_tables, n_counts,
   real(c_double), intent(in) :: limits(6)                    !! see rules_t of pyfric_sequence
   integer(c_int), intent(in) :: stops                        !! 1: stop before each change between events
   real(c_double), intent(in) :: legs(9, n_legs)              !! see leg_t of pyfric_sequence
-  integer(c_int), intent(in) :: max_changes                  !! changes to make in each run
+  integer(c_int), intent(in) :: max_changes                  !! largest number of changes of contact state in each run
   integer(c_int), intent(in) :: n_threads                    !! threads
   real(c_double), intent(in) :: fields(nx, 4, n_runs)        !! see ground_t of pyfric_pivots: hold, slide, k_f [N/m], gap [m]
-  integer(c_int), intent(in) :: kinds(nx, n_runs)            !! 0 never touches the foundation, 1 without friction, 2 with friction
+  integer(c_int), intent(in) :: kinds(nx, n_runs)            !! 0 never in contact, 1 contact without, 2 with friction
   integer(c_int), intent(inout) :: states(nx, n_states, n_runs)  !! runs, with the next four; see `restore` of pyfric_sequences
   real(c_double), intent(inout) :: columns(nx + 2, 2, n_runs)
   real(c_double), intent(inout) :: tables(3*nx + 1, nx + 2, n_tables, n_runs)
@@ -337,7 +337,7 @@ subroutine sequences(nx, n_routes, n_legs, n_runs, n_states, n_tables, n_counts,
   integer(c_int), intent(inout) :: quiet_i(nx + 1, max_quiet, n_runs)
   real(c_double), intent(inout) :: quiet_r(3*nx + 3, max_quiet, n_runs)
   real(c_double), intent(inout) :: points(3, max_point, n_runs)
-  integer(c_int), intent(inout) :: n_log(3, n_runs)          !! logged: switches, starts and ends of slip, points
+  integer(c_int), intent(inout) :: n_log(3, n_runs)          !! numbers of logged switches, starts and ends of slip, points
   integer(c_int), intent(inout) :: status(n_runs)            !! status of each run, see pyfric_status
   type(slider_t) :: slider
   type(leg_t) :: protocol(n_legs)
@@ -354,7 +354,7 @@ subroutine sequences(nx, n_routes, n_legs, n_runs, n_states, n_tables, n_counts,
                   switch_i, switch_r, quiet_i, quiet_r, points, n_log, status)
 end subroutine sequences
 
-!> Random numbers in [0, 1) by counter.
+!> n random numbers in [0, 1), from a key and a counter.
 subroutine uniforms(n, key, counter, u)
   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_long
   use, intrinsic :: iso_fortran_env, only: int64
@@ -371,14 +371,14 @@ subroutine uniforms(n, key, counter, u)
   u = drawn(words, at, n)
 end subroutine uniforms
 
-!> exp, log, or log(1 + x), from pyfric_elementary.
+!> Replaces numbers by exp, log, or log(1 + x), see pyfric_elementary.
 subroutine elementary(n, which, x)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_elementary, only: exponentials, logarithms, logs_of_1_plus
   implicit none
   integer(c_int), intent(in) :: n             !! numbers
   integer(c_int), intent(in) :: which         !! 0: exp, 1: log, 2: log(1 + x)
-  real(c_double), intent(inout) :: x(n)       !! numbers, then values
+  real(c_double), intent(inout) :: x(n)       !! on entry arguments, on return values
 
   select case (which)
   case (0)
@@ -390,7 +390,7 @@ subroutine elementary(n, which, x)
   end select
 end subroutine elementary
 
-!> Additions in registers, for timing.
+!> Makes additions in registers, for timing.
 subroutine additions(n, width_of_sums, total)
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use pyfric_peak, only: make => additions, WIDTH
@@ -398,7 +398,7 @@ subroutine additions(n, width_of_sums, total)
   !f2py threadsafe
   integer(c_int), intent(in) :: n               !! additions to each sum
   integer(c_int), intent(out) :: width_of_sums  !! number of sums
-  real(c_double), intent(out) :: total          !! total of all sums, n times 1 + 2 + ... + width_of_sums
+  real(c_double), intent(out) :: total          !! sum of all results, n (1 + 2 + ... + width_of_sums)
   real(c_double) :: steps(WIDTH)
   integer :: i
 
@@ -407,13 +407,13 @@ subroutine additions(n, width_of_sums, total)
   call make(n, steps, total)
 end subroutine additions
 
-!> Compiler, its options, and whether OpenMP is used.
+!> Version and options of the compiler, and whether OpenMP is used.
 subroutine build_info(compiler, options, openmp)
   use, intrinsic :: iso_c_binding, only: c_int
   use, intrinsic :: iso_fortran_env, only: compiler_version, compiler_options
   implicit none
-  character(len=128), intent(out) :: compiler  !! version
-  character(len=1024), intent(out) :: options  !! flags
+  character(len=128), intent(out) :: compiler  !! version of the compiler
+  character(len=1024), intent(out) :: options  !! options of the compiler
   integer(c_int), intent(out) :: openmp        !! 1: built with OpenMP
 
   compiler = compiler_version()

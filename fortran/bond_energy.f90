@@ -72,7 +72,7 @@ contains
 
   contains
 
-    !> |dv|^2 of bond m of element i.
+    !> |dv|^2 of bond m whose first block is element i.
     pure function speed2(m, i, row) result(w)
       integer, intent(in) :: m
       integer, intent(in) :: i
@@ -86,7 +86,7 @@ contains
     end function speed2
   end function inner_power
 
-  !> A sum lane by lane, which vectorises in the same order on all processors.
+  !> Sum of numbers lane by lane. All processors add in this order.
   pure function lane_sum(n, w) result(total)
     integer, intent(in) :: n
     real(dp), intent(in) :: w(n)
@@ -101,12 +101,12 @@ contains
     total = (lane(1) + lane(2)) + (lane(3) + lane(4))
   end function lane_sum
 
-  !> Energies [J] or powers [W] of the bonds that start in row j, added bond by bond.
+  !> Energy [J] or power [W] of the bonds that start in row j, added bond by bond.
   pure function over_bonds(s, j, stride, viscous, q, up, images) result(total)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                       !! row, from 1 at the bottom
     integer, intent(in) :: stride                  !! 1: at all columns, nx: at the sides
-    logical, intent(in) :: viscous                 !! powers instead of energies
+    logical, intent(in) :: viscous                 !! power instead of energy
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)   !! the row
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)  !! the row above
     logical, intent(in), optional :: images        !! only bonds that lead to images

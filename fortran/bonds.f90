@@ -9,15 +9,15 @@ module pyfric_bonds
   public :: bond_t, BONDS, N_BOND, BESIDE, ABOVE, RIGHT, LEFT, weights_t, SPRINGS, DASHPOTS
 
   type :: bond_t
-    integer :: first        !! columns from the column to which the bond belongs, to its first block
-    integer :: second       !! columns from this column to its second block
-    integer :: rows         !! rows from the first to the second block
-    real(dp) :: d(2)        !! reference vector, over l
-    real(dp) :: stiffness   !! over k
+    integer :: first        !! column of the first block, minus the column to which the bond belongs
+    integer :: second       !! column of the second block, minus the column to which the bond belongs
+    integer :: rows         !! row of the second block, minus the row of the first block
+    real(dp) :: d(2)        !! vector from the first to the second block of the unloaded lattice, over l
+    real(dp) :: stiffness   !! stiffness of the spring, over k
   end type bond_t
 
-  !> Bonds to nearest neighbours, and to next-nearest neighbours, which are mirror images of each other. Modules that have to be
-  !> fast have their own copy of the table, so that the compiler knows its numbers.
+  !> Bonds to nearest neighbours and to next-nearest neighbours. Bonds to next-nearest neighbours are mirror images of each other.
+  !> Modules that have to be fast have a copy of the table, so that its numbers are known to the compiler.
   integer, parameter :: BESIDE = 1, ABOVE = 2, RIGHT = 3, LEFT = 4, N_BOND = 4
   type(bond_t), parameter :: BONDS(N_BOND) = [ &
     bond_t(0, 1, 0, [1.0_dp, 0.0_dp], 1.0_dp), &
@@ -25,12 +25,12 @@ module pyfric_bonds
     bond_t(0, 1, 1, [1.0_dp, 1.0_dp], 0.5_dp), &
     bond_t(1, 0, 1, [-1.0_dp, 1.0_dp], 0.5_dp)]
 
-  !> Weights 4 c n n^T of the neighbours of a block, n = d/|d|, c = 1 or the stiffness over k.
+  !> Weights 4 c n n^T of the neighbours of a block, with n = d/|d|. c is 1, or the stiffness over k.
   type :: weights_t
-    real(dp) :: beside  !! x from x of the blocks beside it
-    real(dp) :: above   !! z from z of the blocks above and below
-    real(dp) :: corner  !! x from x, and z from z, of the blocks at the corners
-    real(dp) :: cross   !! x from z, and z from x, of the blocks at the corners
+    real(dp) :: beside  !! force x by displacement x of the blocks beside the block
+    real(dp) :: above   !! force z by displacement z of the blocks above and below
+    real(dp) :: corner  !! force x by displacement x, and z by z, of the blocks at the corners
+    real(dp) :: cross   !! force x by displacement z, and z by x, of the blocks at the corners
   end type weights_t
 
   type(weights_t), parameter :: DASHPOTS = weights_t( &

@@ -41,7 +41,7 @@ contains
     end do
   end subroutine foundation_rate
 
-  !> Heights of the bottom blocks above the foundation [m]. Blocks that never touch it have a height that never falls to 0.
+  !> Heights of the bottom blocks above the foundation [m]; l for blocks that never touch the foundation.
   pure function heights(s, u_z) result(z)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: u_z(LB:s%n + LANES)  !! bottom row [m]
@@ -62,7 +62,7 @@ contains
     v = s%v_drv + s%a_drv*(t - s%t_seg)
   end function driver_speed
 
-  !> Present load over the load at t_seg.
+  !> Load at time t over the load at t_seg.
   elemental function load_share(s, t) result(share)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t    !! time [s]
@@ -98,8 +98,8 @@ contains
     end do
   end function driver_force
 
-  !> X'', Z'', phi'' of the rod with the top row glued to it, from the forces on the top row. Blocks i and N_x + 1 - i are
-  !> added first, so that the mirrored row gives the same bits.
+  !> X'', Z'', phi'' of the rod with the top row glued to the rod, from the forces on the top row. Forces on blocks i and
+  !> N_x + 1 - i are added first, so that the mirrored row gives the same bits.
   pure function rod_acceleration(s, t, phi, fx, fz) result(a)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                      !! time [s]
@@ -165,7 +165,7 @@ contains
   !> Adds the tractions of an absorbing side on one block.
   pure subroutine absorb_at(s, c, z_s, e, q, fx, fz)
     type(model_t), intent(in) :: s
-    real(dp), intent(in) :: c                       !! share of a whole face
+    real(dp), intent(in) :: c                       !! face of the block over the face of a whole block
     real(dp), intent(in) :: z_s                     !! tangential impedance [N s/m]
     integer, intent(in) :: e                        !! element of the block
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)    !! the row
@@ -221,7 +221,7 @@ contains
     w = s%m*s%g*row_share(s, j)*column_shares(s)
   end function weights
 
-  !> Image of the top row beyond a mirrored top.
+  !> Image of the top row, beyond a mirrored top.
   pure function reflected_row(s, q) result(above)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)  !! the top row
@@ -233,7 +233,7 @@ contains
     end do
   end function reflected_row
 
-  !> A sum in which i is paired with N_x + 1 - i, so that the mirrored row gives the same bits.
+  !> Sum of a row in which numbers i and N_x + 1 - i are added first, so that the mirrored row gives the same bits.
   pure function mirror_sum(n, w) result(total)
     integer, intent(in) :: n
     real(dp), intent(in) :: w(n)

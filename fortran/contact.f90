@@ -11,7 +11,7 @@ module pyfric_contact
   private
   public :: contact_t, save_contact, switch_contacts
 
-  !> Variables of the contact in the state.
+  !> State variables of the contact of each bottom block.
   type :: contact_t
     integer(ip), allocatable :: mode(:)    !! contact states
     integer(ip), allocatable :: corner(:)  !! 1: the block's slip began with p < p_corner
@@ -27,7 +27,7 @@ contains
   !> Copies the variables of the contact to the plain arrays of Python.
   pure subroutine save_contact(contact, mode, corner, margin, loss, memory)
     type(contact_t), intent(in) :: contact
-    integer(ip), intent(out) :: mode(:)      !! for this and the next ones, see contact_t
+    integer(ip), intent(out) :: mode(:)      !! this array and the next four: see contact_t
     integer(ip), intent(out) :: corner(:)
     real(dp), intent(out) :: margin(:)
     real(dp), intent(out) :: loss(:)
@@ -40,14 +40,14 @@ contains
     memory = contact%memory(:size(memory, 1), :)
   end subroutine save_contact
 
-  !> New contact states at the end of step number `step`, at time t. States switch at the end of the step. The logged time of a
-  !> release is interpolated inside the step, at the zero of the linear margin.
+  !> Switches contact states at the end of step number `step`, at time t. The logged time of a release is the zero of the margin,
+  !> interpolated linearly inside the step.
   subroutine switch_contacts(s, step, t, dt, soon, y, contact, log, w)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: step                    !! steps made
     real(dp), intent(in) :: t                       !! time [s]
     real(dp), intent(in) :: dt                      !! step [s]
-    real(dp), intent(in) :: soon                    !! junctions that pin within this time pin now [s]
+    real(dp), intent(in) :: soon                    !! time ahead within which junctions pin now [s]
     real(dp), intent(inout) :: y(LB:s%n + LANES, 4, s%nz)  !! v_x of the bottom row may be set to zero
     type(contact_t), intent(inout) :: contact
     type(log_t), intent(inout) :: log
@@ -79,7 +79,7 @@ contains
     end if
   end subroutine switch_contacts
 
-  !> True while a block slips, corner slip left out.
+  !> Whether a block slips, without corner slip.
   pure function active(contact) result(yes)
     type(contact_t), intent(in) :: contact
     logical :: yes
@@ -106,7 +106,7 @@ contains
   subroutine switch_block(s, i, new, margin, step, t, dt, u_x, p, contact, log)
     type(model_t), intent(in) :: s
     integer, intent(in) :: i            !! block, from 1
-    integer(ip), intent(in) :: new      !! contact state after
+    integer(ip), intent(in) :: new      !! new contact state
     real(dp), intent(in) :: margin      !! margin at the end of the step [N]
     real(dp), intent(in) :: step        !! steps made
     real(dp), intent(in) :: t           !! time [s]

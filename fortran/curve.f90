@@ -1,4 +1,4 @@
-!> Piecewise linear functions, tabulated once in Python so that steps need no transcendental functions.
+!> Piecewise linear functions. Python tabulates them once, so that steps need no transcendental functions.
 module pyfric_curve
   use pyfric_kinds, only: dp, ip
   implicit none (type, external)
@@ -7,8 +7,8 @@ module pyfric_curve
 
   !> A function that is linear between knots and constant beyond them.
   type :: curve_t
-    logical :: complete = .false.   !! there was enough memory
-    integer :: n                    !! knots, 0 for none
+    logical :: complete = .false.   !! whether memory was allocated
+    integer :: n                    !! number of knots; 0: no curve
     real(dp), allocatable :: x(:)
     real(dp), allocatable :: y(:)
     real(dp), allocatable :: slope(:)

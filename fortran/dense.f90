@@ -1,5 +1,5 @@
-!> Linear equations with a full matrix: LU decomposition with row exchanges, and Cholesky decomposition. Unlike in LAPACK, sums
-!> have a fixed order.
+!> Linear equations with a full matrix: LU decomposition with row exchanges, and Cholesky decomposition. Sums have a fixed order,
+!> unlike in LAPACK.
 module pyfric_dense
   use pyfric_kinds, only: dp
   implicit none (type, external)
@@ -53,7 +53,7 @@ contains
     end do
   end subroutine solve
 
-  !> A x, column by column; four at a time, each sum in the same order, so that y is stored less often.
+  !> A x. Four columns are added at a time, in a fixed order, so that the result is stored less often.
   pure function applied(n, a, x) result(y)
     integer, intent(in) :: n
     real(dp), intent(in) :: a(n, n)
@@ -90,7 +90,7 @@ contains
     end do
   end subroutine cholesky
 
-  !> Replaces each of m right sides, the rows of x, by the solution of A x = b. Right sides are side by side in memory.
+  !> Replaces each of m right sides by the solution of A x = b. Right sides are the rows of x.
   pure subroutine solve_rows(n, l, m, x)
     integer, intent(in) :: n
     real(dp), intent(in) :: l(n, n)       !! from `cholesky`

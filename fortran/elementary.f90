@@ -1,8 +1,8 @@
-!> exp and log from additions, multiplications and divisions alone, because libraries choose their code by processor.
+!> exp and log from additions, multiplications and divisions alone. Libraries would choose their code by processor.
 !>
-!> The error of exp(x) is below 1e-15, relative, for |x| < 700. The error of log(x) is below 3e-16 (1 + |log(x)|) for normal
-!> numbers. Procedures work on n numbers, so that vectors speed them up. Integers up to 2^51 are added to, and subtracted from,
-!> numbers near 2^52 whose last bit is 1. Vectors then need no conversions.
+!> The relative error of exp(x) is below 1e-15 for |x| < 700. The error of log(x) is below 3e-16 (1 + |log(x)|) for normal
+!> numbers. Procedures work on n numbers, so that compilers vectorise the loops. Integers up to 2^51 are converted by additions
+!> to numbers near 2^52, whose last bit counts ones, because vectors have no conversions.
 module pyfric_elementary
   use, intrinsic :: iso_fortran_env, only: int64
   use pyfric_kinds, only: dp
@@ -13,12 +13,12 @@ module pyfric_elementary
   !> log(2) in two parts. The last 21 bits of the first part are zero, so that its products with exponents are exact.
   real(dp), parameter :: LOG_2 = real(z'3FE62E42FEE00000', dp), LOG_2_REST = 1.90821492927058770002e-10_dp
   real(dp), parameter :: LOG_2_INVERSE = 1.4426950408889634074_dp
-  !> Terms of exp(r) for |r| < log(2)/2, and of atanh(z)/z for |z| < 0.172 and |z| < 0.24.
+  !> Numbers of terms: of exp(r) for |r| < log(2)/2, and of atanh(z)/z for |z| < 0.172 and for |z| < 0.24.
   integer, parameter :: N_EXP = 13, N_LOG = 9, N_LOG_1 = 12
-  !> Bits of the fraction of a number; the exponent of 1; bits of 1 and of sqrt(1/2).
+  !> Number of bits of the fraction of a number; biased exponent of 1; bits of 1 and of sqrt(1/2).
   integer, parameter :: DIGITS_2 = 52
   integer(int64), parameter :: BIAS = 1023_int64, ONE = shiftl(BIAS, DIGITS_2), ROOT_HALF = int(z'3FE6A09E667F3BCD', int64)
-  !> A number whose last bit is 1, also after 2^51 or less was added or subtracted; 2^52, and its bits.
+  !> A number whose last bit counts ones, also after additions of up to 2^51; 2^52; bits of 2^52.
   real(dp), parameter :: WHOLE = 1.5_dp*2.0_dp**DIGITS_2, TWO_52 = 2.0_dp**DIGITS_2
   integer(int64), parameter :: BITS_52 = shiftl(BIAS + DIGITS_2, DIGITS_2)
   integer :: n
@@ -29,7 +29,7 @@ contains
 
   pure subroutine exponentials(n, x)
     integer, intent(in) :: n
-    real(dp), intent(inout) :: x(n)   !! becomes exp(x)
+    real(dp), intent(inout) :: x(n)   !! on entry x, on return exp(x)
     integer :: i
 
     do i = 1, n
@@ -39,7 +39,7 @@ contains
 
   pure subroutine logarithms(n, x)
     integer, intent(in) :: n
-    real(dp), intent(inout) :: x(n)   !! becomes log(x); > 0 at first
+    real(dp), intent(inout) :: x(n)   !! on entry x > 0, on return log(x)
     integer :: i
 
     do i = 1, n
@@ -49,7 +49,7 @@ contains
 
   pure subroutine logs_of_1_plus(n, x)
     integer, intent(in) :: n
-    real(dp), intent(inout) :: x(n)   !! becomes log(1 + x); 0 to 0.62 at first
+    real(dp), intent(inout) :: x(n)   !! on entry x from 0 to 0.62, on return log(1 + x)
     integer :: i
 
     do i = 1, n
@@ -57,7 +57,7 @@ contains
     end do
   end subroutine logs_of_1_plus
 
-  !> exp(x) = 2^k exp(r), r = x - k log(2). It is 0 for x < -700, and exp(700) for x > 700.
+  !> exp(x) = 2^k exp(r), r = x - k log(2). The result is 0 for x < -700, and exp(700) for x > 700.
   pure elemental function exponential(x) result(y)
     real(dp), intent(in) :: x
     real(dp) :: y, r, k

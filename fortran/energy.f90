@@ -11,18 +11,18 @@ module pyfric_energy
   private
   public :: curve_point, N_POINT
 
-  integer, parameter :: N_ENERGY = 7             !! energies of a state
-  integer, parameter :: N_POINT = N_ENERGY + 9   !! numbers of a point of the loading curve
+  integer, parameter :: N_ENERGY = 7             !! number of energies of a state
+  integer, parameter :: N_POINT = N_ENERGY + 9   !! how many numbers a point of the loading curve has
 
 contains
 
-  !> F_T [N], and with a budget in J: energies; works of driver and load; dissipation by bonds, friction and switches; two parts
-  !> of the friction heat; the part of the dissipation by bonds that absorbing walls took.
+  !> A point of the loading curve: F_T [N], and with a budget, in J: energies; works of driver and load; dissipation by bonds,
+  !> friction and switches; two parts of the friction heat; the part of the dissipation by bonds that absorbing walls took.
   pure function curve_point(s, t, y, rod, memory, keep_budget, budget, loss) result(point)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                                  !! time [s]
     real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)         !! state
-    real(dp), intent(in) :: rod(6)                             !! rod
+    real(dp), intent(in) :: rod(6)                             !! X, Z, phi and their rates
     real(dp), intent(in) :: memory(s%law%n_memory, s%nx)       !! see pyfric_law
     logical, intent(in) :: keep_budget
     type(budget_t), intent(in) :: budget

@@ -13,11 +13,11 @@ module pyfric_evaluation
 
 contains
 
-  !> Accelerations, contact forces and powers. The evaluation is made n_times, for timing.
+  !> Computes accelerations, contact forces and powers, n_times over for timing.
   subroutine all_forces(s, t, n_times, y, rod, mode, memory, a, a_rod, f, p, f_t, power, status)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                   !! time [s]
-    integer, intent(in) :: n_times              !! evaluations to make
+    integer, intent(in) :: n_times              !! number of equal evaluations
     real(dp), intent(in) :: y(s%nx, 4, s%nz)    !! state
     real(dp), intent(in) :: rod(6)              !! X, Z, phi and their rates
     integer(ip), intent(in) :: mode(s%nx)       !! contact states
@@ -27,7 +27,7 @@ contains
     real(dp), intent(out) :: f(s%nx)            !! friction force along +x [N]
     real(dp), intent(out) :: p(s%nx)            !! foundation force [N]
     real(dp), intent(out) :: f_t                !! driver force [N]
-    type(budget_t), intent(inout) :: power      !! powers are added [W]
+    type(budget_t), intent(inout) :: power      !! powers of the state are added [W]
     integer(ip), intent(out) :: status          !! see pyfric_status
     real(dp), allocatable :: state(:, :), rows(:, :)
     type(row_t) :: w
@@ -54,7 +54,7 @@ contains
 
   contains
 
-    !> One evaluation, row by row.
+    !> Makes one evaluation, row by row.
     subroutine sweep(keep, q, work)
       logical, intent(in) :: keep                                 !! store the results
       real(dp), intent(in) :: q(LB:s%n + LANES, 4, s%nz)          !! state

@@ -9,8 +9,8 @@
 !>
 !> V*/V_c = 0 without a cut-off speed V_c. Only this module distinguishes the laws. A law evolves in a variable x, which is theta
 !> or ln(V* theta/D_c). Three quantities define a law: x after an implicit `stage`, dx/dt, and the rate of ln(theta). Procedures
-!> work on n blocks from number `from` on. n is at most `TOGETHER` if they have work arrays, so that vectors speed them up and
-!> nothing is allocated.
+!> work on n blocks from number `from` on, so that compilers vectorise their loops. In procedures with work arrays, n is at most
+!> `TOGETHER`, so that nothing is allocated.
 !>
 !> If a law contains the rate of stress dmu/dt, the sum x + (c/b) mu evolves without dmu/dt. Rates and stages then refer to this
 !> sum (`add_stress`). psi follows from x alone. Stages of the sum have no closed form. `stage_by_newton` solves them.
@@ -27,28 +27,28 @@ module pyfric_evolution
   public :: stage, variable_rates, log_rates, add_stress, take_stress
   public :: from_theta, to_theta, from_log_theta, state_effect, asinh_of_exp
 
-  !> Laws, with the numbers of pyfric.scene.laws.EVOLUTIONS.
+  !> Codes of the laws, as in pyfric.scene.laws.EVOLUTIONS.
   integer(ip), parameter :: AGEING = 1, SLIP_LAW = 2, PRZ = 3, NAGATA = 4
-  !> Variables in which a law evolves: theta, or ln(V* theta/D_c).
+  !> Codes of the variable in which a law evolves: theta, or ln(V* theta/D_c).
   integer, parameter :: IN_THETA = 1, IN_LOG = 2
   integer, parameter :: TOGETHER = 64
-  integer, parameter :: N_FIELDS = 5   !! fields of N_x numbers
-  !> Above this q, 1 + exp(-2 q) is 1 within rounding.
+  integer, parameter :: N_FIELDS = 5   !! number of fields of N_x numbers
+  !> Value of q above which 1 + exp(-2 q) is 1 within rounding.
   real(dp), parameter :: LOST = 20.0_dp
-  !> Most Newton steps for a root; size of the last step; largest |x| of a stage; least ln(|v|/V*).
+  !> Largest number of Newton steps for a root; size of the last step; largest |x| of a stage; smallest ln(|v|/V*).
   integer, parameter :: MOST = 100
   real(dp), parameter :: LAST_STEP = 1e-7_dp, FAR = 690.0_dp, LEAST = -600.0_dp
 
   type :: rate_state_t
-    logical :: complete = .false.     !! there was enough memory
-    logical :: known = .false.        !! the law is one of AGEING to NAGATA
-    integer(ip) :: law = 0            !! law of evolution
-    integer :: variable = 0           !! variable in which the law evolves
+    logical :: complete = .false.     !! whether memory was allocated
+    logical :: known = .false.        !! whether the code of the law is known
+    integer(ip) :: law = 0            !! code of the law of evolution
+    integer :: variable = 0           !! code of the variable in which the law evolves
     real(dp) :: v_ref                 !! V* [m/s]
-    real(dp) :: cut                   !! V*/V_c, 0 without a cut-off speed [-]
+    real(dp) :: cut                   !! V*/V_c, 0 without a cut-off speed V_c [-]
     real(dp) :: v_slip                !! speed from which a block slips [m/s]
-    logical :: stressed = .false.     !! the law has a rate of stress
-    real(dp), allocatable :: stress(:) !! c/b with a rate of stress, else 0
+    logical :: stressed = .false.     !! whether the law has a rate of stress
+    real(dp), allocatable :: stress(:) !! c/b if the law has a rate of stress, else 0
     real(dp), allocatable :: a(:)     !! direct effect [-]
     real(dp), allocatable :: b(:)     !! evolution effect [-]
     real(dp), allocatable :: d_c(:)   !! D_c [m]
@@ -58,11 +58,11 @@ module pyfric_evolution
 
   !> Numbers passed by Python, in this order.
   type :: numbers_t
-    real(dp) :: law         !! law of evolution
+    real(dp) :: law         !! code of the law of evolution
     real(dp) :: v_ref       !! V* [m/s]
     real(dp) :: cut         !! V*/V_c, 0 without a cut-off speed V_c [-]
     real(dp) :: v_slip      !! speed from which a block counts as slipping [m/s]
-    real(dp) :: c           !! share of stress in the state [-]
+    real(dp) :: c           !! c of the rate of stress [-]
   end type numbers_t
 
 contains
@@ -106,12 +106,12 @@ contains
     if (of%stressed) of%stress(:) = given%c/of%b
   end function new_rate_state
 
-  !> x at the end of an implicit stage, x = x_0 + h dx/dt, at speeds v = V* exp(eta), and the slope of x by eta.
+  !> x at the end of an implicit stage, x = x_0 + h dx/dt, at speeds v = V* exp(eta), and the derivative of x by eta.
   pure subroutine stage(of, from, n, h, x_0, eta, v, x, slope)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
     integer, intent(in) :: n
-    real(dp), intent(in) :: h          !! [s]
+    real(dp), intent(in) :: h          !! factor of dx/dt in the stage [s]
     real(dp), intent(in) :: x_0(n)
     real(dp), intent(in) :: eta(n)
     real(dp), intent(in) :: v(n)       !! speeds [m/s]
@@ -148,7 +148,7 @@ contains
     end select
   end subroutine stage
 
-  !> Rates dx/dt.
+  !> Rates dx/dt of blocks.
   pure subroutine variable_rates(of, from, n, v, x, rate)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
@@ -186,7 +186,7 @@ contains
     end select
   end subroutine variable_rates
 
-  !> Rates of y [1/s], and their slopes by v and y. y is ln(theta), or ln(theta) + (c/b) mu if the law has a rate of stress.
+  !> Rates of y [1/s], and their derivatives by v and y. y is ln(theta), or ln(theta) + (c/b) mu if the law has a rate of stress.
   pure subroutine log_rates(of, from, n, v, y, rate, by_v, by_y)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
@@ -194,8 +194,8 @@ contains
     real(dp), intent(in) :: v(n)       !! velocities [m/s]
     real(dp), intent(in) :: y(n)       !! theta in s
     real(dp), intent(out) :: rate(n)
-    real(dp), intent(out) :: by_v(n)   !! [1/m]
-    real(dp), intent(out) :: by_y(n)   !! [1/s]
+    real(dp), intent(out) :: by_v(n)   !! derivatives of the rates by v [1/m]
+    real(dp), intent(out) :: by_y(n)   !! derivatives of the rates by y [1/s]
     real(dp) :: d_c
     integer :: i
 
@@ -240,13 +240,13 @@ contains
     end select
   end subroutine log_rates
 
-  !> A stage without a closed form, by Newton's method within bounds that become narrower. Blocks whose roots are found wait for
-  !> the others.
+  !> Solves a stage without a closed form, by Newton's method within narrowing bounds. Iterations go on until the last block has
+  !> its root.
   pure subroutine stage_by_newton(of, from, n, h, x_0, eta, v, x, slope)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
     integer, intent(in) :: n
-    real(dp), intent(in) :: h          !! [s]
+    real(dp), intent(in) :: h          !! factor of dx/dt in the stage [s]
     real(dp), intent(in) :: x_0(n)
     real(dp), intent(in) :: eta(n)
     real(dp), intent(in) :: v(n)       !! speeds [m/s]
@@ -283,12 +283,12 @@ contains
     end do
   end subroutine stage_by_newton
 
-  !> Residual of the equation of a stage, which grows with x, and its slopes. Nagata: x + (c/b) mu - h dx/dt - x_0.
+  !> Residual of the equation of a stage, which grows with x, and derivatives of the residual. Nagata: x + (c/b) mu - h dx/dt - x_0.
   pure subroutine residual(of, from, n, h, x_0, eta, v, x, left, by_x, by_eta)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
     integer, intent(in) :: n
-    real(dp), intent(in) :: h          !! [s]
+    real(dp), intent(in) :: h          !! factor of dx/dt in the stage [s]
     real(dp), intent(in) :: x_0(n)
     real(dp), intent(in) :: eta(n)
     real(dp), intent(in) :: v(n)       !! speeds [m/s]
@@ -320,7 +320,7 @@ contains
     end select
   end subroutine residual
 
-  !> mu at speeds V* exp(eta), and slopes of mu by x and eta.
+  !> mu at speeds V* exp(eta), and derivatives of mu by x and eta.
   pure subroutine friction(of, from, n, eta, x, mu, by_x, by_eta)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
@@ -362,7 +362,7 @@ contains
     eta = max(eta, LEAST)
   end subroutine log_speeds
 
-  !> Rates and slopes of `log_rates` for a law with a rate of stress. x is that of a stage with h = 0.
+  !> Rates and derivatives of `log_rates` for a law with a rate of stress. x is the result of a stage with h = 0.
   pure subroutine rates_with_stress(of, from, n, v, y, rate, by_v, by_y)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
@@ -370,8 +370,8 @@ contains
     real(dp), intent(in) :: v(n)       !! velocities [m/s]
     real(dp), intent(in) :: y(n)
     real(dp), intent(out) :: rate(n)
-    real(dp), intent(out) :: by_v(n)   !! [1/m]
-    real(dp), intent(out) :: by_y(n)   !! [1/s]
+    real(dp), intent(out) :: by_v(n)   !! derivatives of the rates by v [1/m]
+    real(dp), intent(out) :: by_y(n)   !! derivatives of the rates by y [1/s]
     real(dp), dimension(TOGETHER) :: eta, x_0, x, speed, heals
     integer :: i, k
 
@@ -473,7 +473,7 @@ contains
     end do
   end subroutine to_theta
 
-  !> The variable x from y = ln(theta), and its slope by y.
+  !> The variable x from y = ln(theta), and the derivative of x by y.
   pure subroutine from_log_theta(of, from, n, y, x, slope)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
@@ -488,7 +488,7 @@ contains
     if (of%variable == IN_LOG) slope = 1.0_dp
   end subroutine from_log_theta
 
-  !> psi from x, and its slope by x.
+  !> psi from x, and the derivative of psi by x.
   pure subroutine state_effect(of, from, n, x, psi, slope)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
@@ -520,7 +520,7 @@ contains
     end if
   end subroutine state_effect
 
-  !> asinh(exp(q)/2), and its derivative by q.
+  !> asinh(exp(q)/2), and the derivative by q.
   pure subroutine asinh_of_exp(n, q, value, slope)
     integer, intent(in) :: n
     real(dp), intent(in) :: q(n)

@@ -1,8 +1,8 @@
 !> Forces of the bonds in finite geometry, row by row.
 !>
-!> Each bond is evaluated once, in the row where it starts. Its force on the row above is carried to that row. With
-!> D = d + du and r = |D|, a spring pulls its first block with k (r - l)/r D. A dashpot along the bond pulls it with
-!> eta (D.dv)/r^2 D.
+!> Each bond is evaluated once, in the row where it starts. Its force on the row above is carried up to this row. With
+!> D = d + du and r = |D|, a spring pulls the first block of a bond with k (r - l)/r D. A dashpot along the bond pulls this
+!> block with eta (D.dv)/r^2 D.
 module pyfric_finite
   use pyfric_kinds, only: dp
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
@@ -20,7 +20,7 @@ contains
   !> below; on return, forces on the row above.
   pure subroutine forces_finite(s, has_up, q, up, b, carry, fx, fz)
     type(model_t), intent(in) :: s
-    logical, intent(in) :: has_up                           !! there is a row above; else up is not read
+    logical, intent(in) :: has_up                           !! whether there is a row above; if not, `up` is not read
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)            !! the row
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)           !! the row above
     real(dp), intent(inout) :: b(LB:s%n + LANES, 2, N_BOND) !! work space: forces on the first blocks, x and z [N]
@@ -63,16 +63,16 @@ contains
     call gather(s%n, b, 2, carry(LB, 2), fz)
   end subroutine forces_finite
 
-  !> Springs of bond m, by their series in t = r^2 - l0^2.
+  !> Adds the forces of springs of bond m, by their series in t = r^2 - l0^2.
   pure subroutine by_series(n, m, l, c, q, row, fx, fz, strain)
     integer, intent(in) :: n                      !! length of a row
     integer, intent(in) :: m
     real(dp), intent(in) :: l                     !! lattice constant [m]
-    real(dp), intent(in) :: c(7)                  !! the series
-    real(dp), intent(in) :: q(LB:n + LANES, 4)    !! the row of their first blocks
-    real(dp), intent(in) :: row(LB:n + LANES, 4)  !! the row of their second blocks
+    real(dp), intent(in) :: c(7)                  !! coefficients of the series
+    real(dp), intent(in) :: q(LB:n + LANES, 4)    !! the row of the first blocks of the bonds
+    real(dp), intent(in) :: row(LB:n + LANES, 4)  !! the row of the second blocks of the bonds
     real(dp), intent(inout) :: fx(LB:n + LANES)   !! forces on the first blocks [N]
-    real(dp), intent(inout) :: fz(LB:n + LANES)   !! [N]
+    real(dp), intent(inout) :: fz(LB:n + LANES)   !! forces along z [N]
     real(dp), intent(inout) :: strain             !! largest (t/l0^2)^2 l^4 [m4]
     real(dp) :: dx, dz, t, t2, t2_max, g
     integer :: i
@@ -91,25 +91,25 @@ contains
     strain = max(strain, t2_max/sum(BOND(m)%d**2)**2)
   end subroutine by_series
 
-  !> c l + dx, without an addition if c is 0.
+  !> c l + dx; only dx, without an addition, if c is 0.
   pure function plus(c, l, dx) result(x)
     real(dp), intent(in) :: c
-    real(dp), intent(in) :: l   !! [m]
-    real(dp), intent(in) :: dx  !! [m]
+    real(dp), intent(in) :: l   !! lattice constant [m]
+    real(dp), intent(in) :: dx  !! difference of displacements [m]
     real(dp) :: x
 
     x = dx
     if (abs(c) > 0.0_dp) x = c*l + dx
   end function plus
 
-  !> Springs of bond m in closed form, for strains beyond the range of the series.
+  !> Forces of springs of bond m in closed form, for strains beyond the range of the series.
   pure subroutine in_closed_form(s, m, q, row, fx, fz)
     type(model_t), intent(in) :: s
     integer, intent(in) :: m
-    real(dp), intent(in) :: q(LB:s%n + LANES, 4)   !! the row of their first blocks
-    real(dp), intent(in) :: row(LB:s%n + LANES, 4) !! that of their second ones
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)   !! the row of the first blocks of the bonds
+    real(dp), intent(in) :: row(LB:s%n + LANES, 4) !! the row of the second blocks of the bonds
     real(dp), intent(out) :: fx(LB:s%n + LANES)    !! forces on the first blocks [N]
-    real(dp), intent(out) :: fz(LB:s%n + LANES)    !! [N]
+    real(dp), intent(out) :: fz(LB:s%n + LANES)    !! forces along z [N]
     real(dp) :: k, d(2), l2, dx, dz, t, g
     integer :: i
 
@@ -130,10 +130,10 @@ contains
   pure subroutine add_dashpots(s, m, q, row, fx, fz)
     type(model_t), intent(in) :: s
     integer, intent(in) :: m
-    real(dp), intent(in) :: q(LB:s%n + LANES, 4)   !! the row of their first blocks
-    real(dp), intent(in) :: row(LB:s%n + LANES, 4) !! that of their second ones
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4)   !! the row of the first blocks of the bonds
+    real(dp), intent(in) :: row(LB:s%n + LANES, 4) !! the row of the second blocks of the bonds
     real(dp), intent(inout) :: fx(LB:s%n + LANES)  !! forces on the first blocks [N]
-    real(dp), intent(inout) :: fz(LB:s%n + LANES)  !! [N]
+    real(dp), intent(inout) :: fz(LB:s%n + LANES)  !! forces along z [N]
     real(dp) :: d(2), x, z, dvx, dvz, g
     integer :: i
 
@@ -149,7 +149,7 @@ contains
     end do
   end subroutine add_dashpots
 
-  !> One component of the force on a row, from its own bonds and from carry. carry is then set for the row above.
+  !> One component of the force on a row, from its own bonds and from carry. On return, carry belongs to the row above.
   pure subroutine gather(n, b, c, carry, f)
     integer, intent(in) :: n                           !! length of a row
     real(dp), intent(in) :: b(LB:n + LANES, 2, N_BOND) !! forces on the first blocks [N]

@@ -1,22 +1,24 @@
-!> Memory of the junctions of a block: saved numbers of each junction, and derived quantities.
+!> State variables of the junctions of a block: saved numbers of each junction, and derived quantities.
 !>
-!> A stage needs only the number of pinned junctions and the sum of their anchors. This sum is computed anew, in the order of
-!> junctions, whenever a junction breaks or pins. Its bits therefore do not depend on the history.
+!> A stage needs only the number of pinned junctions and the sum of their anchors. The sum is computed anew, in the order of
+!> junctions, whenever a junction breaks or pins. The bits of the sum therefore do not depend on the history.
 module pyfric_junction_memory
   use pyfric_kinds, only: dp
   implicit none (type, external)
   private
   public :: n_saved, n_whole, prepare
 
-  !> Saved for each junction: anchor [m], 1 pinned or 0 slipping, time at which it pins or pinned [s], number of breaks.
+  !> Indices of the numbers saved for each junction: anchor [m]; 1 if pinned, 0 if slipping; time at which the junction pins or
+  !> pinned [s]; number of breaks.
   integer, parameter, public :: ANCHOR = 1, PINNED = 2, RELEASE = 3, BREAKS = 4, N_PARTS = 4, N_SUMS = 8
-  !> Derived quantities. Of pinned junctions: their number; sum, mean, sum of squared deviations, least and greatest of their
-  !> anchors. Of slipping junctions: time at which the first pins; their number; then their anchors and indices.
+  !> Indices of derived quantities. Of pinned junctions: their number; sum, mean, sum of squared deviations, smallest and largest of
+  !> their anchors. Of slipping junctions: time at which the first pins; their number. Anchors and indices of slipping junctions
+  !> follow.
   integer, parameter, public :: COUNT = 1, TOTAL = 2, CENTRE = 3, SQUARES = 4, LEAST = 5, GREATEST = 6, EARLIEST = 7, LOOSE = 8
 
 contains
 
-  !> Numbers that are saved of a block with n junctions.
+  !> How many numbers are saved for a block with n junctions.
   elemental function n_saved(n) result(numbers)
     integer, intent(in) :: n
     integer :: numbers
@@ -24,7 +26,7 @@ contains
     numbers = N_PARTS*n
   end function n_saved
 
-  !> Numbers of a block with n junctions, including derived quantities.
+  !> How many numbers a block with n junctions has, including derived quantities.
   elemental function n_whole(n) result(numbers)
     integer, intent(in) :: n
     integer :: numbers
@@ -47,7 +49,7 @@ contains
     integer, intent(in) :: n
     real(dp), intent(in) :: saved(n, N_PARTS)
     real(dp), intent(out) :: sums(N_SUMS)
-    real(dp), intent(inout) :: loose_anchors(n)   !! [m]
+    real(dp), intent(inout) :: loose_anchors(n)   !! anchors of slipping junctions [m]
     real(dp), intent(inout) :: loose_numbers(n)
     integer :: j, m
 

@@ -10,8 +10,8 @@
 !>     open       p = 0: all junctions slip, and pin at u_x when contact returns
 !>
 !> Stages of a step drag anchors of slipping junctions only temporarily. Anchors are stored at the end of a step or sub-step.
-!> Source: J. Trømborg et al., PNAS 111, 8764 (2014). The use of the present p, and the behaviour of slipping junctions when
-!> motion reverses, are choices made here.
+!> Source: J. Trømborg et al., PNAS 111, 8764 (2014). Two rules are not from this source: k_j follows the present p, and slipping
+!> junctions keep their anchors when motion reverses, until |d_j| = u_d.
 module pyfric_junctions
   use, intrinsic :: iso_fortran_env, only: int64
   use pyfric_kinds, only: dp, ip
@@ -25,29 +25,29 @@ module pyfric_junctions
   public :: junctions_t, new_junctions
   public :: forces, powers, stored_energy, settle, break_functions, next_release, drag_marks, drag_functions, N_FIELDS
 
-  integer, parameter :: N_FIELDS = 5   !! fields of N_x numbers
+  integer, parameter :: N_FIELDS = 5   !! number of fields of N_x numbers
 
-  !> A stretch counts as u_d within this distance over u_d, because displacements are rounded.
+  !> Difference of a stretch from u_d, over u_d, that counts as rounding of displacements.
   real(dp), parameter :: AT_LIMIT = 1e-9_dp
 
   type :: junctions_t
-    logical :: complete = .false.   !! there was enough memory
-    integer :: n = 0                       !! junctions of a block
-    real(dp) :: fewest                     !! a block with fewer pinned junctions is ruptured
+    logical :: complete = .false.   !! whether memory was allocated
+    integer :: n = 0                       !! number of junctions of a block
+    real(dp) :: fewest                     !! number of pinned junctions below which a block is ruptured
     integer(int64) :: seed                 !! seed of the slip times of junctions
-    logical :: from_right                  !! blocks are counted from the right side, which is driven
-    type(curve_t) :: quantiles             !! quantiles of t_R over its mean; no knots: a normal distribution
+    logical :: from_right                  !! whether blocks are counted from the right side, because it is driven
+    type(curve_t) :: quantiles             !! quantiles of t_R over the mean of t_R; no knots: a normal distribution
     real(dp), allocatable :: factors(:)    !! c_j of each junction of a block
     real(dp), allocatable :: mu_s(:)       !! friction coefficient at which a junction breaks [-]
     real(dp), allocatable :: mu_d(:)       !! friction coefficient of a slipping junction [-]
     real(dp), allocatable :: c(:)          !! C [N/m2]
     real(dp), allocatable :: t_r(:)        !! mean of t_R [s]
-    real(dp), allocatable :: t_r_std(:)    !! standard deviation of t_R; 0: always the mean [s]
+    real(dp), allocatable :: t_r_std(:)    !! standard deviation of t_R; 0: every t_R is the mean [s]
   end type junctions_t
 
   !> Numbers passed by Python, in this order.
   type :: numbers_t
-    real(dp) :: n           !! junctions of a block
+    real(dp) :: n           !! number of junctions of a block
     real(dp) :: seed_low    !! lower 32 bits of the seed
     real(dp) :: seed_high   !! upper 32 bits of the seed
     real(dp) :: ruptured    !! share of pinned junctions below which a block is ruptured
@@ -60,8 +60,8 @@ contains
     real(dp), contiguous, intent(in) :: numbers(:)     !! see numbers_t
     logical, intent(in) :: from_right
     type(curve_t), intent(in) :: quantiles
-    type(curve_t), intent(in) :: strengths !! `factors` over the number of the junction; no knots: all are 1
-    real(dp), intent(in) :: fields(nx, N_FIELDS)  !! mu_s, mu_d, C, t_R, its standard deviation
+    type(curve_t), intent(in) :: strengths !! c_j over the number of the junction; no knots: all c_j are 1
+    real(dp), intent(in) :: fields(nx, N_FIELDS)  !! mu_s, mu_d, C, mean and standard deviation of t_R
     type(junctions_t) :: of
     type(numbers_t) :: given
     integer :: failed, n
@@ -89,13 +89,13 @@ contains
   pure elemental function stiffness(of, i, p) result(k)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: i        !! block
-    real(dp), intent(in) :: p       !! its normal force [N]
+    real(dp), intent(in) :: p       !! normal force of the block [N]
     real(dp) :: k
 
     k = sqrt(of%c(i)*p/of%n)
   end function stiffness
 
-  !> x, limited to -limit ... limit. The result is odd in x to the last bit.
+  !> x, limited to -limit ... limit. A change of sign of x changes only the sign of the result.
   pure elemental function within(limit, x) result(y)
     real(dp), intent(in) :: limit
     real(dp), intent(in) :: x
@@ -104,8 +104,8 @@ contains
     y = max(-limit, min(limit, x))
   end function within
 
-  !> Forces -k_j (sum of the stretches). Pinned junctions add n u_x - sum a_j. The stretch of each slipping junction is at most
-  !> u_d.
+  !> Forces on the blocks, -k_j (sum of stretches). The stretches of n pinned junctions have the sum n u_x - sum a_j. The stretch of
+  !> a slipping junction is at most u_d.
   pure subroutine forces(of, nx, n, at, memory, u_x, p, f)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: nx                    !! blocks
@@ -134,7 +134,7 @@ contains
     integer, intent(in) :: m
     real(dp), intent(in) :: u           !! displacement of the block [m]
     real(dp), intent(in) :: u_d         !! slip level [m]
-    real(dp), intent(in) :: anchors(m)  !! [m]
+    real(dp), intent(in) :: anchors(m)  !! anchors of slipping junctions [m]
     real(dp) :: total, lanes_of(LANES)
     integer :: j, l, whole
 
@@ -151,8 +151,8 @@ contains
     total = (lanes_of(1) + lanes_of(2)) + (lanes_of(3) + lanes_of(4))
   end function slipping_stretch
 
-  !> Heat of dragging, k_j u_d (+-v_x - du_d/dt) of each moving anchor, and work of the stiffness, dk_j/dt d_j^2/2 of each
-  !> junction.
+  !> Power of dragging, the sum of k_j u_d (+-v_x - du_d/dt) over moving anchors, and power of changes of stiffness, the sum of
+  !> dk_j/dt d_j^2/2 over junctions.
   pure subroutine powers(of, nx, n, at, memory, u_x, v_x, p, p_rate, dragging, stiffening)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: nx                    !! blocks
@@ -162,9 +162,9 @@ contains
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
-    real(dp), intent(in) :: p_rate(nx)           !! its rate [N/s]
-    real(dp), intent(out) :: dragging(nx)        !! [W]
-    real(dp), intent(out) :: stiffening(nx)      !! [W]
+    real(dp), intent(in) :: p_rate(nx)           !! rate of p [N/s]
+    real(dp), intent(out) :: dragging(nx)        !! power of dragging [W]
+    real(dp), intent(out) :: stiffening(nx)      !! power of changes of stiffness [W]
     real(dp) :: k, u_d, growth, d, heat
     integer :: i, j, s
 
@@ -186,12 +186,12 @@ contains
     end do
   end subroutine powers
 
-  !> Speed at which an anchor is dragged along the stretch. It is dragged above u_d, and at u_d if the stretch would grow.
+  !> Speed at which an anchor is dragged along the stretch. It is dragged if the stretch exceeds u_d, or is u_d and would grow.
   pure elemental function anchor_speed(d, u_d, v, u_d_rate) result(speed)
     real(dp), intent(in) :: d           !! stretch, with the anchor at the start of the step [m]
     real(dp), intent(in) :: u_d         !! slip level [m]
     real(dp), intent(in) :: v           !! velocity of the block [m/s]
-    real(dp), intent(in) :: u_d_rate    !! [m/s]
+    real(dp), intent(in) :: u_d_rate    !! rate of u_d [m/s]
     real(dp) :: speed
 
     speed = 0.0_dp
@@ -233,19 +233,19 @@ contains
     end do
   end function stored_energy
 
-  !> Finishes a step or sub-step: anchors of slipping junctions follow, junctions break, and junctions pin. `excess` is the number
-  !> of pinned junctions minus the number below which a block is ruptured.
+  !> Finishes a step or sub-step: anchors of slipping junctions follow their block, junctions break, and junctions pin. `excess` is
+  !> the number of pinned junctions minus the number below which a block is ruptured.
   pure subroutine settle(of, nx, n, at, t, soon, u_x, p, memory, excess, loss)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: nx                    !! blocks
     integer, intent(in) :: n                     !! padded length of a row
     integer, intent(in) :: at(n)                 !! element of each block in a row
     real(dp), intent(in) :: t                    !! time [s]
-    real(dp), intent(in) :: soon                 !! junctions that pin within this time pin now [s]
+    real(dp), intent(in) :: soon                 !! time ahead within which junctions pin now [s]
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
     real(dp), intent(inout) :: memory(n_whole(of%n), nx)
-    real(dp), intent(out) :: excess(nx)          !! [-]
+    real(dp), intent(out) :: excess(nx)          !! number of breaks before a block is ruptured [-]
     real(dp), intent(inout) :: loss(nx)          !! heat of breaks and of pinning so far [J]
     real(dp) :: k, u, stretch, weakest
     logical :: changed
@@ -289,7 +289,7 @@ contains
     end do
   end subroutine drag
 
-  !> Breaks pinned junctions that are stretched too far. Their force drops to the slip level, and they slip for a time t_R.
+  !> Breaks pinned junctions with |d_j| > c_j u_s. Their stretch drops to u_d at most, and they slip for a time t_R.
   pure subroutine break_stretched(of, i, t, u, k, memory, loss, changed)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: i            !! block
@@ -297,7 +297,7 @@ contains
     real(dp), intent(in) :: u           !! displacement of the block [m]
     real(dp), intent(in) :: k           !! k_j [N/m]
     real(dp), intent(inout) :: memory(of%n, N_PARTS)
-    real(dp), intent(inout) :: loss     !! [J]
+    real(dp), intent(inout) :: loss     !! heat of breaks and of pinning so far [J]
     logical, intent(inout) :: changed
     real(dp) :: u_s, d, after
     integer :: j
@@ -316,14 +316,14 @@ contains
     end do
   end subroutine break_stretched
 
-  !> Pins slipping junctions at the end of their slip time, without force.
+  !> Pins slipping junctions at u_x, without force, at the end of their slip time.
   pure subroutine pin_due(n, t, u, k, memory, loss, changed)
     integer, intent(in) :: n
     real(dp), intent(in) :: t           !! time [s]
     real(dp), intent(in) :: u           !! displacement of the block [m]
     real(dp), intent(in) :: k           !! k_j [N/m]
     real(dp), intent(inout) :: memory(n, N_PARTS)
-    real(dp), intent(inout) :: loss     !! [J]
+    real(dp), intent(inout) :: loss     !! heat of breaks and of pinning so far [J]
     logical, intent(inout) :: changed
     integer :: j
 
@@ -348,8 +348,8 @@ contains
     memory(:, RELEASE) = t
   end subroutine let_go
 
-  !> Slip time of junction j of block i after its break number n. It is mean + std (sum of 12 uniform numbers - 6), at least 0,
-  !> or the mean times the quantile of a uniform number. Random numbers are drawn by counter. Blocks count from the driven side.
+  !> Slip time of junction j of block i after its break number n: mean + std (sum of 12 uniform numbers - 6), at least 0, or the
+  !> mean times the quantile of a uniform number. i, j and n are the counter of the random numbers. i counts from the driven side.
   pure function time_of_slip(of, i, j, n) result(t_r)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: i
@@ -374,12 +374,12 @@ contains
     t_r = max(t_r + of%t_r_std(i)*(total - 6.0_dp), 0.0_dp)
   end function time_of_slip
 
-  !> Displacement of a block until a junction breaks [m]; huge if no junction is pinned.
+  !> Distance that a block can move before a junction breaks [m]; huge if no junction is pinned.
   pure function next_break(of, i, u, p, memory) result(room)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: i            !! block
-    real(dp), intent(in) :: u           !! its displacement [m]
-    real(dp), intent(in) :: p           !! its normal force [N]
+    real(dp), intent(in) :: u           !! displacement of the block [m]
+    real(dp), intent(in) :: p           !! normal force of the block [N]
     real(dp), intent(in) :: memory(of%n, N_PARTS)
     real(dp) :: room, u_s
     integer :: j
@@ -402,7 +402,7 @@ contains
     t = minval(memory(n_saved(of%n) + EARLIEST, :), mask=in_contact)
   end function next_release
 
-  !> Event functions [m]. In contact: distance of a block to its next break, and its depth. Otherwise: the height, twice.
+  !> Event functions [m]. In contact: distance of the block to its next break, and depth of the block. Open: the height, twice.
   pure subroutine break_functions(of, nx, n, at, in_contact, memory, p, u_x, z, g)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: nx                    !! blocks
@@ -422,7 +422,7 @@ contains
     end do
   end subroutine break_functions
 
-  !> Marks of dragged junctions: `drag_limits` of each block.
+  !> `drag_limits` of each block, as marks at the start of a sub-step.
   pure subroutine drag_marks(of, nx, n, at, memory, u_x, v_x, p, p_rate, marks)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: nx                    !! blocks
@@ -432,7 +432,7 @@ contains
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
-    real(dp), intent(in) :: p_rate(nx)           !! its rate [N/s]
+    real(dp), intent(in) :: p_rate(nx)           !! rate of p [N/s]
     real(dp), intent(out) :: marks(4, nx)
     integer :: i
 
@@ -441,14 +441,15 @@ contains
     end do
   end subroutine drag_marks
 
-  !> Whether slipping junctions of a block are dragged up, and down (1 or 0); least and greatest anchor of the others [m].
+  !> Whether slipping junctions of a block are dragged up, and down (1 or 0); smallest and largest anchor of all slipping junctions
+  !> that are not dragged [m].
   pure function drag_limits(of, i, u, v, p, p_rate, memory) result(marks)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: i            !! block
-    real(dp), intent(in) :: u           !! its displacement [m]
-    real(dp), intent(in) :: v           !! its velocity [m/s]
-    real(dp), intent(in) :: p           !! its normal force [N]
-    real(dp), intent(in) :: p_rate      !! its rate [N/s]
+    real(dp), intent(in) :: u           !! displacement of the block [m]
+    real(dp), intent(in) :: v           !! velocity of the block [m/s]
+    real(dp), intent(in) :: p           !! normal force of the block [N]
+    real(dp), intent(in) :: p_rate      !! rate of p [N/s]
     real(dp), intent(in) :: memory(n_whole(of%n))
     real(dp) :: marks(4), u_d, a
     integer :: j, s
@@ -468,8 +469,8 @@ contains
     end do
   end function drag_limits
 
-  !> Event functions, which are positive while the same junctions are dragged: speeds of their anchors, up and down, and
-  !> distances of the other junctions from u_d.
+  !> Event functions, which are positive while the set of dragged junctions does not change: speeds of dragged anchors, up and
+  !> down, and distances of the other stretches from u_d.
   pure subroutine drag_functions(of, nx, n, at, u_x, v_x, p, p_rate, marks, g)
     type(junctions_t), intent(in) :: of
     integer, intent(in) :: nx                    !! blocks
@@ -478,7 +479,7 @@ contains
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
-    real(dp), intent(in) :: p_rate(nx)           !! its rate [N/s]
+    real(dp), intent(in) :: p_rate(nx)           !! rate of p [N/s]
     real(dp), intent(in) :: marks(4, nx)         !! see drag_limits
     real(dp), intent(out) :: g(3, nx)
     real(dp) :: u_d, u_d_rate

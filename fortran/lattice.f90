@@ -1,8 +1,8 @@
 !> Forces of neighbours on a block, row by row: springs in linear geometry, and dashpots.
 !>
-!> A row q contains u_x, u_z, v_x, v_z. Neighbours in a row are LANES elements apart (see pyfric_layout). Rows that do not
-!> exist are passed as zero. Sums pair left with right neighbours. Therefore a mirrored lattice gives the mirrored bits, and
-!> a translation gives exactly zero force.
+!> A row q contains u_x, u_z, v_x, v_z. Neighbours in a row are LANES elements apart (see pyfric_layout). Missing rows below and
+!> above are passed as zeros. Sums pair left with right neighbours. A mirrored lattice therefore gives the mirrored bits, and a
+!> translation gives exactly zero force.
 module pyfric_lattice
   use pyfric_kinds, only: dp
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
@@ -12,10 +12,10 @@ module pyfric_lattice
   private
   public :: around_t, gather_forces, halve_bonds, halve_columns
 
-  !> The neighbours of a row.
+  !> Number and side of the rows next to a row.
   type :: around_t
     real(dp) :: rows  !! number of neighbouring rows
-    real(dp) :: edge  !! side of a single neighbouring row: +1 above, -1 below; 0 for two
+    real(dp) :: edge  !! side of a single neighbouring row: +1 above, -1 below; 0 with two rows
   end type around_t
 
 contains
@@ -125,7 +125,7 @@ contains
              - around%rows*(w%above + w%corner)*q(i, c + 1)
     end function pull_at_wall
 
-    !> Dashpots on the full relative velocity: the sum of dv.
+    !> Sum of dv of the dashpots of a block on the full relative velocity.
     pure function drag(c, i) result(f)
       integer, intent(in) :: c  !! VX or VZ
       integer, intent(in) :: i  !! element of the block
@@ -136,7 +136,7 @@ contains
           - (2.0_dp + 3.0_dp*around%rows)*q(i, c)
     end function drag
 
-    !> The sum of dv at a side wall, x and z.
+    !> Sum of dv of the dashpots of a block at a side wall, x and z.
     pure function drag_at_wall(i, side) result(f)
       integer, intent(in) :: i     !! element of the block
       integer, intent(in) :: side  !! +1: neighbours are on the right, -1: on the left
@@ -171,7 +171,7 @@ contains
   !> Subtracts half of the forces of bonds to the rows below and above in columns of half blocks.
   pure subroutine halve_columns(s, rows, dn, q, up, fx, fz)
     type(model_t), intent(in) :: s
-    logical, intent(in) :: rows(2)                   !! there is a row below, above
+    logical, intent(in) :: rows(2)                   !! whether there is a row below, above
     real(dp), intent(in) :: dn(LB:s%n + LANES, 4)    !! the row below
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)     !! the row
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)    !! the row above

@@ -1,8 +1,8 @@
 !> The friction law, one of three kinds: laws under which blocks rest (pyfric_resting), junctions (pyfric_junctions), rate and
 !> state (pyfric_rate_state). Only this module uses the modules of the three kinds.
 !>
-!> Each kind has its own fields, tables and state variables. Each gives the force, powers and energy, event functions, contact
-!> states after a step, and changes of state variables at a switch. On junctions, and with rate and state, no block comes to rest.
+!> Each kind of law has its own fields, tables and state variables. Each kind gives the force, powers, energy, event functions,
+!> contact states after a step, and changes of state variables at a switch. On junctions, and with rate and state, no block rests.
 !> On junctions, the force follows from displacements and state variables; with rate and state, from speeds and a state variable.
 module pyfric_law
   use pyfric_kinds, only: dp, ip, NOT_KNOWN
@@ -26,21 +26,21 @@ module pyfric_law
   public :: begin_step, implicit_speeds, balanced_speeds, log_rates, from_log_theta, add_stress, take_stress
   public :: STUCK, OPEN_GAP, N_TABLES, N_CONTACT, N_KNOT, N_MARK
 
-  !> Laws, with the numbers of `code` in pyfric.scene.
+  !> Codes of the kinds of laws, as `code` in pyfric.scene.
   integer(ip), parameter :: RESTING = 1, ON_JUNCTIONS = 2, RATE_STATE = 3
-  !> Fields of N_x numbers of each kind of law.
+  !> Number of fields of N_x numbers of each kind of law.
   integer, parameter :: N_FIELDS(RATE_STATE) = [N_RESTING, N_JUNCTIONS, N_RATE_STATE]
 
   type :: law_t
-    logical :: complete = .false.      !! there was enough memory, and the law is known
+    logical :: complete = .false.      !! whether memory was allocated, and the law is known
     logical :: known = .true.
     integer(ip), private :: kind
-    integer :: n_memory                !! state variables of each block, including derived quantities
-    integer :: per_block = 1           !! junctions of a block; 1 without junctions
-    logical :: rests = .false.         !! blocks come to rest
-    logical :: flows = .false.         !! each stage is implicit in the velocities of the blocks
-    logical :: simple = .false.        !! heat has no parts
-    logical :: kinked = .false.        !! friction has corners over slip or speed
+    integer :: n_memory                !! number of state variables of each block, including derived quantities
+    integer :: per_block = 1           !! number of junctions of a block; 1 without junctions
+    logical :: rests = .false.         !! whether blocks come to rest
+    logical :: flows = .false.         !! whether each stage is implicit in the velocities of the blocks
+    logical :: simple = .false.        !! whether friction heat has no parts
+    logical :: kinked = .false.        !! whether friction over slip or speed has corners
     type(resting_t), private :: resting
     type(junctions_t), private :: junctions
     type(rate_state_t) :: rate_state
@@ -48,15 +48,15 @@ module pyfric_law
 
 contains
 
-  !> The law from numbers one after another: fields of N_x numbers, other numbers of the law, x and y of each knot of its tables.
+  !> The law from an array with fields of N_x numbers, other numbers of the law, and x and y of each knot of the law's tables.
   pure function new_law(nx, kind, n_memory, from_right, keeps, t_0, n_own, n_knots, numbers) result(law)
     integer, intent(in) :: nx                  !! blocks
     integer(ip), intent(in) :: kind
-    integer(ip), intent(in) :: n_memory        !! saved numbers of each block
-    logical, intent(in) :: from_right          !! blocks are counted from the right
-    logical, intent(in) :: keeps               !! a stick does not reset slip
-    real(dp), intent(in) :: t_0                !! time of the limits [s]
-    integer(ip), intent(in) :: n_own           !! other numbers of the law
+    integer(ip), intent(in) :: n_memory        !! number of saved state variables of each block
+    logical, intent(in) :: from_right          !! whether blocks are counted from the right
+    logical, intent(in) :: keeps               !! whether slip goes on after a stick
+    real(dp), intent(in) :: t_0                !! time at which the limits hold [s]
+    integer(ip), intent(in) :: n_own           !! how many other numbers the law has
     integer(ip), intent(in) :: n_knots(N_TABLES)
     real(dp), contiguous, intent(in) :: numbers(:)
     type(law_t) :: law
@@ -100,7 +100,7 @@ contains
   pure function whole_memory(law, nx, saved) result(memory)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx               !! blocks
-    real(dp), intent(in) :: saved(:, :)     !! numbers of each block
+    real(dp), intent(in) :: saved(:, :)     !! saved state variables of each block
     real(dp) :: memory(law%n_memory, nx)
     integer :: i
 
@@ -111,8 +111,8 @@ contains
     end do
   end function whole_memory
 
-  !> Force on the blocks. Stuck: f balances all other horizontal forces. Slipping: mu p against the motion, and -alpha v. Open:
-  !> none.
+  !> Friction forces on the blocks. Stuck: f balances all other horizontal forces. Slipping: mu p against the motion, and -alpha v.
+  !> Open: 0.
   pure subroutine friction_force(law, nx, n, at, mode, memory, t, u_x, v_x, other, p, f)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
@@ -151,10 +151,10 @@ contains
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
-    real(dp), intent(in) :: p_rate(nx)           !! its rate [N/s]
+    real(dp), intent(in) :: p_rate(nx)           !! rate of p [N/s]
     real(dp), intent(in) :: f(nx)                !! friction force on the blocks, along +x [N]
-    real(dp), intent(out) :: above(nx)           !! [W]
-    real(dp), intent(out) :: viscous(nx)         !! [W]
+    real(dp), intent(out) :: above(nx)           !! power above the kinetic strength; on junctions of dragging [W]
+    real(dp), intent(out) :: viscous(nx)         !! power of alpha; on junctions of changes of stiffness [W]
 
     select case (law%kind)
     case (RESTING)
@@ -185,8 +185,8 @@ contains
   !> Changes the state variables of a block at a switch.
   pure subroutine remember(law, old, new, t, u_x, memory)
     type(law_t), intent(in) :: law
-    integer(ip), intent(in) :: old   !! contact state before
-    integer(ip), intent(in) :: new   !! contact state after
+    integer(ip), intent(in) :: old   !! old contact state
+    integer(ip), intent(in) :: new   !! new contact state
     real(dp), intent(in) :: t        !! time [s]
     real(dp), intent(in) :: u_x      !! displacement [m]
     real(dp), intent(inout) :: memory(:)
@@ -194,8 +194,8 @@ contains
     if (law%kind == RESTING) call resting_remember(law%resting, old, new, t, u_x, memory)
   end subroutine remember
 
-  !> Event functions, which are positive while a contact state lasts, and the margin of a block to slip as if it were stuck. Rate
-  !> and state has no event functions.
+  !> Event functions, which are positive while a contact state lasts, and strength minus load of each block as if it were stuck.
+  !> Rate and state has no event functions.
   pure subroutine event_functions(law, nx, n, at, mode, memory, t, other, p, u_x, z, v_x, g, margin)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
@@ -225,7 +225,7 @@ contains
     end select
   end subroutine event_functions
 
-  !> Last knots passed by slip and speed of each block, 0 for none; on junctions `drag_marks`.
+  !> Indices of the last knots that slip and speed of each block have passed, 0 if none; on junctions `drag_marks`.
   pure subroutine last_knots(law, nx, n, at, mode, memory, u_x, v_x, p, p_rate, marks)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
@@ -236,7 +236,7 @@ contains
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
-    real(dp), intent(in) :: p_rate(nx)           !! its rate [N/s]
+    real(dp), intent(in) :: p_rate(nx)           !! rate of p [N/s]
     real(dp), intent(out) :: marks(N_MARK, nx)
 
     select case (law%kind)
@@ -251,7 +251,7 @@ contains
     end select
   end subroutine last_knots
 
-  !> Distances to the next knots, see pyfric_resting; on junctions `drag_functions`.
+  !> Distances of slipping blocks to the next knots, see pyfric_resting; on junctions `drag_functions`.
   pure subroutine knot_functions(law, nx, n, at, mode, memory, marks, u_x, v_x, p, p_rate, g)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
@@ -263,7 +263,7 @@ contains
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
-    real(dp), intent(in) :: p_rate(nx)           !! its rate [N/s]
+    real(dp), intent(in) :: p_rate(nx)           !! rate of p [N/s]
     real(dp), intent(out) :: g(N_KNOT, nx)
 
     select case (law%kind)
@@ -278,13 +278,13 @@ contains
     end select
   end subroutine knot_functions
 
-  !> Time from t to the next knot of age of any slipping block, or until the next junction pins [s].
+  !> Time from t to the next knot of age of any slipping block, or on junctions to the next pinning of a junction [s].
   pure function time_to_knot(law, nx, mode, memory, t) result(shortest)
     type(law_t), intent(in) :: law
     integer, intent(in) :: nx                    !! blocks
     integer(ip), intent(in) :: mode(nx)          !! contact states
     real(dp), intent(in) :: memory(law%n_memory, nx)
-    real(dp), intent(in) :: t                    !! [s]
+    real(dp), intent(in) :: t                    !! time [s]
     real(dp) :: shortest
 
     select case (law%kind)
@@ -311,8 +311,8 @@ contains
     real(dp), intent(in) :: other(LB:n + LANES)  !! all other horizontal forces, as a row [N]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
-    integer(ip), intent(out) :: new(nx)          !! contact states after
-    real(dp), intent(out) :: margin(nx)          !! [N]
+    integer(ip), intent(out) :: new(nx)          !! new contact states
+    real(dp), intent(out) :: margin(nx)          !! strength minus load [N]
 
     call resting_states(law%resting, nx, n, at, mode, memory, t, other, p, v_x, new, margin)
   end subroutine next_states
@@ -326,12 +326,12 @@ contains
     integer(ip), intent(in) :: mode(nx)          !! contact states
     real(dp), intent(inout) :: memory(law%n_memory, nx)
     real(dp), intent(in) :: t                    !! time [s]
-    real(dp), intent(in) :: soon                 !! junctions that pin within this time pin now [s]
+    real(dp), intent(in) :: soon                 !! time ahead within which junctions pin now [s]
     real(dp), intent(in) :: u_x(LB:n + LANES)    !! displacements, as a row [m]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
-    integer(ip), intent(out) :: new(nx)          !! contact states after
-    real(dp), intent(out) :: margin(nx)          !! number of breaks before the block slips, or v_slip minus its speed [m/s]
+    integer(ip), intent(out) :: new(nx)          !! new contact states
+    real(dp), intent(out) :: margin(nx)          !! number of breaks before the block is ruptured, or v_slip - |v| [m/s]
     real(dp), intent(inout) :: loss(nx)          !! heat of breaks and of pinning so far [J]
     real(dp) :: along
     integer :: i

@@ -10,20 +10,20 @@ module pyfric_layout
   public :: LANES, LB, UX, UZ, VX, VZ, padded, elements
 
   integer, parameter :: LANES = 4, LB = 1 - LANES
-  !> Fields of one row of the state.
+  !> Indices of the fields of a row of the state.
   integer, parameter :: UX = 1, UZ = 2, VX = 3, VZ = 4
 
 contains
 
   !> Length of a row of nx blocks, a whole number of vectors.
   elemental function padded(nx) result(n)
-    integer, intent(in) :: nx   !! blocks
+    integer, intent(in) :: nx   !! number of blocks
     integer :: n
 
     n = LANES*((nx + LANES - 1)/LANES)
   end function padded
 
-  !> Element of block i in a row, for i up to n. Elements for i above nx are padding.
+  !> Element of each block i = 1..n in a row. Elements of i above nx are padding.
   pure function elements(n) result(at)
     integer, intent(in) :: n   !! padded length of the row
     integer :: at(n), i, m

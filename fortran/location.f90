@@ -7,8 +7,8 @@
 !> lasts (pyfric_law). If an event function is negative at the end, shorter sub-steps are tried until the earliest root is
 !> bracketed. The sub-step then ends just behind the root, where contacts switch. The next sub-step goes to the end of the
 !> step. The stages of a sweep predict the root, so that one trial suffices in most cases. If no event function is negative
-!> at the end, a parabola through start, middle and end is tested for each. If it falls below zero, the sub-step is cut
-!> there. Event functions are compared by their signs.
+!> at the end, a parabola through start, middle and end is computed for each. If a parabola falls below zero, the sub-step ends
+!> there. Crossings follow from the signs of event functions.
 module pyfric_location
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
@@ -26,48 +26,48 @@ module pyfric_location
   public :: step_control_t, new_control, test_substep, complete_substep, max_switches, MAX_QUIET
 
   real(dp), parameter :: ROOT_WIDTH = 2.0_dp**(-40)       !! largest distance of a switch behind its root, over dt
-  real(dp), parameter :: FORESEEN_WIDTH = 2.0_dp**(-30)   !! the same for a predicted root, which is exact in linear motion
+  real(dp), parameter :: FORESEEN_WIDTH = 2.0_dp**(-30)   !! largest distance of a switch behind a predicted root, over dt
   real(dp), parameter :: SHORTEST_SUBSTEP = 2.0_dp**(-30) !! shortest adaptive sub-step, over dt
   real(dp), parameter :: DIP_LENGTH = 2.0_dp**(-4)        !! shortest sub-step that is tested for dips, over dt
   real(dp), parameter :: DIP_DEPTH = 2.0_dp**(-20)        !! smallest depth of a dip, over the values at the ends
   real(dp), parameter :: KNOT_WIDTH = 2.0_dp**(-20)       !! distance at which a knot of age or a pinning counts as reached, over dt
-  integer, parameter :: MAX_TRIALS = 60           !! most trials with prediction; a bisection at every third resolves 2^-20
-  integer, parameter :: MAX_QUIET = 64            !! most quiet transitions that one step may log
-  integer, parameter :: ADAPT_ORDER = 4           !! power of its length with which the error of an adaptive sub-step grows
+  integer, parameter :: MAX_TRIALS = 60           !! largest number of trials; bisections at every third resolve 2^-20
+  integer, parameter :: MAX_QUIET = 64            !! largest number of starts and ends of slip that one step may log
+  integer, parameter :: ADAPT_ORDER = 4           !! power of the length with which the error of an adaptive sub-step grows
   integer, parameter :: WHOLE = 0, CUT = 1, SEARCH = 2
 
   !> Step control: progress within a step.
   type :: step_control_t
-    logical :: complete = .false.   !! there was enough memory
-    logical :: located             !! locate switches; otherwise they occur at the end of the step
+    logical :: complete = .false.   !! whether memory was allocated
+    logical :: located             !! whether switches are located inside the step
     real(dp) :: start = 0.0_dp     !! start of the sub-step, counted from the start of the step [s]
     real(dp) :: remaining = 0.0_dp !! time from the start of the sub-step to the end of the step [s]
     real(dp) :: length = 0.0_dp    !! length of the sub-step that is tried [s]
     real(dp) :: longest = 0.0_dp   !! longest sub-step that the error allows [s]
-    integer :: phase = WHOLE       !! a sub-step of full length, a sub-step cut at a dip, or a search between a and b
-    logical :: dips_checked = .false.  !! this sub-step was tested for dips
+    integer :: phase = WHOLE       !! WHOLE, a sub-step cut at a dip, or a search between a and b
+    logical :: dips_checked = .false.  !! whether this sub-step was tested for dips
     real(dp) :: a = 0.0_dp         !! time without negative event functions, counted from the start of the sub-step [s]
     real(dp) :: b = 0.0_dp         !! time with a negative event function [s]
-    integer :: trials = 0          !! sub-steps tried in this search
+    integer :: trials = 0          !! number of sub-steps tried in this search
     integer :: moved = 0           !! end of the search interval that moved last: -1 for a, +1 for b
-    integer :: n_instants = 0      !! times in this step at which contacts switched
+    integer :: n_instants = 0      !! number of times in this step at which contacts switched
     integer :: block = 0           !! first block of the last switches, from 1
-    logical :: accepted = .true.   !! the trial sub-step is accepted
-    logical :: finished = .true.   !! the trial sub-step ends the step
-    logical :: crossed = .false.   !! an event function is negative at the end of the trial sub-step
+    logical :: accepted = .true.   !! whether the trial sub-step is accepted
+    logical :: finished = .true.   !! whether the trial sub-step ends the step
+    logical :: crossed = .false.   !! whether an event function is negative at the end of the trial sub-step
     real(dp) :: t = 0.0_dp         !! time at the end of the trial sub-step [s]
     real(dp), allocatable :: g_0(:, :)  !! event functions at the start of the sub-step: friction [N] or [m/s], gap [m], knots
     real(dp), allocatable :: g_a(:, :)  !! event functions at a
     real(dp), allocatable :: g_b(:, :)  !! event functions at b
     real(dp), allocatable :: g(:, :)    !! event functions at the end of the trial sub-step
-    real(dp), allocatable :: margin(:)  !! strength minus load of a block at this end, as if it were stuck [N]
+    real(dp), allocatable :: margin(:)  !! strength minus load at the end of the trial sub-step, as if stuck [N]
     real(dp), allocatable :: marks(:, :) !! marks of the law at the start of the sub-step, such as the last knots
     type(budget_t) :: works             !! energy budget at the start of the sub-step
   end type step_control_t
 
 contains
 
-  !> Most times in one step at which contacts may switch: twice for each block, or for each junction.
+  !> Largest number of times in one step at which contacts may switch: twice for each block, or for each junction.
   pure function max_instants(s) result(n)
     type(model_t), intent(in) :: s
     integer :: n
@@ -75,7 +75,7 @@ contains
     n = 100 + 2*s%nx*s%law%per_block
   end function max_instants
 
-  !> Most switches that one step may log.
+  !> Largest number of switches that one step may log.
   elemental function max_switches(nx) result(n)
     integer, intent(in) :: nx
     integer :: n
@@ -124,7 +124,7 @@ contains
     call last_knots(s%law, s%nx, s%n, s%at, contact%mode, contact%memory, q(LB, UX), q(LB, VX), w%p, p_rate, control%marks)
   end subroutine mark_knots
 
-  !> Plans the next sub-step. It is as long as the error allows, and ends at the latest at the end of the step or a knot of age.
+  !> Plans the next sub-step. The sub-step is as long as the error allows, and does not pass the end of the step or a knot of age.
   pure subroutine plan_substep(s, t, dt, contact, budget, control)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                !! time [s]
@@ -209,7 +209,7 @@ contains
       budget = control%works
       return
     end if
-    ! the error allows longer sub-steps: doubling the length multiplies it by 2^ADAPT_ORDER
+    ! the error allows longer sub-steps: doubling the length multiplies the error by 2^ADAPT_ORDER
     if (control%phase == WHOLE .and. err*2.0_dp**(ADAPT_ORDER + 1) < 1.0_dp) then
       control%longest = max(control%longest, min(2.0_dp*control%length, dt))
     end if
@@ -231,14 +231,14 @@ contains
     call plan_substep(s, control%t, dt, contact, budget, control)
   end subroutine complete_substep
 
-  !> Predicts the length to try next from the stages of a sub-step that was tried.
+  !> Predicts the length of the next trial from the stages of the last trial sub-step.
   subroutine foresee(s, table, dt, old, new, q, contact, w, control)
     type(model_t), intent(in) :: s
     type(table_t), intent(in) :: table
     real(dp), intent(in) :: dt                             !! step [s]
     real(dp), intent(in) :: old(LB:s%n + LANES, 4, s%nz)   !! state at the start of the sub-step
-    real(dp), intent(in) :: new(LB:s%n + LANES, 4, s%nz)   !! state at its end
-    real(dp), intent(in) :: q(LB:s%n + LANES, 4, 0:table%stages, 2:table%stages)  !! its stages
+    real(dp), intent(in) :: new(LB:s%n + LANES, 4, s%nz)   !! state at the end of the sub-step
+    real(dp), intent(in) :: q(LB:s%n + LANES, 4, 0:table%stages, 2:table%stages)  !! stages of the sub-step
     type(contact_t), intent(in) :: contact
     type(row_t), intent(inout) :: w
     type(step_control_t), intent(inout) :: control
@@ -256,7 +256,7 @@ contains
     if (search%accepted) control%length = search%length
   end subroutine foresee
 
-  !> Narrows the search interval by the result of the trial, and chooses the next trial.
+  !> Narrows the search interval by the result of the last trial, and chooses the length of the next trial.
   pure subroutine narrow_search(dt, width, control)
     real(dp), intent(in) :: dt           !! step [s]
     real(dp), intent(in) :: width        !! largest distance of the end of the sub-step behind the root, over dt
@@ -289,7 +289,7 @@ contains
     control%length = min(max(root, control%a) + 0.5_dp*width*dt, control%b)
   end subroutine narrow_search
 
-  !> Cuts the sub-step, at most once, where an event function seems to fall below zero inside it.
+  !> Shortens the sub-step, at most once, to a time at which a parabola predicts a negative event function.
   subroutine check_dips(s, t, dt, old, new, contact, w, control)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: t                              !! time at the end of the sub-step [s]
@@ -316,13 +316,13 @@ contains
     control%length = x*control%length
   end subroutine check_dips
 
-  !> Switches contacts at the end of a sub-step that an event function has ended, unless the event is a knot. At the end of
-  !> each sub-step, anchors of slipping junctions follow their block.
+  !> Switches contacts at the end of a sub-step that an event function has ended, unless the event is a knot. Anchors of slipping
+  !> junctions follow their block at the end of each sub-step.
   subroutine switch_at_event(s, step, t, soon, new, contact, log, w, control, status)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: step                           !! steps made before this one
     real(dp), intent(in) :: t                              !! time [s]
-    real(dp), intent(in) :: soon                           !! junctions that pin within this time pin now [s]
+    real(dp), intent(in) :: soon                           !! time ahead within which junctions pin now [s]
     real(dp), intent(inout) :: new(LB:s%n + LANES, 4, s%nz) !! state; v_x of blocks that stop is set to zero
     type(contact_t), intent(inout) :: contact
     type(log_t), intent(inout) :: log
@@ -348,7 +348,7 @@ contains
     call evaluate_events(s, t, new(LB, 1, 1), new(LB, 1, min(2, s%nz)), contact, control%marks, w, control%g, control%margin)
   end subroutine switch_at_event
 
-  !> Smallest root of the straight lines from g_a at 0 to g_b at 1, among lines that end below zero.
+  !> Smallest root of the straight lines from g_a at 0 to g_b at 1 that end below zero.
   pure function first_root(g_a, g_b) result(x)
     real(dp), intent(in) :: g_a(:, :)
     real(dp), intent(in) :: g_b(:, :)
@@ -368,8 +368,8 @@ contains
     end do
   end function first_root
 
-  !> Position in 0..1 of a minimum below zero of the parabola through g_0, g_m, g_1 at 0, 1/2, 1. The result is 2 if there
-  !> is no such minimum, or if the end is negative.
+  !> Position in 0..1 of a negative minimum of the parabola through g_0, g_m, g_1 at 0, 1/2, 1. The result is 2 if there is no
+  !> such minimum, or if g_1 is negative.
   elemental function lowest_point(g_0, g_m, g_1) result(x)
     real(dp), intent(in) :: g_0
     real(dp), intent(in) :: g_m
@@ -395,7 +395,7 @@ contains
     real(dp), intent(in) :: marks(N_MARK, s%nx)         !! marks of the law at the start of the sub-step
     type(row_t), intent(inout) :: w
     real(dp), intent(out) :: g(:, :)                    !! [N] or [m/s], [m], knots [m] and [m/s]
-    real(dp), intent(out) :: margin(s%nx)               !! [N]
+    real(dp), intent(out) :: margin(s%nx)               !! strength minus load [N]
     real(dp) :: fx(LB:s%n + LANES), p_rate(s%nx)
 
     call foundation(s, q(LB, UZ), w%p)
@@ -410,7 +410,7 @@ contains
     end if
   end subroutine evaluate_events
 
-  !> A row in the middle of a sub-step, by the cubic through its ends.
+  !> A row in the middle of a sub-step, by cubic interpolation between start and end.
   pure subroutine midpoint(s, sub, old, new, mid)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: sub                          !! length of the sub-step [s]

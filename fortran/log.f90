@@ -1,7 +1,7 @@
 !> The log of a run: switches of single blocks, the interface at each start and end of slip, and points of the loading curve.
 !>
-!> With a threshold, the log also has crossings: passages of single blocks through this speed, in the form of switches. And it
-!> has bursts: the interface at each start and end of fast slip, in the form of starts and ends of slip.
+!> With a threshold of speed, the log also has crossings and bursts. Crossings are passages of single blocks through the threshold,
+!> in the form of switches. Bursts are the interface at each start and end of fast slip, in the form of starts and ends of slip.
 module pyfric_log
   use pyfric_kinds, only: dp, ip
   use pyfric_energy, only: N_POINT
@@ -13,7 +13,7 @@ module pyfric_log
   type :: log_t
     integer :: n_switch = 0
     integer :: n_quiet = 0
-    logical :: complete = .false.   !! there was enough memory
+    logical :: complete = .false.   !! whether memory was allocated
     integer(ip), allocatable :: switch_i(:, :)    !! block from 0, old state, new state, corner
     real(dp), allocatable :: switch_r(:, :)       !! step, time [s], u_x [m], p [N]
     integer(ip), allocatable :: quiet_i(:, :)     !! +1 first slip or -1 last stick, then contact states
@@ -24,22 +24,22 @@ module pyfric_log
     real(dp) :: threshold = 0.0_dp                !! speed above which a block is fast [m/s]; 0: no threshold
     integer :: n_crossing = 0
     integer :: n_burst = 0
-    integer(ip), allocatable :: fast(:, :)        !! +1, -1 fast to the right, left, 0 not; 1: began with almost no contact force
-    real(dp), allocatable :: speeds(:)            !! v_x at the end of the last step; largest sum of v_x in this burst [m/s]
-    integer(ip), allocatable :: crossing_i(:, :)  !! as switch_i
-    real(dp), allocatable :: crossing_r(:, :)     !! as switch_r
-    integer(ip), allocatable :: burst_i(:, :)     !! as quiet_i
-    real(dp), allocatable :: burst_r(:, :)        !! as quiet_r, and the largest sum [m/s]
+    integer(ip), allocatable :: fast(:, :)        !! +1, -1 fast to the right, left, 0 slow; 1: corner slip
+    real(dp), allocatable :: speeds(:)            !! v_x at the end of the last step; largest |sum of v_x| in this burst [m/s]
+    integer(ip), allocatable :: crossing_i(:, :)  !! columns as in switch_i
+    real(dp), allocatable :: crossing_r(:, :)     !! columns as in switch_r
+    integer(ip), allocatable :: burst_i(:, :)     !! columns as in quiet_i
+    real(dp), allocatable :: burst_r(:, :)        !! columns as in quiet_r, then the largest |sum of v_x| [m/s]
   end type log_t
 
 contains
 
   pure function new_log(nx, switches, quiet, every, points) result(log)
     integer, intent(in) :: nx          !! blocks
-    integer, intent(in) :: switches    !! room for switches
-    integer, intent(in) :: quiet       !! room for quiet transitions
+    integer, intent(in) :: switches    !! largest number of switches
+    integer, intent(in) :: quiet       !! largest number of starts and ends of slip
     integer, intent(in) :: every       !! steps between two points of the loading curve; 0: none
-    integer, intent(in) :: points      !! room for points
+    integer, intent(in) :: points      !! largest number of points
     type(log_t) :: log
     integer :: failed
 
@@ -49,13 +49,13 @@ contains
     log%complete = failed == 0
   end function new_log
 
-  !> Logs blocks faster than a threshold from now on.
+  !> Prepares the log for crossings and bursts.
   pure subroutine watch_speeds(log, threshold, crossings, bursts, fast, speeds)
     type(log_t), intent(inout) :: log
-    real(dp), intent(in) :: threshold    !! [m/s]
-    integer, intent(in) :: crossings     !! room for passages of blocks
-    integer, intent(in) :: bursts        !! room for starts and ends of fast slip
-    integer(ip), intent(in) :: fast(:, :)  !! for this and the next, see log_t
+    real(dp), intent(in) :: threshold    !! speed above which a block is fast [m/s]
+    integer, intent(in) :: crossings     !! largest number of passages of blocks
+    integer, intent(in) :: bursts        !! largest number of starts and ends of fast slip
+    integer(ip), intent(in) :: fast(:, :)  !! this array and the next: see log_t
     real(dp), intent(in) :: speeds(:)
     integer :: nx, failed
 
@@ -72,8 +72,8 @@ contains
   !> Copies the entries to the plain arrays of Python.
   pure subroutine save_log(log, n_log, switch_i, switch_r, quiet_i, quiet_r, points)
     type(log_t), intent(in) :: log
-    integer(ip), intent(out) :: n_log(5)           !! switches, quiet transitions, points, crossings and bursts
-    integer(ip), intent(inout) :: switch_i(:, :)   !! for this and the next ones, see log_t
+    integer(ip), intent(out) :: n_log(5)           !! numbers of switches, starts and ends of slip, points, crossings, bursts
+    integer(ip), intent(inout) :: switch_i(:, :)   !! this array and the next ones: see log_t
     real(dp), intent(inout) :: switch_r(:, :)
     integer(ip), intent(inout) :: quiet_i(:, :)
     real(dp), intent(inout) :: quiet_r(:, :)
@@ -90,7 +90,7 @@ contains
   !> Copies the entries of fast slip to the plain arrays of Python.
   pure subroutine save_speeds(log, fast, speeds, crossing_i, crossing_r, burst_i, burst_r)
     type(log_t), intent(in) :: log
-    integer(ip), intent(inout) :: fast(:, :)       !! for this and the next ones, see log_t
+    integer(ip), intent(inout) :: fast(:, :)       !! this array and the next ones: see log_t
     real(dp), intent(inout) :: speeds(:)
     integer(ip), intent(inout) :: crossing_i(:, :)
     real(dp), intent(inout) :: crossing_r(:, :)
@@ -106,7 +106,7 @@ contains
     burst_r(:, :log%n_burst) = log%burst_r(:, :log%n_burst)
   end subroutine save_speeds
 
-  !> True if the log has room for these numbers of entries.
+  !> Whether the log has room for given numbers of additional entries.
   pure function has_room(log, switches, quiet) result(yes)
     type(log_t), intent(in) :: log
     integer, intent(in) :: switches
@@ -124,8 +124,8 @@ contains
   pure subroutine log_switch(log, i, old, new, corner, step, t, u_x, p)
     type(log_t), intent(inout) :: log
     integer, intent(in) :: i            !! block, from 1
-    integer(ip), intent(in) :: old      !! contact state before
-    integer(ip), intent(in) :: new      !! contact state after
+    integer(ip), intent(in) :: old      !! old contact state
+    integer(ip), intent(in) :: new      !! new contact state
     integer(ip), intent(in) :: corner   !! 1: corner episode
     real(dp), intent(in) :: step        !! steps made
     real(dp), intent(in) :: t           !! time [s]
@@ -146,10 +146,10 @@ contains
     log%points(:, log%n_point) = point
   end subroutine log_point
 
-  !> Logs that slip has started or that all slip has ended.
+  !> Logs the interface at a start of slip, or at the end of all slip.
   pure subroutine log_quiet(log, active, mode, step, t, f_t, u_x)
     type(log_t), intent(inout) :: log
-    logical, intent(in) :: active       !! a block slips
+    logical, intent(in) :: active       !! whether a block slips
     integer(ip), intent(in) :: mode(:)  !! contact states
     real(dp), intent(in) :: step        !! steps made
     real(dp), intent(in) :: t           !! time [s]
@@ -164,7 +164,7 @@ contains
     log%quiet_r(3 + N_POINT:, log%n_quiet) = u_x
   end subroutine log_quiet
 
-  !> Adds the energies of a point to all starts and ends of slip after the first n.
+  !> Adds the energies of a point of the loading curve to all logged starts and ends of slip after the first n.
   pure subroutine log_budget(log, n, point)
     type(log_t), intent(inout) :: log
     integer, intent(in) :: n
@@ -187,7 +187,7 @@ contains
     real(dp), intent(in) :: u_x(:)       !! displacements of the bottom row [m]
     real(dp), intent(in) :: p(:)         !! foundation forces [N]
     real(dp), intent(in) :: p_corner     !! foundation force below which slip is corner slip [N]
-    logical, intent(out) :: turned       !! fast slip began or ended
+    logical, intent(out) :: turned       !! whether fast slip began or ended
     integer(ip) :: old, new
     integer :: i, nx
     real(dp) :: back
@@ -217,7 +217,7 @@ contains
     turned = bursting(log) .neqv. was
   end subroutine log_speeds
 
-  !> True while a block is fast, corner slip left out.
+  !> Whether a block is fast, without corner slip.
   pure function bursting(log) result(yes)
     type(log_t), intent(in) :: log
     logical :: yes
@@ -225,7 +225,7 @@ contains
     yes = any(log%fast(:, 1) /= 0 .and. log%fast(:, 2) == 0)
   end function bursting
 
-  !> Logs that fast slip begins or ends.
+  !> Logs the interface when fast slip begins or ends.
   pure subroutine log_burst(log, mode, step, t, point, u_x)
     type(log_t), intent(inout) :: log
     integer(ip), intent(in) :: mode(:)         !! contact states

@@ -9,8 +9,8 @@ module pyfric_model
   public :: model_t, new_model, S_SERIES, close_left, close_row, close_state, reflected
   public :: FREE, MIRRORED, ABSORBING, HELD, row_share, column_shares, half_side, cut_sides, driven_number, driven_u
 
-  !> Boundary conditions at sides and top. Mirrored: half a bond beyond the side begins an image of the slider, with the same u_x
-  !> and the opposite u_z. Absorbing: dashpots with the impedances of plane waves. Held: the top row does not move.
+  !> Codes of boundary conditions at sides and top. Mirrored: half a bond beyond the side begins an image of the slider, with equal
+  !> u_x and opposite u_z. Absorbing: dashpots with the impedances of plane waves. Held: the top row does not move.
   integer, parameter :: FREE = 0, MIRRORED = 1, ABSORBING = 2, HELD = 3
 
   !> Largest |s|, s = (r/l0)^2 - 1, for which the series of 1 - l0/r has machine precision.
@@ -33,12 +33,12 @@ module pyfric_model
     integer(ip) :: along    !! 1: dashpots act along the bonds only, 0: on the full relative velocity
     integer(ip) :: law      !! friction law, see pyfric_law
     integer(ip) :: n_memory !! saved state variables of the law for each block
-    integer(ip) :: n_own    !! other numbers of the law
-    integer(ip) :: n_hold   !! knots of the friction law's tables
+    integer(ip) :: n_own    !! how many other numbers the law has
+    integer(ip) :: n_hold   !! number of knots of each table of the law
     integer(ip) :: n_slide
     integer(ip) :: n_speed
     integer(ip) :: n_age
-    integer(ip) :: keeps    !! 1: a stick does not reset the slip of the friction law
+    integer(ip) :: keeps    !! 1: slip in the friction law goes on after a stick
     integer(ip) :: halved   !! 1: blocks along free edges are half blocks
   end type counts_t
 
@@ -58,7 +58,7 @@ module pyfric_model
     real(dp) :: k_drv       !! stiffness of the driver on each driven block, K over their number [N/m]
     real(dp) :: v_drv       !! driver speed V at t_seg [m/s]
     real(dp) :: u_mean      !! mean u_x of the driven blocks at which F_T = 0 at t = 0 [m]
-    real(dp) :: p_corner    !! slip that starts below this p is a corner episode [N]
+    real(dp) :: p_corner    !! p below which a start of slip is a corner episode [N]
     real(dp) :: k_top       !! stiffness that holds each block of a free top row at u_x = 0 [N/m]
     real(dp) :: t_seg       !! start of the piece of the protocol that is being run [s]
     real(dp) :: x_drv       !! position of the driver at t_seg [m]
@@ -69,32 +69,32 @@ module pyfric_model
   end type constants_t
 
   type, extends(constants_t) :: model_t
-    logical :: complete = .false.   !! there was enough memory, and the friction law is known
+    logical :: complete = .false.   !! whether memory was allocated, and the friction law is known
     integer :: nx           !! blocks along the interface
     integer :: nz           !! rows
-    integer :: n            !! nx rounded up to LANES
-    integer, allocatable :: at(:)   !! element of block i in a row, for i up to n; filling beyond nx
-    logical :: finite       !! finite geometry (bonds rotate); else linear
-    logical :: rigid        !! top row glued to the rod (setup 1); else free (setup 2)
+    integer :: n            !! nx rounded up to a multiple of LANES
+    integer, allocatable :: at(:)   !! element of each block i = 1..n in a row; padding for i above nx
+    logical :: finite       !! whether geometry is finite (bonds rotate) or linear
+    logical :: rigid        !! whether the top row is glued to the rod (setup 1) or free (setup 2)
     integer :: i_h          !! first column of driven blocks
     integer :: i_h_end      !! last column of driven blocks
     integer :: n_driven     !! number of driven blocks
     integer :: j_h          !! row of the lowest driven block
     integer :: j_h_top      !! row of the highest driven block
-    logical :: prescribed   !! the interface carries `load` as p and has no foundation; else it has a foundation
-    integer :: left         !! for this and the next two, see FREE
+    logical :: prescribed   !! whether the interface has no foundation, with `load` as p
+    integer :: left         !! boundary condition at the left side; the next two: right side, top
     integer :: right
     integer :: top
-    logical :: along        !! dashpots act along the bonds only
+    logical :: along        !! whether dashpots act only along the bonds
     integer :: j_shear      !! row on which shear acts
-    logical :: halved       !! blocks along free edges are half blocks
-    logical :: has_halves   !! some blocks may be half blocks
+    logical :: halved       !! whether blocks along free edges are half blocks
+    logical :: has_halves   !! whether there can be half blocks
     real(dp) :: z_p         !! impedance of a block to longitudinal waves, rho c_P times its face [N s/m]
-    real(dp) :: z_s         !! the same for shear waves
+    real(dp) :: z_s         !! impedance of a block to shear waves [N s/m]
     type(law_t) :: law      !! friction under the bottom row
     real(dp) :: series(7, N_BOND) !! coefficients of each bond's spring in finite geometry, see `series` [N/m^(2n+1)], n = 1...
-    logical :: sheared      !! shear, its rate or k_top is not zero
-    logical :: pushed       !! push or its rate is not zero
+    logical :: sheared      !! whether shear, its rate or k_top is not zero
+    logical :: pushed       !! whether push or its rate is not zero
     real(dp), allocatable :: u_drv0(:) !! u_x of the driven blocks, row by row, at which their springs are relaxed at t = 0 [m]
     real(dp), allocatable :: k_f(:)   !! foundation stiffness, 0 under blocks without contact [N/m]
     real(dp), allocatable :: gap(:)   !! height of blocks above the foundation at u_z = 0 [m]
@@ -110,7 +110,7 @@ contains
   !> The model from the plain arrays that Python passes.
   pure function new_model(counts, numbers) result(s)
     integer(ip), contiguous, intent(in) :: counts(:)   !! see counts_t
-    real(dp), contiguous, intent(in) :: numbers(:)     !! see constants_t; u_drv0 of each driven block less the mean [m];
+    real(dp), contiguous, intent(in) :: numbers(:)     !! see constants_t; u_drv0 of each driven block minus their mean [m];
                                                        !! see take_rows
     type(model_t) :: s
     type(counts_t) :: n
@@ -184,7 +184,7 @@ contains
     end do
   end subroutine derive
 
-  !> Number of the driven block in column i and row j, row by row.
+  !> Number of the driven block in column i and row j; driven blocks are counted row by row.
   elemental function driven_number(s, i, j) result(b)
     type(model_t), intent(in) :: s
     integer, intent(in) :: i   !! column
@@ -208,7 +208,7 @@ contains
     end do
   end function driven_u
 
-  !> Share of whole blocks in row j: one half at a prescribed interface, at an absorbing top, and at halved edges; else 1.
+  !> Height of the blocks of row j over l: one half at a prescribed interface, at an absorbing top, and at halved edges; else 1.
   pure function row_share(s, j) result(c)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j  !! row, from 1 at the bottom
@@ -219,7 +219,7 @@ contains
     if (j == s%nz .and. s%nz > 1 .and. (s%top == ABSORBING .or. s%halved .and. s%top /= MIRRORED)) c = 0.5_dp
   end function row_share
 
-  !> Share of whole blocks in each column: one half at absorbing sides and at halved edges; else 1.
+  !> Width of the blocks of each column over l: one half at absorbing sides and at halved edges; else 1.
   pure function column_shares(s) result(c)
     type(model_t), intent(in) :: s
     real(dp) :: c(s%nx)
@@ -229,7 +229,7 @@ contains
     if (half_side(s, s%right)) c(s%nx) = 0.5_dp
   end function column_shares
 
-  !> True if a side has half blocks.
+  !> Whether a side has half blocks.
   pure function cut_sides(s) result(yes)
     type(model_t), intent(in) :: s
     logical :: yes
@@ -237,7 +237,7 @@ contains
     yes = half_side(s, s%left) .or. half_side(s, s%right)
   end function cut_sides
 
-  !> True if a side with this boundary condition has half blocks.
+  !> Whether a side with this boundary condition has half blocks.
   pure function half_side(s, side) result(yes)
     type(model_t), intent(in) :: s
     integer, intent(in) :: side
@@ -269,11 +269,11 @@ contains
     end do
   end function series
 
-  !> Repeats the ends of the pieces of a row on its left, or on both sides, with zero at the walls. Elements are copied one by
-  !> one, because reading parts of vectors that were just stored is slow.
+  !> Repeats the ends of the pieces of a row on the left, or on both sides, with zeros at the walls. Elements are copied one by one,
+  !> because it is slow to read parts of vectors that were just stored.
   pure subroutine close_left(n, q)
     integer, intent(in) :: n                    !! length of a row
-    real(dp), intent(inout) :: q(LB:n + LANES)  !! one field of it
+    real(dp), intent(inout) :: q(LB:n + LANES)  !! one field of the row
     integer :: i
 
     q(LB) = 0.0_dp
@@ -286,7 +286,7 @@ contains
 
   pure subroutine close_row(n, q)
     integer, intent(in) :: n                    !! length of a row
-    real(dp), intent(inout) :: q(LB:n + LANES)  !! one field of it
+    real(dp), intent(inout) :: q(LB:n + LANES)  !! one field of the row
     integer :: i
 
     call close_left(n, q)
@@ -306,7 +306,7 @@ contains
     q = [block(UX), -block(UZ), block(VX), -block(VZ)]
   end function reflected
 
-  !> Closes a row of the state. In finite geometry the padding moves with the last block, so that its bonds are not strained.
+  !> Closes a row of the state. In finite geometry the padding moves with the last block, so that its bonds have no strain.
   !> Beyond a mirrored side is the image of the last block.
   pure subroutine close_state(s, q)
     type(model_t), intent(in) :: s

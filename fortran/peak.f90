@@ -1,19 +1,19 @@
-!> Largest number of additions per second of this processor, as a measure for the kernels.
+!> Additions at the largest rate of this processor, to which the speed of the core is compared.
 module pyfric_peak
   use pyfric_kinds, only: dp
   implicit none (type, external)
   private
   public :: additions, WIDTH
 
-  integer, parameter :: WIDTH = 32  !! independent sums: enough to hide the latency, few enough for registers
+  integer, parameter :: WIDTH = 32  !! number of sums, which hide the latency and stay in registers
 
 contains
 
-  !> Adds to each of WIDTH sums its own step, n times. Sums stay in registers.
+  !> Adds steps(i) to sum i, n times. Sums stay in registers.
   pure subroutine additions(n, steps, total)
     integer, intent(in) :: n                  !! additions to each sum
     real(dp), intent(in) :: steps(WIDTH)      !! number that is added to each sum
-    real(dp), intent(out) :: total            !! total of all sums
+    real(dp), intent(out) :: total            !! sum of all results
     real(dp) :: sums(WIDTH)
     integer :: i, k
 

@@ -1,4 +1,5 @@
-!> Contact states on the condensed slider, by pivots of a table, as in pyfric.statics.complementarity, in compiled loops.
+!> Contact states on the condensed slider by pivots of a table, in compiled loops. pyfric.statics.complementarity makes the same
+!> pivots in Python.
 !>
 !> The table gives u_x, f, u_z and F_T as affine functions of u_x of the held blocks and of the driver's position:
 !>
@@ -23,29 +24,29 @@ module pyfric_pivots
   public :: make_base, test_definite, BARE, KEPT
 
   integer(ip), parameter :: BARE = 3  !! contact state of a block that touches the foundation without friction
-  integer, parameter :: KEPT = 2      !! stored tables with all blocks held, for the last sets of blocks in contact
+  integer, parameter :: KEPT = 2      !! number of stored tables with all blocks held, for the last sets of blocks in contact
 
   !> The slider condensed onto its interface, and its loads along each route of a protocol.
   type :: slider_t
-    logical :: complete = .false.           !! there was enough memory
+    logical :: complete = .false.           !! whether memory was allocated
     integer :: nx                           !! blocks along the interface
     real(dp) :: k                           !! stiffness of bonds [N/m]
     real(dp) :: k_driver                    !! K of the driver [N/m]
     real(dp) :: unit                        !! F_N/N_x [N]
     real(dp) :: rounded                     !! largest violation of conditions by rounding, over `unit`
     real(dp) :: least                       !! normal force below which a block does not stick [N]
-    real(dp) :: lost                        !! tolerance for rounding above which the slider counts as not held [N]
+    real(dp) :: lost                        !! rounding errors above which the slider counts as not held [N]
     real(dp), allocatable :: s(:, :)        !! stiffness of u_x and u_z, 2 N_x each way [N/m]
-    real(dp), allocatable :: drive(:)       !! load on u_x and u_z of the interface per drive, 2 N_x [N/m]
-    real(dp), allocatable :: loads(:, :, :) !! load per drive and constant load, 2 N_x, of each route [N/m, N]
-    real(dp), allocatable :: f_t(:, :)      !! F_T at u = 0, per drive and constant, of each route [N/m, N]
+    real(dp), allocatable :: drive(:)       !! load on u_x and u_z per motion of the driver, 2 N_x [N/m]
+    real(dp), allocatable :: loads(:, :, :) !! load per motion of the driver, and constant load, of each route [N/m, N]
+    real(dp), allocatable :: f_t(:, :)      !! F_T at u = 0, per motion of the driver, and constant [N/m, N]
   end type slider_t
 
   !> The foundation and its friction under each block.
   type :: ground_t
     real(dp), allocatable :: hold(:)        !! strength of a stuck block over p
     real(dp), allocatable :: slide(:)       !! friction of a slipping block over p
-    real(dp), allocatable :: k_f(:)         !! [N/m]
+    real(dp), allocatable :: k_f(:)         !! stiffness of the foundation [N/m]
     real(dp), allocatable :: gap(:)         !! height of the blocks over the foundation at u_z = 0 [m]
     logical, allocatable :: touches(:)      !! whether a block can touch the foundation
     logical, allocatable :: rubs(:)         !! whether a block has friction on the foundation
@@ -53,21 +54,21 @@ module pyfric_pivots
 
   !> The interface in a static state, or its derivatives by the path length of the driver.
   type :: values_t
-    real(dp), allocatable :: u_x(:)         !! [m]
+    real(dp), allocatable :: u_x(:)         !! displacements of the blocks [m]
     real(dp), allocatable :: f(:)           !! friction force along +x [N]
-    real(dp), allocatable :: u_z(:)         !! [m]
+    real(dp), allocatable :: u_z(:)         !! vertical displacements of the blocks [m]
     real(dp), allocatable :: p(:)           !! foundation force [N]
     real(dp) :: f_t = 0.0_dp                !! force of the driver [N]
   end type values_t
 
   type :: contact_t
     integer(ip) :: status = DONE            !! see pyfric_status
-    integer :: route = 1                    !! number of the loads
+    integer :: route = 1                    !! number of the route of the loads
     integer :: way = 1                      !! direction of the driver
-    integer :: base = 1                     !! number of the table with all blocks held that is in use
+    integer :: base = 1                     !! number of the stored table that is in use
     real(dp) :: tol = 0.0_dp                !! largest violation of conditions by rounding [N]
     logical :: known = .false.              !! whether `now` is up to date
-    integer :: ends(2) = [1, 0]             !! first and last of the free blocks
+    integer :: ends(2) = [1, 0]             !! first and last free block
     integer(ip), allocatable :: mode(:)     !! 0 stuck, +1 or -1 slips, 2 open, 3 bare
     logical, allocatable :: free(:)         !! blocks that are free in the table: slipping, open or bare
     real(dp), allocatable :: column(:)      !! u_x of held blocks [m], drive [m], 1
@@ -76,7 +77,7 @@ module pyfric_pivots
     real(dp), allocatable :: bases(:, :, :) !! stored tables with all blocks held
     real(dp), allocatable :: squares(:, :, :) !! work space
     real(dp), allocatable :: sides(:, :, :) !! work space
-    type(values_t) :: now                   !! see `look`
+    type(values_t) :: now                   !! static state, from `look`
   end type contact_t
 
 contains
@@ -84,7 +85,7 @@ contains
   pure subroutine new_values(nx, v, status)
     integer, intent(in) :: nx
     type(values_t), intent(inout) :: v
-    integer(ip), intent(inout) :: status    !! NO_MEMORY without memory
+    integer(ip), intent(inout) :: status    !! NO_MEMORY if memory could not be allocated
     integer :: failed
 
     allocate (v%u_x(nx), v%f(nx), v%u_z(nx), v%p(nx), stat=failed)
@@ -103,7 +104,7 @@ contains
     call new_values(nx, c%now, c%status)
   end function new_contact
 
-  !> Numbers of the n blocks of a set.
+  !> Indices of the n members of a set.
   pure function members(n, set) result(at)
     integer, intent(in) :: n
     logical, intent(in) :: set(:)
@@ -116,8 +117,8 @@ contains
     end do
   end function members
 
-  !> The state that a block gets if it is put into a given state. Blocks without friction become bare, blocks that never touch
-  !> the foundation stay open.
+  !> New state of a block for a requested state. A block without friction becomes bare instead of stuck or slipping. A block that
+  !> never touches the foundation stays open.
   elemental function possible(touches, rubs, mode) result(new)
     logical, intent(in) :: touches
     logical, intent(in) :: rubs
@@ -139,7 +140,7 @@ contains
 
   ! --- values --------------------------------------------------------------------------------------
 
-  !> Computes the static state at the present position of the driver, unless it is up to date.
+  !> Computes the static state at the present position of the driver, unless `now` is up to date.
   pure subroutine look(s, g, c)
     type(slider_t), intent(in) :: s
     type(ground_t), intent(in) :: g
@@ -153,7 +154,7 @@ contains
     v(c%ends(1):c%ends(2)) = 0.0_dp
     v(n + 1:) = 0.0_dp
     do j = 1, n + 2
-      if (c%free(min(j, n)) .and. j <= n) cycle  ! 0 of them
+      if (c%free(min(j, n)) .and. j <= n) cycle  ! u_x of free blocks is no input
       v(c%ends(1):c%ends(2)) = v(c%ends(1):c%ends(2)) + c%column(j)*c%table(c%ends(1):c%ends(2), j)
       v(n + 1:) = v(n + 1:) + c%column(j)*c%table(n + 1:, j)
     end do
@@ -186,7 +187,7 @@ contains
     type(ground_t), intent(in) :: g
     type(contact_t), intent(in) :: c
     real(dp), intent(in) :: v(3*s%nx + 1)        !! column of the table
-    real(dp), intent(in) :: gap(s%nx)            !! [m]
+    real(dp), intent(in) :: gap(s%nx)            !! heights of the blocks at u_z = 0 [m]
     type(values_t), intent(inout) :: values
     integer :: nx
 
@@ -200,14 +201,14 @@ contains
 
   ! --- changes -------------------------------------------------------------------------------------
 
-  !> Puts blocks into other states. Blocks that stick are held at u_x.
+  !> Changes the contact states of blocks. Blocks that stick are held at u_x.
   pure subroutine put(s, g, c, which, mode, u_x)
     type(slider_t), intent(in) :: s
     type(ground_t), intent(in) :: g
     type(contact_t), intent(inout) :: c
     logical, intent(in) :: which(s%nx)           !! blocks that change
-    integer(ip), intent(in) :: mode(s%nx)        !! their new states
-    real(dp), intent(in) :: u_x(s%nx)            !! [m]
+    integer(ip), intent(in) :: mode(s%nx)        !! new states of these blocks
+    real(dp), intent(in) :: u_x(s%nx)            !! displacements at which blocks are held [m]
     integer(ip) :: new(s%nx)
     integer :: i, turn
 
@@ -228,7 +229,7 @@ contains
     end do
   end subroutine put
 
-  !> Puts block i into another state, at its present position.
+  !> Changes the contact state of block i at the present position of the block.
   pure subroutine change(s, g, c, i, mode)
     type(slider_t), intent(in) :: s
     type(ground_t), intent(in) :: g
@@ -245,14 +246,14 @@ contains
     call put(s, g, c, which, new, c%now%u_x)
   end subroutine change
 
-  !> Releases the stuck block i, or holds block i at u_x, by exchanging its column and row.
+  !> Releases the stuck block i, or holds block i at u_x, by a pivot that exchanges column and row of the block.
   pure subroutine exchange(s, g, c, i, mode, u_x)
     type(slider_t), intent(in) :: s
     type(ground_t), intent(in) :: g
     type(contact_t), intent(inout) :: c
     integer, intent(in) :: i
     integer(ip), intent(in) :: mode
-    real(dp), intent(in) :: u_x                  !! [m]
+    real(dp), intent(in) :: u_x                  !! displacement at which the block is held [m]
     real(dp) :: row(s%nx + 2), factor(3*s%nx + 1), pivot, friction
     integer :: first, last, j
 
@@ -283,7 +284,7 @@ contains
     call find_ends(c)
   end subroutine exchange
 
-  !> Holds all slipping blocks with non-negligible p at their present positions, and computes the table anew.
+  !> Holds all slipping blocks, except those with negligible p, at their present positions, and computes the table anew.
   pure subroutine hold_all(s, g, c)
     type(slider_t), intent(in) :: s
     type(ground_t), intent(in) :: g
@@ -299,7 +300,7 @@ contains
 
   ! --- the table anew ------------------------------------------------------------------------------
 
-  !> Computes the table anew: first with all blocks held, then with all blocks that are not stuck free.
+  !> Computes the table anew: with all blocks held, then with all blocks free that are not stuck.
   pure subroutine renew(s, g, c)
     type(slider_t), intent(in) :: s
     type(ground_t), intent(in) :: g
@@ -375,8 +376,8 @@ contains
     end do
   end subroutine invert_rows
 
-  !> Finds the stored table with all blocks held for the present set of blocks in contact. If there is none, makes it in place of
-  !> the table that is not in use.
+  !> Selects the stored table with all blocks held for the present set of blocks in contact. If it is missing, computes it in place
+  !> of the table that is not in use.
   pure subroutine find_base(s, g, c)
     type(slider_t), intent(in) :: s
     type(ground_t), intent(in) :: g
@@ -395,7 +396,7 @@ contains
     if (c%status == DONE) c%sets(:, c%base) = closed
   end subroutine find_base
 
-  !> The table with all blocks held.
+  !> Computes the table with all blocks held.
   pure subroutine make_base(s, g, closed, route, a, u_z, table, status)
     type(slider_t), intent(in) :: s
     type(ground_t), intent(in) :: g
@@ -404,7 +405,7 @@ contains
     real(dp), intent(inout) :: a(s%nx, s%nx)     !! work space
     real(dp), intent(inout) :: u_z(s%nx + 2, s%nx)  !! work space
     real(dp), intent(out) :: table(3*s%nx + 1, s%nx + 2)
-    integer(ip), intent(inout) :: status         !! UNSUPPORTED if the slider is not
+    integer(ip), intent(inout) :: status         !! UNSUPPORTED if the slider is not supported
     real(dp) :: k_f(s%nx)
     integer :: i, j, n
     logical :: positive
@@ -445,7 +446,7 @@ contains
   pure subroutine test_definite(s, g, c, least, definite)
     type(slider_t), intent(in) :: s
     type(ground_t), intent(in) :: g
-    type(contact_t), intent(inout) :: c          !! only its work space changes
+    type(contact_t), intent(inout) :: c          !! only the work space changes
     real(dp), intent(in) :: least
     logical, intent(out) :: definite
     integer :: n_open, n_slip
@@ -469,7 +470,7 @@ contains
     real(dp), intent(in) :: least
     real(dp), intent(in) :: base(3*nx + 1, nx + 2)          !! table with all blocks held
     real(dp), intent(inout) :: f_open(n_open, n_open)       !! work space
-    real(dp), intent(inout) :: follow(n_slip, n_open)       !! work space: response of open blocks to the others
+    real(dp), intent(inout) :: follow(n_slip, n_open)       !! work space: response of open blocks to slipping blocks
     real(dp), intent(inout) :: w(n_slip, n_slip)            !! the result [N/m]
     real(dp), intent(inout) :: f(n_slip, n_slip)            !! work space
     logical, intent(out) :: supported

@@ -1,4 +1,4 @@
-!> Random numbers by counter, which are independent of the number and order of earlier draws.
+!> Random numbers as functions of a key and a counter, independent of number and order of earlier draws.
 !>
 !> Philox4x64-10: ten rounds of multiplication mix a counter of four words of 64 bits with a key of two words. A word is held as
 !> four limbs of 16 bits, the lowest first, so that no integer overflows and every compiler gives the same bits.
@@ -24,7 +24,7 @@ contains
   pure function uniforms(key, counter, n) result(u)
     integer(int64), intent(in) :: key(2)          !! bits of unsigned words, the lowest first
     integer(int64), intent(in) :: counter(WORDS)  !! bits of unsigned words, the lowest first
-    integer, intent(in) :: n                      !! numbers
+    integer, intent(in) :: n                      !! how many numbers
     real(dp) :: u(n)
     integer(int64) :: now(LIMBS*WORDS), mixed(LIMBS, WORDS), of_key(LIMBS, 2)
     integer :: i, word
@@ -45,7 +45,7 @@ contains
     end do
   end function uniforms
 
-  !> The counter, mixed with the key.
+  !> The counter after all rounds of mixing with the key.
   pure function philox(key, counter) result(mixed)
     integer(int64), intent(in) :: key(LIMBS, 2)
     integer(int64), intent(in) :: counter(LIMBS, WORDS)
@@ -66,7 +66,7 @@ contains
     end do
   end function philox
 
-  !> The product a b, exact.
+  !> The exact product of two words a and b.
   pure function product_of(a, b) result(ab)
     integer(int64), intent(in) :: a(LIMBS)
     integer(int64), intent(in) :: b(LIMBS)
@@ -94,7 +94,7 @@ contains
     end do
   end function carried
 
-  !> Words as limbs.
+  !> Limbs of words.
   pure function in_limbs(word) result(split)
     integer(int64), intent(in) :: word(:)
     integer(int64) :: split(LIMBS, size(word))

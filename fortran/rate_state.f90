@@ -11,7 +11,7 @@ module pyfric_rate_state
   private
   public :: rate_forces, rate_powers, begin_step, implicit_speeds, balanced_speeds
 
-  !> Below this y, 1 - exp(-2 y) is computed by a polynomial of degree 3.
+  !> Value of y below which 1 - exp(-2 y) is computed by a polynomial of degree 3.
   real(dp), parameter :: SMALL = 1e-5_dp
 
 contains
@@ -20,10 +20,10 @@ contains
   pure subroutine rate_forces(of, nx, theta, v, p, f)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: nx              !! blocks
-    real(dp), intent(in) :: theta(nx)      !! [s]
+    real(dp), intent(in) :: theta(nx)      !! state variables theta [s]
     real(dp), intent(in) :: v(nx)          !! velocities [m/s]
     real(dp), intent(in) :: p(nx)          !! foundation force [N]
-    real(dp), intent(out) :: f(nx)         !! [N]
+    real(dp), intent(out) :: f(nx)         !! friction forces [N]
     real(dp), dimension(TOGETHER) :: eta, psi, slope, value
     integer :: from, n, i, k
 
@@ -47,13 +47,13 @@ contains
     end do
   end subroutine rate_forces
 
-  !> Friction power above a kinetic strength, which is 0 in this law, and power of alpha.
+  !> Friction power above the kinetic strength, which is 0 under this law, and power of alpha.
   pure subroutine rate_powers(of, nx, v, above, viscous)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: nx              !! blocks
     real(dp), intent(in) :: v(nx)          !! velocities [m/s]
-    real(dp), intent(out) :: above(nx)     !! [W]
-    real(dp), intent(out) :: viscous(nx)   !! [W]
+    real(dp), intent(out) :: above(nx)     !! friction power above the kinetic strength [W]
+    real(dp), intent(out) :: viscous(nx)   !! power of alpha [W]
 
     above = 0.0_dp
     viscous = of%alpha*v*v
@@ -64,7 +64,7 @@ contains
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: nx            !! blocks
     real(dp), intent(in) :: v(nx)        !! velocities [m/s]
-    real(dp), intent(in) :: theta(nx)    !! [s]
+    real(dp), intent(in) :: theta(nx)    !! state variables theta [s]
     real(dp), intent(out) :: x(nx)
     real(dp), intent(out) :: rate(nx)
     real(dp) :: bare(nx)
@@ -81,7 +81,7 @@ contains
   !>     v + (h/m) (alpha v + p a asinh(...)) = v_0 ,   x by `stage` .
   !>
   !> The left side grows with |v|, unless friction weakens faster than the step resolves. The root is found by Newton's method in
-  !> ln(|v|/V*), within bounds that become narrower. Blocks whose roots are found wait for the others.
+  !> ln(|v|/V*), within narrowing bounds. Iterations go on until the last block has its root.
   pure subroutine implicit_speeds(of, nx, h, m, p, x_0, near, v, theta, rate)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: nx            !! blocks
@@ -89,9 +89,9 @@ contains
     real(dp), intent(in) :: m(nx)        !! masses [kg]
     real(dp), intent(in) :: p(nx)        !! foundation force [N]
     real(dp), intent(in) :: x_0(nx)
-    real(dp), intent(in) :: near(nx)     !! velocities near the roots [m/s]
-    real(dp), intent(inout) :: v(nx)     !! v_0, then the roots [m/s]
-    real(dp), intent(out) :: theta(nx)   !! [s]
+    real(dp), intent(in) :: near(nx)     !! first guesses of the roots [m/s]
+    real(dp), intent(inout) :: v(nx)     !! on entry v_0, on return the roots [m/s]
+    real(dp), intent(out) :: theta(nx)   !! state variables theta [s]
     real(dp), intent(out) :: rate(nx)
     real(dp), dimension(TOGETHER) :: w, c, inertia, eta, high, speed, x, slope
     integer :: from, n, i, k
@@ -136,7 +136,7 @@ contains
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: n
     real(dp), intent(in) :: eta(n)
-    real(dp), intent(out) :: speed(n)    !! [m/s]
+    real(dp), intent(out) :: speed(n)    !! speeds [m/s]
 
     speed = eta
     call exponentials(n, speed)
@@ -152,7 +152,7 @@ contains
     real(dp), intent(in) :: c(n)         !! p h/m [m/s]
     real(dp), intent(in) :: inertia(n)   !! V* (1 + alpha h/m) [m/s]
     real(dp), intent(in) :: x_0(n)
-    real(dp), intent(in) :: w(n)         !! [m/s]
+    real(dp), intent(in) :: w(n)         !! right sides of the equations [m/s]
     real(dp), intent(inout) :: high(n)
     real(dp), intent(inout) :: eta(n)
     real(dp), dimension(TOGETHER) :: low, left, grows, found
@@ -175,7 +175,7 @@ contains
     end do
   end subroutine find_roots
 
-  !> ln(|v|/V*), slightly above the value at which friction alone balances w.
+  !> A value of ln(|v|/V*) slightly above the root of friction = w without the term v.
   pure subroutine speed_by_friction(of, from, n, h, c, x_0, w, eta)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
@@ -183,7 +183,7 @@ contains
     real(dp), intent(in) :: h
     real(dp), intent(in) :: c(n)      !! p h/m [m/s]
     real(dp), intent(in) :: x_0(n)
-    real(dp), intent(in) :: w(n)      !! [m/s]
+    real(dp), intent(in) :: w(n)      !! right sides of the equations [m/s]
     real(dp), intent(out) :: eta(n)
     real(dp), dimension(TOGETHER) :: x, psi, slope, y, none
     integer :: i, k
@@ -213,13 +213,13 @@ contains
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
     integer, intent(in) :: n
-    real(dp), intent(in) :: h            !! [s]
+    real(dp), intent(in) :: h            !! step times the diagonal of the table [s]
     real(dp), intent(in) :: c(n)         !! p h/m [m/s]
     real(dp), intent(in) :: inertia(n)   !! V* (1 + alpha h/m) [m/s]
     real(dp), intent(in) :: x_0(n)
     real(dp), intent(in) :: eta(n)
-    real(dp), intent(out) :: left(n)     !! [m/s]
-    real(dp), intent(out) :: grows(n)    !! [m/s]
+    real(dp), intent(out) :: left(n)     !! left sides of the equations [m/s]
+    real(dp), intent(out) :: grows(n)    !! derivatives of the left sides by eta [m/s]
     real(dp), dimension(TOGETHER) :: x, q, speed, v, x_slope, psi, psi_slope, value, slope
     integer :: i, k
 
@@ -248,10 +248,10 @@ contains
     real(dp), intent(in) :: load(nx)       !! along +x [N]
     real(dp), intent(in) :: p(nx)          !! normal force [N]
     real(dp), intent(in) :: log_theta(nx)  !! ln of theta [s]
-    real(dp), intent(out) :: v(nx)         !! [m/s]
-    real(dp), intent(out) :: by_load(nx)   !! [m/(s N)]
-    real(dp), intent(out) :: by_p(nx)      !! [m/(s N)]
-    real(dp), intent(out) :: by_theta(nx)  !! by ln(theta) [m/s]
+    real(dp), intent(out) :: v(nx)         !! velocities [m/s]
+    real(dp), intent(out) :: by_load(nx)   !! derivatives of v by load [m/(s N)]
+    real(dp), intent(out) :: by_p(nx)      !! derivatives of v by p [m/(s N)]
+    real(dp), intent(out) :: by_theta(nx)  !! derivatives of v by ln(theta) [m/s]
     real(dp), dimension(TOGETHER) :: x, x_slope, psi_slope, kappa, w, pressed, eta, value, slope
     real(dp) :: gain
     logical :: touches
@@ -303,14 +303,14 @@ contains
     end do
   end subroutine balanced_speeds
 
-  !> (f* + b psi)/a, and the slope of psi by x, if friction balances w.
+  !> (f* + b psi)/a, and the derivative of psi by x, at speeds at which friction balances w.
   pure subroutine resistance(of, from, n, x, w, p, kappa, slope)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
     integer, intent(in) :: n
-    real(dp), intent(in) :: x(n)      !! includes a share of stress if the law has a rate of stress
-    real(dp), intent(in) :: w(n)      !! [N]
-    real(dp), intent(in) :: p(n)      !! [N]
+    real(dp), intent(in) :: x(n)      !! variable of the law, plus (c/b) mu if the law has a rate of stress
+    real(dp), intent(in) :: w(n)      !! right sides of the equations [N]
+    real(dp), intent(in) :: p(n)      !! normal forces [N]
     real(dp), intent(out) :: kappa(n)
     real(dp), intent(out) :: slope(n)
     real(dp), dimension(TOGETHER) :: psi, bare
@@ -335,8 +335,8 @@ contains
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
     integer, intent(in) :: n
-    real(dp), intent(in) :: w(n)   !! [N]
-    real(dp), intent(in) :: p(n)   !! [N]
+    real(dp), intent(in) :: w(n)   !! right sides of the equations [N]
+    real(dp), intent(in) :: p(n)   !! normal forces [N]
     real(dp), intent(out) :: q(n)
     real(dp) :: y(TOGETHER)
     integer :: i
@@ -356,14 +356,14 @@ contains
     end do
   end subroutine speed_without_damping
 
-  !> eta = ln(|v|/V*) with damping, by Newton's method from the larger value without damping. The function is convex.
+  !> eta = ln(|v|/V*) with damping, by Newton's method from the larger value without damping. The equation is convex.
   pure subroutine damp(of, from, n, p, x, w, eta)
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
     integer, intent(in) :: n
-    real(dp), intent(in) :: p(n)         !! [N]
+    real(dp), intent(in) :: p(n)         !! normal forces [N]
     real(dp), intent(in) :: x(n)
-    real(dp), intent(in) :: w(n)         !! [N]
+    real(dp), intent(in) :: w(n)         !! right sides of the equations [N]
     real(dp), intent(inout) :: eta(n)
     real(dp), dimension(TOGETHER) :: bound, inertia, left, grows, step
     integer :: i, k

@@ -1,7 +1,7 @@
 !> Friction under which blocks come to rest: they stick up to a strength, and slip above this strength.
 !>
-!> A law consists of tables, which Python computes, and is linear between their knots. For block i, with slip s and age a (time
-!> since it stuck or began to slip),
+!> A law consists of tables from Python, and is linear between the knots of tables. For block i, with slip s and age a (time since
+!> the block stuck or began to slip),
 !>
 !>     stuck      |f| <= (mu_s + hold(a)) p
 !>     slipping   f = -(+-1) (mu_k + (mu_s - mu_k) slide(s/d_c)) speed(|v|) age(a) p - alpha v
@@ -18,43 +18,43 @@ module pyfric_resting
   public :: stop_reversed, next_states, remember
   public :: STUCK, OPEN_GAP, N_CONTACT, N_KNOT, N_MARK, N_TABLES, N_FIELDS
 
-  !> Contact states. Slipping blocks have the sign of their motion, +1 or -1. On junctions, a block counts as stuck while enough
-  !> junctions are pinned; when it ruptures, it gets the sign of its velocity. With rate-and-state friction, a block counts as
-  !> stuck while it is slow.
+  !> Codes of contact states. Slipping blocks have the sign of their motion, +1 or -1. On junctions, a block is stuck while enough
+  !> junctions are pinned; a block that ruptures gets the sign of its velocity. With rate-and-state friction, a block is stuck while
+  !> it is slow.
   integer(ip), parameter :: STUCK = 0, OPEN_GAP = 2
-  !> Numbers for each block: event functions of a contact state, event functions of knots, and marks of knots at the start of a
-  !> sub-step.
+  !> How many numbers each block has: event functions of a contact state; event functions of knots; marks of knots at the start of
+  !> a sub-step.
   integer, parameter :: N_CONTACT = 2, N_KNOT = 3, N_MARK = 4
-  !> Numbers of tables, and of fields of N_x numbers, that Python passes.
+  !> Number of tables, and number of fields of N_x numbers, that Python passes.
   integer, parameter :: N_TABLES = 4, N_FIELDS = 7
-  !> State variables of a block: s_0, see `slip_of` [m]; time at which it stuck or began to slip [s].
+  !> Indices of state variables of a block: s_0, see `slip_of` [m]; time at which the block stuck or began to slip [s].
   integer, parameter :: SLIP = 1, SINCE = 2, N_MEMORY = 2
 
   type :: resting_t
-    logical :: complete = .false.      !! there was enough memory
-    logical :: simple = .false.        !! no tables, no viscosity, no limit
-    logical :: kinked = .false.        !! friction has corners over slip or speed
-    logical :: keeps = .false.         !! a stick does not end a slip
-    logical :: limited = .false.       !! some blocks have a limit
-    real(dp) :: t_0 = 0.0_dp           !! time of the limits [s]
+    logical :: complete = .false.      !! whether memory was allocated
+    logical :: simple = .false.        !! whether the law has no tables, no viscosity and no limit
+    logical :: kinked = .false.        !! whether friction over slip or speed has corners
+    logical :: keeps = .false.         !! whether slip goes on after a stick
+    logical :: limited = .false.       !! whether some blocks have a limit
+    real(dp) :: t_0 = 0.0_dp           !! time at which `limit` holds [s]
     real(dp), allocatable :: mu_s(:)   !! static friction coefficient [-]
     real(dp), allocatable :: mu_k(:)   !! kinetic friction coefficient [-]
-    real(dp), allocatable :: d_c(:)    !! unit of slip in the table; 0: friction drops at once [m]
+    real(dp), allocatable :: d_c(:)    !! unit of slip in `slide`; 0: friction drops at once [m]
     real(dp), allocatable :: alpha(:)  !! viscosity of slip [N s/m]
-    logical, allocatable :: bare(:)    !! no friction in contact; the contact state is then open
+    logical, allocatable :: bare(:)    !! whether a block has no friction in contact; its state is then open
     real(dp), allocatable :: limit(:)  !! largest friction coefficient at t_0 [-]
     real(dp), allocatable :: limit_rate(:) !! rate of the limit [1/s]
-    type(curve_t) :: hold              !! gain of mu_s, over time since the block stuck [s]
-    type(curve_t) :: slide             !! remaining share of mu_s - mu_k, over slip/d_c
-    type(curve_t) :: speed             !! factor, over abs(v) [m/s]
-    type(curve_t) :: age               !! factor, over time since slip began [s]
+    type(curve_t) :: hold              !! gain of mu_s as a function of time since the block stuck [s]
+    type(curve_t) :: slide             !! remaining share of mu_s - mu_k as a function of slip/d_c
+    type(curve_t) :: speed             !! factor of friction as a function of abs(v) [m/s]
+    type(curve_t) :: age               !! factor of friction as a function of time since slip began [s]
   end type resting_t
 
 contains
 
   pure function new_resting(nx, fields, tables, keeps, t_0) result(of)
     integer, intent(in) :: nx                          !! blocks
-    real(dp), intent(in) :: fields(nx, N_FIELDS)       !! mu_s, mu_k, d_c, alpha, bare, limit, its rate
+    real(dp), intent(in) :: fields(nx, N_FIELDS)       !! mu_s, mu_k, d_c, alpha, bare, limit, rate of the limit
     type(curve_t), intent(in) :: tables(N_TABLES)      !! hold, slide, speed, age
     logical, intent(in) :: keeps
     real(dp), intent(in) :: t_0
@@ -157,8 +157,8 @@ contains
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
     real(dp), intent(in) :: f(nx)                !! friction force on the blocks, along +x [N]
-    real(dp), intent(out) :: above(nx)           !! [W]
-    real(dp), intent(out) :: viscous(nx)         !! [W]
+    real(dp), intent(out) :: above(nx)           !! friction power above the kinetic strength [W]
+    real(dp), intent(out) :: viscous(nx)         !! power of alpha [W]
     real(dp) :: v
     integer :: i
 
@@ -190,7 +190,7 @@ contains
     if (of%limited) strength = min(strength, limit_at(of, i, t)*p)
   end function static_strength
 
-  !> Slip since the last stick, s = s_0 +- u_x. Within a step it follows the displacement of each stage.
+  !> Slip since the last stick, s = s_0 +- u_x, at the displacement u_x of a stage.
   pure elemental function slip_of(mode, s_0, u_x) result(path)
     integer(ip), intent(in) :: mode  !! contact state
     real(dp), intent(in) :: s_0      !! set when the contact state changes; equal to the slip while the block is open [m]
@@ -205,8 +205,8 @@ contains
   !> `keeps`, slip always goes on.
   pure subroutine remember(of, old, new, t, u_x, memory)
     type(resting_t), intent(in) :: of
-    integer(ip), intent(in) :: old   !! contact state before
-    integer(ip), intent(in) :: new   !! contact state after
+    integer(ip), intent(in) :: old   !! old contact state
+    integer(ip), intent(in) :: new   !! new contact state
     real(dp), intent(in) :: t        !! time [s]
     real(dp), intent(in) :: u_x      !! displacement [m]
     real(dp), intent(inout) :: memory(N_MEMORY)
@@ -217,8 +217,8 @@ contains
     if (old == STUCK .or. new == STUCK) memory(SINCE) = t
   end subroutine remember
 
-  !> Event functions, which are positive while a contact state lasts. Stuck: strength minus |f|, and the depth. Slipping: velocity
-  !> along the slip, and the depth. Open: the height, twice. Bare: none.
+  !> Event functions, which are positive while a contact state lasts. Stuck: strength minus |f|, and depth in the foundation.
+  !> Slipping: velocity along the slip, and depth. Open: the height, twice. Bare: none.
   pure subroutine event_functions(of, nx, n, at, mode, memory, t, other, p, z, v_x, g, margin)
     type(resting_t), intent(in) :: of
     integer, intent(in) :: nx                    !! blocks
@@ -249,7 +249,7 @@ contains
     end do
   end subroutine event_functions
 
-  !> Last knots passed by slip and speed of each block, 0 for none.
+  !> Indices of the last knots that slip and speed of each block have passed, 0 if none.
   pure subroutine last_knots(of, nx, n, at, mode, memory, u_x, v_x, marks)
     type(resting_t), intent(in) :: of
     integer, intent(in) :: nx                    !! blocks
@@ -305,7 +305,7 @@ contains
     integer, intent(in) :: nx                    !! blocks
     integer(ip), intent(in) :: mode(nx)          !! contact states
     real(dp), intent(in) :: memory(N_MEMORY, nx)
-    real(dp), intent(in) :: t                    !! [s]
+    real(dp), intent(in) :: t                    !! time [s]
     real(dp) :: shortest
     integer :: i, c
 
@@ -343,8 +343,8 @@ contains
     real(dp), intent(in) :: other(LB:n + LANES)  !! all other horizontal forces, as a row [N]
     real(dp), intent(in) :: p(nx)                !! foundation force [N]
     real(dp), intent(in) :: v_x(LB:n + LANES)    !! velocities, as a row [m/s]
-    integer(ip), intent(out) :: new(nx)          !! contact states after
-    real(dp), intent(out) :: margin(nx)          !! [N]
+    integer(ip), intent(out) :: new(nx)          !! new contact states
+    real(dp), intent(out) :: margin(nx)          !! strength minus load [N]
     real(dp) :: strength
     integer :: i
 
@@ -356,8 +356,8 @@ contains
     where (of%bare) new = OPEN_GAP
   end subroutine next_states
 
-  !> The paper's rule for one block. A block at rest sticks up to its strength. Above it, the block slips
-  !> in the direction of the other forces. A block that lands slips along its velocity.
+  !> New contact state of a block by the paper's rule. A block at rest sticks up to its strength. Above this strength, the block
+  !> slips in the direction of the other forces. A block that lands slips along its velocity.
   pure elemental function next_state(strength, other, p, mode, v_x) result(new)
     real(dp), intent(in) :: strength !! strength of the block if stuck [N]
     real(dp), intent(in) :: other    !! all other horizontal forces [N]

@@ -16,8 +16,8 @@ module pyfric_rows
 
   !> Work space of one row, except forces on blocks and bonds, which are in aligned arrays.
   type :: row_t
-    logical :: complete = .false.   !! there was enough memory
-    real(dp), allocatable :: zeros(:, :)  !! zeros, in place of a row that does not exist (:, 4)
+    logical :: complete = .false.   !! whether memory was allocated
+    real(dp), allocatable :: zeros(:, :)  !! zeros, in place of a missing row below or above (:, 4)
     real(dp), allocatable :: p(:)        !! foundation force, bottom row [N]
     real(dp), allocatable :: f(:)        !! friction force along +x, bottom row [N]
     real(dp), allocatable :: memory(:, :) !! state variables at the end of an implicit step, see pyfric_law
@@ -26,16 +26,16 @@ module pyfric_rows
 
   !> Works and dissipations since the start [J].
   type :: budget_t
-    logical :: complete = .true.    !! there was enough memory
+    logical :: complete = .true.    !! whether memory was allocated
     real(dp), allocatable :: dissipated(:)  !! heat of the bonds that start in each row, and energy to absorbing walls
     real(dp), allocatable :: radiated(:)    !! part of `dissipated` by absorbing walls
     real(dp), allocatable :: heat(:)        !! friction heat under each bottom block
     real(dp), allocatable :: above(:)       !! part of heat above the kinetic strength; on junctions heat of dragging
-    real(dp), allocatable :: viscous(:)     !! part of heat by alpha; on junctions work of their stiffness
+    real(dp), allocatable :: viscous(:)     !! part of heat by alpha; on junctions work of changes of stiffness
     real(dp) :: work(2)                     !! work of the driver; work of the forces on the top and of pushes
     real(dp) :: pushed = 0.0_dp             !! work of pushes in this step, which `take_shared` adds to work
-    real(dp), allocatable :: driven(:)      !! the same for a driver on several blocks, by row; else not allocated
-    real(dp), allocatable :: fallen(:)      !! the same for gravity, by row
+    real(dp), allocatable :: driven(:)      !! work in this step of a driver on several blocks, by row; else not allocated
+    real(dp), allocatable :: fallen(:)      !! work of gravity in this step, by row; without gravity not allocated
   end type budget_t
 
 contains
@@ -57,7 +57,7 @@ contains
   !> Copies works and dissipations to the plain arrays of Python.
   pure subroutine save_budget(budget, dissipated, radiated, heat, above, viscous, work)
     type(budget_t), intent(in) :: budget
-    real(dp), intent(out) :: dissipated(:)   !! for this and the next ones, see budget_t
+    real(dp), intent(out) :: dissipated(:)   !! this array and the next ones: see budget_t
     real(dp), intent(out) :: radiated(:)
     real(dp), intent(out) :: heat(:)
     real(dp), intent(out) :: above(:)
@@ -75,7 +75,7 @@ contains
   !> Works and dissipations from the plain arrays of Python.
   pure function new_budget(s, dissipated, radiated, heat, above, viscous, work) result(budget)
     type(model_t), intent(in) :: s
-    real(dp), intent(in) :: dissipated(:)   !! for this and the next ones, see budget_t
+    real(dp), intent(in) :: dissipated(:)   !! this array and the next ones: see budget_t
     real(dp), intent(in) :: radiated(:)
     real(dp), intent(in) :: heat(:)
     real(dp), intent(in) :: above(:)
@@ -97,8 +97,8 @@ contains
     end if
   end function new_budget
 
-  !> Forces of all springs and dashpots on row j. In finite geometry, carry has forces from the row below; on return, forces on
-  !> the row above.
+  !> Forces of all springs and dashpots on row j. In finite geometry, carry contains forces from the row below on entry, and forces
+  !> on the row above on return.
   pure subroutine bond_forces(s, j, dn, q, up, carry, b, fx, fz, w)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                  !! row, from 1 at the bottom
@@ -171,7 +171,7 @@ contains
   end subroutine weigh
 
   !> Adds the external forces on row j: driver, pushes on the bottom row, shear, weight, absorbing sides and top. On a free top
-  !> row it also adds the load and -k_top u_x.
+  !> row, the load and -k_top u_x are also added.
   pure subroutine outer_forces(s, j, t, q, fx, fz, f_t)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                        !! row, from 1 at the bottom
@@ -219,7 +219,7 @@ contains
     real(dp), intent(in) :: q(LB:s%n + LANES, 4)    !! the bottom row
     real(dp), intent(in) :: up(LB:s%n + LANES, 4)   !! the row above
     type(row_t), intent(inout) :: w
-    real(dp), intent(out) :: fx(LB:s%n + LANES)     !! [N]
+    real(dp), intent(out) :: fx(LB:s%n + LANES)     !! forces along x [N]
     real(dp) :: carry(LB:s%n + LANES, 2), b(LB:s%n + LANES, 2, N_BOND), fz(LB:s%n + LANES)
 
     carry = 0.0_dp
@@ -266,7 +266,7 @@ contains
     if (s%has_halves .and. .not. (s%rigid .and. j == s%nz)) call weigh(s, j, fx, fz)
   end subroutine row_forces
 
-  !> Adds c times the powers of row j to the budget. row_forces has to be called before.
+  !> Adds c times the powers of row j to the budget, after a call of row_forces.
   pure subroutine row_powers(s, j, t, c, mode, memory, q, up, v_rod, w, budget)
     type(model_t), intent(in) :: s
     integer, intent(in) :: j                !! row
@@ -315,7 +315,7 @@ contains
                      + c*mirror_sum(s%nx, (s%shear + s%shear_rate*(t - s%t_seg))*q(s%at(:s%nx), VX))
   end subroutine row_powers
 
-  !> Adds works that involve several rows, after all rows: of a driver on several blocks, of gravity and of pushes.
+  !> Adds works from several rows to the budget, after all rows: of a driver on several blocks, of gravity and of pushes.
   pure subroutine take_shared(budget)
     type(budget_t), intent(inout) :: budget
 
@@ -331,7 +331,7 @@ contains
     budget%pushed = 0.0_dp
   end subroutine take_shared
 
-  !> Adds the parts of the friction heat: above the kinetic strength, and viscous. Arrays are allocated only if needed.
+  !> Adds the two parts of the friction heat: above the kinetic strength, and viscous. Arrays are allocated only if needed.
   pure subroutine parts_of_heat(s, c, mode, memory, q, w, budget)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: c               !! weight of this evaluation [s]

@@ -1,4 +1,5 @@
-!> Quasi-static sequences of events, as in pyfric.engines.quasistatic, in compiled loops for many runs at a time.
+!> Quasi-static sequences of events in compiled loops, for many runs at a time. pyfric.engines.quasistatic makes the same changes
+!> in Python.
 !>
 !> A run follows the legs of a protocol. Between events all forces are linear in the position of the driver, so that the next
 !> change follows from their rates. In an event the driver rests, and contact states change until all conditions are met.
@@ -21,61 +22,61 @@ module pyfric_sequence
   private
   public :: rules_t, leg_t, log_t, run_t, new_log, go_on
 
-  !> Next action of a run: begin a leg; find the next change; make it; change states in an event; change states while slip grows;
-  !> find the next change while slip grows; end a leg.
+  !> Codes of the next action of a run: begin a leg; find the next change; make the change; change states in an event; change states
+  !> while slip grows; find the next change while slip grows; end a leg.
   integer, parameter :: BEGINS = 0, SEEKS = 1, MOVES = 2, SETTLES = 3, FOLLOWS = 4, PASSES = 5, ENDS = 6
 
-  !> Limits, with their values in Python.
+  !> Limits of a sequence. Python passes the values (pyfric.core.Rules).
   type :: rules_t
-    integer :: changes     !! most changes of contact state in one event
-    integer :: idle        !! most successive changes without motion of the driver
-    integer :: growth      !! most changes while slip grows, in one leg
-    real(dp) :: rate       !! rate of a force, over stiffness times rate of displacement, below which it is rounding
+    integer :: changes     !! largest number of changes of contact state in one event
+    integer :: idle        !! largest number of successive changes without motion of the driver
+    integer :: growth      !! largest number of changes while slip grows, in one leg
+    real(dp) :: rate       !! rate of a force, over stiffness times rate of displacement, that counts as rounding
     real(dp) :: definite   !! definiteness below which slip may not be unique
     real(dp) :: p_corner   !! p below which slip begins as a corner episode [N]
     logical :: stops       !! whether to stop before each change between events
   end type rules_t
 
-  !> A leg of the protocol: pyfric.scene.protocol.Leg and its place.
+  !> A leg of the protocol, as pyfric.core.CoreLeg.
   type :: leg_t
     real(dp) :: t          !! beginning [s]
     real(dp) :: t_end      !! end, may be infinite [s]
     real(dp) :: first      !! integral of the driver's speed, or the parameter of a route, at t [m]
-    real(dp) :: last       !! the same at t_end [m]
+    real(dp) :: last       !! value of `first` at t_end [m]
     real(dp) :: value      !! speed at t [m/s]
     real(dp) :: slope      !! rate of the speed [m/s2]
     real(dp) :: offset     !! drive minus `first`, and minus the offset of the run [m]
     integer :: way         !! +1 or -1, 0 if the driver rests
-    integer :: route       !! number of the loads; 0: as before
+    integer :: route       !! number of the route of the loads; 0: loads do not change
   end type leg_t
 
   type :: log_t
     integer :: n_switch = 0
     integer :: n_quiet = 0
     integer :: n_point = 0
-    logical :: complete = .false.               !! there was enough memory
+    logical :: complete = .false.               !! whether memory was allocated
     integer(ip), allocatable :: switch_i(:, :)  !! block from 0, old state, new state, corner
     real(dp), allocatable :: switch_r(:, :)     !! step, time [s], u_x [m], p [N]
     integer(ip), allocatable :: quiet_i(:, :)   !! +1 first slip or -1 last stick, then contact states
     real(dp), allocatable :: quiet_r(:, :)      !! step, time [s], F_T [N], u_x [m], f [N], p [N]
-    real(dp), allocatable :: points(:, :)       !! time [s], F_T [N], steps logged
+    real(dp), allocatable :: points(:, :)       !! time [s], F_T [N], number of logged changes
   end type log_t
 
   type :: run_t
     integer(ip) :: status = DONE                !! see pyfric_status
     integer :: leg = 1
     integer :: phase = BEGINS
-    integer :: step = 0                         !! times at which states changed
-    integer :: tried = 0                        !! changes in this event
-    integer :: rests = 0                        !! changes since the driver moved
-    integer :: grown = 0                        !! changes while slip grows, in this leg
+    integer :: step = 0                         !! number of logged changes
+    integer :: tried = 0                        !! number of changes in this event
+    integer :: rests = 0                        !! number of changes since the driver moved
+    integer :: grown = 0                        !! number of changes while slip grows, in this leg
     integer :: events = 0
-    integer :: starts = 0                       !! starts of slip, corner slip left out
+    integer :: starts = 0                       !! number of starts of slip, without corner slip
     integer :: releases = 0
     integer :: block = 0                        !! block that changes next
-    integer :: new = STUCK                      !! its new state
-    logical :: slips = .false.                  !! a block slips, corner slip left out
-    logical :: gradual = .false.                !! friction does not weaken: slip grows continuously
+    integer :: new = STUCK                      !! new state of this block
+    logical :: slips = .false.                  !! whether a block slips, without corner slip
+    logical :: gradual = .false.                !! whether slip grows continuously, because friction does not weaken
     real(dp) :: ahead = 0.0_dp                  !! drive at the next change [m]
     real(dp) :: little = 0.0_dp                 !! largest motion of the driver by rounding [m]
     real(dp) :: offset = 0.0_dp                 !! offset of the drive in all legs [m]
@@ -90,7 +91,7 @@ contains
 
   pure function new_log(nx, switches, quiet, points) result(log)
     integer, intent(in) :: nx
-    integer, intent(in) :: switches             !! room for switches
+    integer, intent(in) :: switches             !! largest number of switches
     integer, intent(in) :: quiet
     integer, intent(in) :: points
     type(log_t) :: log
@@ -106,7 +107,7 @@ contains
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules
     type(leg_t), intent(in) :: legs(:)
-    integer, intent(in) :: max_changes          !! changes to make
+    integer, intent(in) :: max_changes          !! largest number of changes in this call
     type(ground_t), intent(in) :: g
     type(contact_t), intent(inout) :: c
     type(run_t), intent(inout) :: run
@@ -125,7 +126,7 @@ contains
     if (run%leg <= size(legs)) run%status = PAUSED
   end subroutine go_on
 
-  !> True if the log has room for the entries of one change.
+  !> Whether the log has room for the entries of one change.
   pure function has_room(s, log) result(yes)
     type(slider_t), intent(in) :: s
     type(log_t), intent(in) :: log
@@ -135,7 +136,7 @@ contains
           .and. log%n_point + 2 <= size(log%points, 2)
   end function has_room
 
-  !> One phase of a run.
+  !> Makes the next action of a run.
   pure subroutine act(s, rules, leg, g, c, run, log)
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules
@@ -226,8 +227,8 @@ contains
   !> Time at which the driver is at a position [s].
   pure function time_at(leg, offset, drive) result(t)
     type(leg_t), intent(in) :: leg
-    real(dp), intent(in) :: offset             !! of the run [m]
-    real(dp), intent(in) :: drive              !! [m]
+    real(dp), intent(in) :: offset             !! offset of the drive of the run [m]
+    real(dp), intent(in) :: drive              !! position of the driver [m]
     real(dp) :: t, far, speed, root
 
     far = leg%way*((drive - (offset + leg%offset)) - leg%first)
@@ -239,7 +240,7 @@ contains
 
   ! --- events --------------------------------------------------------------------------------------
 
-  !> Finds the next change. The leg ends if there is none.
+  !> Finds the next change of contact state. Without a next change, the leg ends.
   pure subroutine seek(s, rules, leg, g, c, run)
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules
@@ -291,7 +292,7 @@ contains
     run%home = run%before%u_x
   end subroutine move
 
-  !> Makes one change in an event, or ends the event, so that all blocks stick.
+  !> Makes one change in an event. If all conditions are met, ends the event: all blocks stick.
   pure subroutine settle(s, rules, leg, g, c, run, log)
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules
@@ -324,14 +325,14 @@ contains
     if (.not. unmet) call log_point(s, t, g, c, run, log)
   end subroutine settle
 
-  !> Blocks that change: the blocks with the largest violation within rounding. In the second half of all allowed changes, the
-  !> first block that violates a condition changes, which ends cycles.
+  !> Whether each block changes: blocks with the largest violation, equal within rounding, change. In the second half of all allowed
+  !> changes, only the first block that violates a condition changes, which ends cycles.
   pure function chosen(nx, rules, tried, by, least) result(which)
     integer, intent(in) :: nx
     type(rules_t), intent(in) :: rules
     integer, intent(in) :: tried
     real(dp), intent(in) :: by(nx)              !! violations [N]
-    real(dp), intent(in) :: least               !! largest violation by rounding [N]
+    real(dp), intent(in) :: least               !! largest violation that rounding can cause [N]
     logical :: which(nx)
     integer :: first
 
@@ -342,15 +343,15 @@ contains
     which(first) = .true.
   end function chosen
 
-  !> The first condition in order that is not met in an event.
+  !> Violations of the first condition, in their order, that is not met in an event.
   pure subroutine unmet_in_event(s, g, c, home, by, new, u_x, unmet)
     type(slider_t), intent(in) :: s
     type(ground_t), intent(in) :: g
     type(contact_t), intent(in) :: c
-    real(dp), intent(inout) :: home(s%nx)       !! where blocks that move back stick; set to present positions at a release [m]
+    real(dp), intent(inout) :: home(s%nx)       !! u_x at which blocks that move back stick; set at a release [m]
     real(dp), intent(out) :: by(s%nx)           !! violation of the condition of each block [N]
-    integer(ip), intent(out) :: new(s%nx)       !! its new state
-    real(dp), intent(out) :: u_x(s%nx)          !! where it is held if it sticks [m]
+    integer(ip), intent(out) :: new(s%nx)       !! new state of each block
+    real(dp), intent(out) :: u_x(s%nx)          !! u_x at which each block is held if it sticks [m]
     logical, intent(out) :: unmet
 
     by = merge(g%k_f, -min(s%k, g%k_f), c%mode /= OPEN_GAP)*(c%now%u_z + g%gap)
@@ -403,13 +404,13 @@ contains
     run%ahead = c%way*best
   end subroutine next_change
 
-  !> The block whose margin falls to zero first becomes the next change, if it precedes the change found before.
+  !> Sets the next change to the block whose margin falls to zero first, if this zero precedes the best change so far.
   pure subroutine sooner(nx, at, new, margin, slope, which, small, best, run)
     integer, intent(in) :: nx
-    real(dp), intent(in) :: at                !! path of the driver [m]
+    real(dp), intent(in) :: at                !! present path of the driver [m]
     integer(ip), intent(in) :: new            !! state that these blocks get
-    real(dp), intent(in) :: margin(nx)        !! [N]
-    real(dp), intent(in) :: slope(nx)         !! its rate [N/m]
+    real(dp), intent(in) :: margin(nx)        !! margin to the new state [N]
+    real(dp), intent(in) :: slope(nx)         !! rate of the margin [N/m]
     logical, intent(in) :: which(nx)
     real(dp), intent(in) :: small             !! largest rate by rounding [N/m]
     real(dp), intent(inout) :: best           !! path of the driver at the first change [m]
@@ -443,7 +444,7 @@ contains
 
   ! --- slip that grows -----------------------------------------------------------------------------
 
-  !> Lets blocks stick or slip as the rates under motion of the driver require. If all conditions hold, logs the state and goes on.
+  !> Lets blocks stick or slip according to rates under motion of the driver. If all conditions hold, logs the state.
   pure subroutine grow(s, rules, leg, g, c, run, log)
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules
@@ -476,8 +477,8 @@ contains
     if (run%phase == PASSES .and. rules%stops) run%status = PAUSED
   end subroutine grow
 
-  !> A slipping block that would move back sticks. A stuck block at its threshold slips if it would exceed the threshold. If a
-  !> block has just landed, f is zero within rounding, and the sign of the rate of f gives the direction.
+  !> Violations of conditions by rates. A slipping block that would move back sticks. A stuck block at its threshold slips if it
+  !> would exceed the threshold. If a block has just landed, f is zero within rounding, and the rate of f gives the direction.
   pure subroutine unmet_in_rates(s, rules, g, c, rate, by, new, small, unmet)
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules
@@ -485,7 +486,7 @@ contains
     type(contact_t), intent(in) :: c
     type(values_t), intent(inout) :: rate       !! derivatives of the state
     real(dp), intent(out) :: by(s%nx)           !! violation of the condition of each block [N/m]
-    integer(ip), intent(out) :: new(s%nx)       !! its new state
+    integer(ip), intent(out) :: new(s%nx)       !! new state of each block
     real(dp), intent(out) :: small              !! largest violation by rounding [N/m]
     logical, intent(out) :: unmet
     integer(ip) :: slip, way
@@ -538,8 +539,8 @@ contains
   pure subroutine log_changes(s, rules, t, c, before, run, log)
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules
-    real(dp), intent(in) :: t                   !! [s]
-    type(contact_t), intent(in) :: c            !! with its present values
+    real(dp), intent(in) :: t                   !! time [s]
+    type(contact_t), intent(in) :: c            !! `now` is up to date
     type(values_t), intent(in) :: before
     type(run_t), intent(inout) :: run
     type(log_t), intent(inout) :: log
@@ -571,8 +572,8 @@ contains
   pure subroutine log_switch(rules, i, new, t, at, run, log)
     type(rules_t), intent(in) :: rules
     integer, intent(in) :: i                    !! block, from 1
-    integer(ip), intent(in) :: new              !! its state after the change
-    real(dp), intent(in) :: t                   !! [s]
+    integer(ip), intent(in) :: new              !! state of the block after the change
+    real(dp), intent(in) :: t                   !! time [s]
     type(values_t), intent(in) :: at            !! values, of which u_x and p are logged
     type(run_t), intent(inout) :: run
     type(log_t), intent(inout) :: log
@@ -585,7 +586,7 @@ contains
 
   pure subroutine log_quiet(step, t, kind, mode, at, log)
     integer, intent(in) :: step
-    real(dp), intent(in) :: t                   !! [s]
+    real(dp), intent(in) :: t                   !! time [s]
     integer(ip), intent(in) :: kind             !! +1 first slip, -1 last stick
     integer(ip), intent(in) :: mode(:)
     type(values_t), intent(in) :: at
@@ -600,7 +601,7 @@ contains
 
   pure subroutine log_point(s, t, g, c, run, log)
     type(slider_t), intent(in) :: s
-    real(dp), intent(in) :: t                   !! [s]
+    real(dp), intent(in) :: t                   !! time [s]
     type(ground_t), intent(in) :: g
     type(contact_t), intent(inout) :: c
     type(run_t), intent(in) :: run

@@ -1,7 +1,7 @@
-!> Quasi-static sequences of many runs on threads, each stored in plain arrays of Python.
+!> Quasi-static sequences of many runs on threads. Runs are stored in plain arrays of Python.
 !>
-!> Runs share the slider and the protocol, and differ in their interface. Each run is made by one thread, so that its bits do not
-!> depend on other runs.
+!> Runs share the slider and the protocol, and differ in their interface. One thread makes all changes of a run, so that the bits
+!> of the run do not depend on other runs.
 module pyfric_sequences
   use pyfric_kinds, only: dp, ip
   use pyfric_law, only: STUCK, OPEN_GAP
@@ -12,13 +12,13 @@ module pyfric_sequences
   private
   public :: new_slider, new_rules, new_leg, follow_all, N_SCALES, N_RULES, N_LEG, N_FIELDS, N_STATES, N_COUNTS, N_NUMBERS
 
-  integer, parameter :: N_SCALES = 6           !! numbers of a slider
-  integer, parameter :: N_RULES = 7            !! numbers of rules
-  integer, parameter :: N_LEG = 9              !! numbers of a leg
-  integer, parameter :: N_FIELDS = 4           !! fields of the interface: hold, slide, k_f [N/m], gap [m]
-  integer, parameter :: N_STATES = 3 + KEPT    !! stored integers of a block
-  integer, parameter :: N_COUNTS = 15          !! stored integers of a run
-  integer, parameter :: N_NUMBERS = 4          !! stored numbers of a run
+  integer, parameter :: N_SCALES = 6           !! how many numbers of a slider Python passes
+  integer, parameter :: N_RULES = 7            !! how many numbers rules have
+  integer, parameter :: N_LEG = 9              !! how many numbers a leg has
+  integer, parameter :: N_FIELDS = 4           !! number of fields of the interface: hold, slide, k_f [N/m], gap [m]
+  integer, parameter :: N_STATES = 3 + KEPT    !! how many integers are stored for a block
+  integer, parameter :: N_COUNTS = 15          !! how many integers are stored for a run
+  integer, parameter :: N_NUMBERS = 4          !! how many numbers are stored for a run
 
   !> Work space of a thread for a run.
   type :: work_t
@@ -26,8 +26,8 @@ module pyfric_sequences
     type(contact_t) :: contact
     type(run_t) :: run
     type(log_t) :: log
-    logical :: complete = .false.              !! there was enough memory
-    logical :: shares = .false.                !! it has a table with which other runs begin
+    logical :: complete = .false.              !! whether memory was allocated
+    logical :: shares = .false.                !! whether other runs begin with a table of this run
   end type work_t
 
 contains
@@ -76,29 +76,29 @@ contains
                 nint(numbers(9)))
   end function new_leg
 
-  !> Follows all runs. Each ends with its own status.
+  !> Follows all runs. Each run has its own status at the end.
   subroutine follow_all(s, rules, legs, max_changes, threads, n, rooms, fields, kinds, states, columns, tables, counts, &
                         numbers, switch_i, switch_r, quiet_i, quiet_r, points, logged, status)
     type(slider_t), intent(in) :: s
     type(rules_t), intent(in) :: rules
     type(leg_t), intent(in) :: legs(:)
-    integer, intent(in) :: max_changes                  !! changes in each run
-    integer, intent(in) :: threads                      !! threads to ask for
+    integer, intent(in) :: max_changes                  !! largest number of changes in each run
+    integer, intent(in) :: threads                      !! largest number of threads
     integer, intent(in) :: n                            !! runs
-    integer, intent(in) :: rooms(3)                     !! room for switches, starts and ends of slip, points
-    real(dp), intent(in) :: fields(s%nx, N_FIELDS, n)   !! of the interface
+    integer, intent(in) :: rooms(3)                     !! largest numbers of switches, starts and ends of slip, points
+    real(dp), intent(in) :: fields(s%nx, N_FIELDS, n)   !! fields of the interface
     integer(ip), intent(in) :: kinds(s%nx, n)           !! 0 never touches, 1 touches without friction, 2 with friction
-    integer(ip), intent(inout) :: states(s%nx, N_STATES, n)  !! for this and the next four, see `restore`
+    integer(ip), intent(inout) :: states(s%nx, N_STATES, n)  !! this array and the next four: see `restore`
     real(dp), intent(inout) :: columns(s%nx + 2, 2, n)
     real(dp), intent(inout) :: tables(3*s%nx + 1, s%nx + 2, 1 + KEPT, n)
     integer(ip), intent(inout) :: counts(N_COUNTS, n)
     real(dp), intent(inout) :: numbers(N_NUMBERS, n)
-    integer(ip), intent(inout) :: switch_i(4, rooms(1), n)   !! for this and the next four, see log_t
+    integer(ip), intent(inout) :: switch_i(4, rooms(1), n)   !! this array and the next four: see log_t
     real(dp), intent(inout) :: switch_r(4, rooms(1), n)
     integer(ip), intent(inout) :: quiet_i(s%nx + 1, rooms(2), n)
     real(dp), intent(inout) :: quiet_r(3*s%nx + 3, rooms(2), n)
     real(dp), intent(inout) :: points(3, rooms(3), n)
-    integer(ip), intent(inout) :: logged(3, n)          !! entries of the logs
+    integer(ip), intent(inout) :: logged(3, n)          !! numbers of entries of the logs
     integer(ip), intent(inout) :: status(n)             !! see pyfric_status
     type(work_t) :: w, first
     integer :: i
@@ -127,7 +127,7 @@ contains
 
   pure function new_work(s, rooms) result(w)
     type(slider_t), intent(in) :: s
-    integer, intent(in) :: rooms(3)                     !! of logs
+    integer, intent(in) :: rooms(3)                     !! largest numbers of entries of the logs
     type(work_t) :: w
     integer :: nx, failed
 
@@ -141,7 +141,7 @@ contains
     w%complete = failed == 0 .and. w%contact%status == DONE .and. w%log%complete
   end function new_work
 
-  !> The interface of a run.
+  !> Sets the foundation of a run.
   pure subroutine take_ground(s, fields, kinds, ground)
     type(slider_t), intent(in) :: s
     real(dp), intent(in) :: fields(s%nx, N_FIELDS)
@@ -156,7 +156,7 @@ contains
     ground%rubs = kinds > 1
   end subroutine take_ground
 
-  !> The table of the first run with all blocks held. Runs with the same foundation begin with this table.
+  !> Computes the table of the first run with all blocks held. Runs with an equal foundation begin with this table.
   pure subroutine share(s, fields, kinds, mode, first)
     type(slider_t), intent(in) :: s
     real(dp), intent(in) :: fields(s%nx, N_FIELDS)
@@ -173,13 +173,13 @@ contains
     end associate
   end subroutine share
 
-  !> A run as stored by `save`, or at its beginning.
+  !> Restores a run that `save` stored, or begins a new run.
   pure subroutine restore(s, fields, kinds, states, columns, tables, counts, numbers, first, w)
     type(slider_t), intent(in) :: s
     real(dp), intent(in) :: fields(s%nx, N_FIELDS)
     integer(ip), intent(in) :: kinds(s%nx)
     integer(ip), intent(in) :: states(s%nx, N_STATES)   !! contact state, corner slip, state as logged, blocks of stored tables
-    real(dp), intent(in) :: columns(s%nx + 2, 2)        !! given values of the table; u_x at the last release, last two unused
+    real(dp), intent(in) :: columns(s%nx + 2, 2)        !! input of the table; u_x at the last release, last two unused
     real(dp), intent(in) :: tables(3*s%nx + 1, s%nx + 2, 1 + KEPT)  !! the table, and tables with all blocks held
     integer(ip), intent(in) :: counts(N_COUNTS)         !! see `save`
     real(dp), intent(in) :: numbers(N_NUMBERS)          !! drive at the next change, `little` [m], tol [N], offset [m]
@@ -230,7 +230,7 @@ contains
     end if
   end subroutine restore
 
-  !> Whether two interfaces have the same foundation.
+  !> Whether two interfaces have equal foundations.
   pure function alike(a, b) result(yes)
     type(ground_t), intent(in) :: a
     type(ground_t), intent(in) :: b
@@ -266,8 +266,8 @@ contains
 
   pure subroutine save_log(log, logged, switch_i, switch_r, quiet_i, quiet_r, points)
     type(log_t), intent(in) :: log
-    integer(ip), intent(out) :: logged(3)               !! switches, starts and ends of slip, points
-    integer(ip), intent(inout) :: switch_i(:, :)        !! these: see log_t
+    integer(ip), intent(out) :: logged(3)               !! numbers of switches, starts and ends of slip, points
+    integer(ip), intent(inout) :: switch_i(:, :)        !! this array and the next four: see log_t
     real(dp), intent(inout) :: switch_r(:, :)
     integer(ip), intent(inout) :: quiet_i(:, :)
     real(dp), intent(inout) :: quiet_r(:, :)

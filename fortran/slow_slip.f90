@@ -5,11 +5,11 @@
 !>
 !>     du/dt = v(load, p, y) ,   dy/dt = X(v, y) ,   load = load_0 + load_1 t + load_2 t^2/2 + load_u u + load_v v .
 !>
-!> The normal force p has the same form as the load.
-!> v follows from `balanced_speeds`. The term load_v v, by viscosity of bonds, couples the speeds of blocks. It is found by
-!> iterations (turns). In steady slip the equations are stiff: a block relaxes over a slip of p a/(dload/du). Each step therefore
-!> solves linear equations with the Jacobian. The method is a Rosenbrock method of order 5, with an embedded method of order 4 and
-!> polynomials of order 4 inside the step. y is eliminated, which leaves a matrix of N_x x N_x numbers.
+!> The normal force p has the same form as the load. v follows from `balanced_speeds`. The term load_v v, due to viscosity of bonds,
+!> couples the speeds of blocks. Iterations, called turns, solve for the coupled speeds. In steady slip the equations are stiff: a
+!> block relaxes over a slip of p a/(dload/du). Each step therefore solves linear equations with the Jacobian. The method is a
+!> Rosenbrock method of order 5, with an embedded method of order 4 and polynomials of order 4 inside the step. y is eliminated,
+!> which leaves a matrix of N_x x N_x numbers.
 !>
 !> Source: G. Steinebach, BIT Numer. Math. 63, 27 (2023), for the method, Rodas5P; E. Hairer, G. Wanner, Solving Ordinary
 !> Differential Equations II, section IV.7, for its form without products by the Jacobian.
@@ -24,21 +24,21 @@ module pyfric_slow_slip
             end_phase
   public :: GOES_ON, FINISHED, FAST, ABRUPT, SHORT
 
-  !> Reasons why steps ended: the most steps were made, the phase ended, a limit was reached, the error of a shortest step is too
-  !> large, steps are too short.
+  !> Codes of the reason why steps ended: the largest number of steps was made; the phase ended; a limit was reached; the error of a
+  !> shortest step is too large; steps are too short.
   integer(ip), parameter :: GOES_ON = 0, FINISHED = 1, FAST = 2, ABRUPT = 3, SHORT = 4
 
   integer, parameter :: STAGES = 8, U = 1, Y = 2
   real(dp), parameter :: GAMMA = 0.21193756319429014_dp
-  !> Time of each stage, and its coefficient of the derivative by time.
+  !> Time of each stage, and coefficient of the derivative by time in each stage.
   real(dp), parameter :: AT(STAGES) = [ &
                          0.0_dp, 0.6358126895828704_dp, 0.4095798393397535_dp, 0.9769306725060716_dp, 0.4288403609558664_dp, &
                          1.0_dp, 1.0_dp, 1.0_dp]
   real(dp), parameter :: BY_TIME(STAGES) = [ &
                          GAMMA, -0.42387512638858027_dp, -0.3384627126235924_dp, 1.8046452872882734_dp, &
                          2.325825639765069_dp, 0.0_dp, 0.0_dp, 0.0_dp]
-  !> Column i: weights of increments of earlier stages in stage i. The last two stages and the end of the step add one increment
-  !> each.
+  !> Weights of increments of earlier stages in stage i, column i: in the state (A), and in the right side (C). The last two stages
+  !> and the end of the step add one increment each.
   real(dp), parameter :: A(5, 2:6) = reshape([ &
                          3.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, &
                          2.849394379747939_dp, 0.45842242204463923_dp, 0.0_dp, 0.0_dp, 0.0_dp, &
@@ -68,29 +68,29 @@ module pyfric_slow_slip
                          11.419903575922262_dp, 2.8879645146136994_dp, 72.92137995996029_dp, 80.12511834622643_dp, &
                          -52.072871366152654_dp, -59.78993625266729_dp, -0.15582684282751913_dp, 4.883087185713722_dp], [STAGES, 3])
 
-  !> Step control: safety factor, least and largest change of the step. Halvings that locate a limit. Most iterations for a
-  !> passage. Most turns for v. TURNED: turns end when the change of v is below this part of the largest change. SLOWLY: if a turn
-  !> changes v by more than this part of the change in the last turn, Newton's method makes the next turns.
+  !> Step control: safety factor, smallest and largest ratio of a step to the step before. Number of halvings that locate a limit.
+  !> Largest number of iterations for a passage. Largest number of turns. TURNED: share of the largest change of v below which turns
+  !> end. SLOWLY: ratio of the changes of v in two successive turns above which Newton's method makes the next turns.
   real(dp), parameter :: SAFE = 0.9_dp, SHORTER = 0.2_dp, LONGER = 6.0_dp
   integer, parameter :: HALVINGS = 40, MOST = 100, TURNS = 200
   real(dp), parameter :: TURNED = 1e-12_dp, SLOWLY = 0.05_dp
 
   type :: condensed_t
-    logical :: complete = .false.         !! there was enough memory
+    logical :: complete = .false.         !! whether memory was allocated
     integer :: nx
     type(law_t) :: law
-    logical, allocatable :: closed(:)     !! in contact
+    logical, allocatable :: closed(:)     !! whether each block is in contact
     real(dp), allocatable :: unit(:)      !! ln(D_c/V*), subtracted from y for its relative error
     real(dp), allocatable :: load(:, :)   !! on each block along +x: value, first, second time derivative [N, N/s, N/s2]
-    real(dp), allocatable :: load_u(:, :) !! derivatives by displacements [N/m]
-    real(dp), allocatable :: load_v(:, :) !! by velocities of other blocks [N s/m]; alpha of the law includes its own velocity
-    real(dp), allocatable :: load_a(:, :) !! by accelerations [kg]
-    real(dp), allocatable :: p(:, :)      !! the same for the normal force
+    real(dp), allocatable :: load_u(:, :) !! derivatives of load by displacements [N/m]
+    real(dp), allocatable :: load_v(:, :) !! by velocities of other blocks [N s/m]; alpha includes the block's own
+    real(dp), allocatable :: load_a(:, :) !! derivatives of load by accelerations [kg]
+    real(dp), allocatable :: p(:, :)      !! normal force; this array and the next three have the form of load to load_a
     real(dp), allocatable :: p_u(:, :)
     real(dp), allocatable :: p_v(:, :)
     real(dp), allocatable :: p_a(:, :)
-    logical :: viscous                    !! load_v or p_v is not zero
-    logical :: inertial                   !! load_a or p_a is not zero
+    logical :: viscous                    !! whether load_v or p_v is not zero
+    logical :: inertial                   !! whether load_a or p_a is not zero
   end type condensed_t
 
   type :: limits_t
@@ -100,29 +100,29 @@ module pyfric_slow_slip
     real(dp) :: absolute(2)     !! additional absolute errors of u [m] and of y
     real(dp) :: inertia         !! largest sum of loads by inertia [N]
     real(dp) :: speed           !! largest speed [m/s]
-    real(dp) :: least           !! steps end if they are shorter than this and do not grow [s]
-    real(dp) :: last            !! time at which the state is wanted; the first step that reaches it is the last [s]
-    integer :: steps            !! most steps
+    real(dp) :: least           !! length of steps below which the phase ends if steps do not grow [s]
+    real(dp) :: last            !! requested time of the final state; the first step that reaches this time is the last [s]
+    integer :: steps            !! largest number of steps
   end type limits_t
 
   type :: phase_t
-    real(dp) :: t = 0.0_dp               !! since the beginning [s]
-    real(dp) :: h = 0.0_dp               !! next step [s]
-    real(dp) :: t_grid = 0.0_dp          !! last time on the grid [s]
-    integer :: steps = 0                 !! steps made
-    integer :: n_points = 0              !! points filled
+    real(dp) :: t = 0.0_dp               !! time since the beginning [s]
+    real(dp) :: h = 0.0_dp               !! length of the next step [s]
+    real(dp) :: t_grid = 0.0_dp          !! last time on the grid of time steps [s]
+    integer :: steps = 0                 !! number of steps made
+    integer :: n_points = 0              !! number of points reached
     real(dp), allocatable :: q(:, :)     !! u [m] and ln(theta)
-    real(dp), allocatable :: grid(:, :)  !! the same on the grid
+    real(dp), allocatable :: grid(:, :)  !! u [m] and ln(theta) at t_grid
   end type phase_t
 
   !> Passages of blocks through a threshold of speed.
   type :: passages_t
-    real(dp) :: threshold                !! [m/s]
-    integer :: n = 0                     !! passages found
+    real(dp) :: threshold                !! speed above which a block is fast [m/s]
+    integer :: n = 0                     !! number of passages
     integer(ip), allocatable :: fast(:)  !! 1 or -1 for blocks that are fast to the right or left, 0 for others
     integer(ip), allocatable :: of(:, :) !! block of each passage, from 0, and its new value in `fast`
-    real(dp), allocatable :: at(:, :)    !! time since the beginning [s], p of the block [N], and u of all [m]
-    real(dp), allocatable :: sums(:, :)  !! ends of the first steps: time [s], |sum of v| [m/s]
+    real(dp), allocatable :: at(:, :)    !! time since the beginning [s], p of the block [N], and u of all blocks [m]
+    real(dp), allocatable :: sums(:, :)  !! at the ends of steps: time [s], |sum of v| [m/s]
   end type passages_t
 
   type :: slopes_t
@@ -132,15 +132,15 @@ module pyfric_slow_slip
     real(dp), allocatable :: x_v(:)      !! derivatives of X, see `log_rates`
     real(dp), allocatable :: x_y(:)
     real(dp), allocatable :: by_t(:)     !! derivative of v by time
-    logical :: factored                  !! the next two hold factors of the equations of `turn`, at nearby slopes
+    logical :: factored                  !! whether the next two are factors of the equations of `turn`, at nearby slopes
     real(dp), allocatable :: lu(:, :)
     integer, allocatable :: pivot(:)
   end type slopes_t
 
   type :: work_t
-    logical :: complete = .false.          !! there was enough memory
-    type(slopes_t) :: slopes               !! at the beginning of a step
-    type(slopes_t) :: others               !! elsewhere
+    logical :: complete = .false.          !! whether memory was allocated
+    type(slopes_t) :: slopes               !! derivatives at the beginning of a step
+    type(slopes_t) :: others               !! derivatives at other times
     real(dp), allocatable :: lu(:, :)      !! see `prepare`
     integer, allocatable :: pivot(:)
     real(dp), allocatable :: k(:, :, :)    !! increments of stages
@@ -150,17 +150,17 @@ module pyfric_slow_slip
 
 contains
 
-  !> Rates of u and y, and their derivatives at fixed load and p. If turns do not converge, v is huge.
+  !> Rates of u and y, and derivatives of the rates at fixed load and p. If turns do not converge, v is huge.
   !>
-  !> Inertia acts to first order: its loads follow from accelerations without inertia.
+  !> Inertia acts to first order: loads by inertia follow from accelerations without inertia.
   pure subroutine rates_at(s, t, q, f, slopes, p, inertia)
     type(condensed_t), intent(in) :: s
-    real(dp), intent(in) :: t                 !! [s]
+    real(dp), intent(in) :: t                 !! time [s]
     real(dp), intent(in) :: q(s%nx, 2)        !! u [m], y
     real(dp), intent(out) :: f(s%nx, 2)       !! [m/s], [1/s]
     type(slopes_t), intent(inout) :: slopes
-    real(dp), intent(out) :: p(s%nx)          !! [N]
-    real(dp), intent(out), optional :: inertia !! sum of its loads [N]
+    real(dp), intent(out) :: p(s%nx)          !! normal forces [N]
+    real(dp), intent(out), optional :: inertia !! sum of loads by inertia [N]
     real(dp), dimension(s%nx) :: load, load_0, p_0, a
     integer :: i
 
@@ -180,16 +180,16 @@ contains
     end do
   end subroutine rates_at
 
-  !> Rates of u and y, and their derivatives, from load and normal force without viscosity.
+  !> Rates of u and y, and derivatives of the rates, from load and normal force without viscosity.
   pure subroutine rates_under(s, t, q, load_0, p_0, f, slopes, p)
     type(condensed_t), intent(in) :: s
-    real(dp), intent(in) :: t                 !! [s]
+    real(dp), intent(in) :: t                 !! time [s]
     real(dp), intent(in) :: q(s%nx, 2)        !! u [m], y
-    real(dp), intent(in) :: load_0(s%nx)      !! [N]
-    real(dp), intent(in) :: p_0(s%nx)         !! [N]
+    real(dp), intent(in) :: load_0(s%nx)      !! load without viscosity [N]
+    real(dp), intent(in) :: p_0(s%nx)         !! normal force without viscosity [N]
     real(dp), intent(out) :: f(s%nx, 2)       !! [m/s], [1/s]
     type(slopes_t), intent(inout) :: slopes
-    real(dp), intent(out) :: p(s%nx)          !! [N]
+    real(dp), intent(out) :: p(s%nx)          !! normal forces [N]
     real(dp), dimension(s%nx) :: load, v, change, pressed
     real(dp) :: before
     integer :: n
@@ -225,11 +225,11 @@ contains
     if (s%viscous) y = slopes%by_load*applied(s%nx, s%load_v, x) + slopes%by_p*applied(s%nx, s%p_v, x)
   end function resisted
 
-  !> Changes x of v with viscosity, by turns, from changes without viscosity: x = free + `resisted` x.
+  !> Changes x of v with viscosity, by turns: x = free + `resisted` x, where `free` are changes without viscosity.
   pure subroutine damp(s, slopes, x)
     type(condensed_t), intent(in) :: s
     type(slopes_t), intent(inout) :: slopes
-    real(dp), intent(inout) :: x(s%nx)    !! those without
+    real(dp), intent(inout) :: x(s%nx)    !! on entry changes without viscosity, on return with viscosity
     real(dp) :: free(s%nx), change(s%nx), before
     integer :: n
 
@@ -243,8 +243,8 @@ contains
     end do
   end subroutine damp
 
-  !> The change of v, or of its rate, in the next turn, from the remaining change. If turns converge slowly, the change follows
-  !> from linear equations. Their factors are kept until turns are slow again.
+  !> The change of v, or of its rate, in the next turn, from the remaining change. If turns converge slowly, linear equations give
+  !> the change. Their factors are stored until turns are slow again.
   pure subroutine turn(s, slopes, before, change)
     type(condensed_t), intent(in) :: s
     type(slopes_t), intent(inout) :: slopes
@@ -283,7 +283,7 @@ contains
   pure subroutine look(s, limits, t, q, slopes, within)
     type(condensed_t), intent(in) :: s
     type(limits_t), intent(in) :: limits
-    real(dp), intent(in) :: t                 !! [s]
+    real(dp), intent(in) :: t                 !! time [s]
     real(dp), intent(in) :: q(s%nx, 2)        !! u [m], y
     type(slopes_t), intent(inout) :: slopes   !! work space
     logical, intent(out) :: within
@@ -318,7 +318,7 @@ contains
   pure function new_condensed(nx, law, closed, load, load_u, load_v, load_a, p, p_u, p_v, p_a) result(s)
     integer, intent(in) :: nx
     type(law_t), intent(in) :: law
-    logical, intent(in) :: closed(nx)      !! in contact
+    logical, intent(in) :: closed(nx)      !! whether each block is in contact
     real(dp), intent(in) :: load(nx, 3)    !! see `condensed_t`
     real(dp), intent(in) :: load_u(nx, nx)
     real(dp), intent(in) :: load_v(nx, nx)
@@ -356,13 +356,13 @@ contains
     s%viscous = any(abs(load_v) > 0.0_dp) .or. any(abs(p_v) > 0.0_dp)
   end function new_condensed
 
-  !> y of a law with a rate of stress, from ln(theta) and velocities. Velocities that are NaN are replaced by those that balance
-  !> the loads.
+  !> y of a law with a rate of stress, from ln(theta) and velocities. Velocities that are NaN are replaced by velocities at which
+  !> friction balances the loads.
   pure subroutine begin_phase(s, w, v, q)
     type(condensed_t), intent(inout) :: s
     type(work_t), intent(inout) :: w
-    real(dp), intent(inout) :: v(s%nx)        !! [m/s]
-    real(dp), intent(inout) :: q(s%nx, 2)     !! u [m], ln(theta), then y
+    real(dp), intent(inout) :: v(s%nx)        !! velocities [m/s]
+    real(dp), intent(inout) :: q(s%nx, 2)     !! u [m]; on entry ln(theta), on return y
     real(dp) :: stress(s%nx), x(s%nx), slope(s%nx)
 
     if (.not. s%law%rate_state%stressed) return
@@ -376,12 +376,12 @@ contains
     call add_stress(s%law%rate_state, s%nx, v, x, q(:, Y))
   end subroutine begin_phase
 
-  !> Velocities [m/s] and accelerations [m/s2] at the end of a phase and at points. y becomes ln(theta).
+  !> Velocities [m/s] and accelerations [m/s2] at the end of a phase or at a point. y is replaced by ln(theta).
   pure subroutine end_phase(s, t, w, q, v, acceleration)
     type(condensed_t), intent(in) :: s
-    real(dp), intent(in) :: t                 !! [s]
+    real(dp), intent(in) :: t                 !! time [s]
     type(work_t), intent(inout) :: w
-    real(dp), intent(inout) :: q(s%nx, 2)     !! u [m], y, then ln(theta)
+    real(dp), intent(inout) :: q(s%nx, 2)     !! u [m]; on entry y, on return ln(theta)
     real(dp), intent(out) :: v(s%nx)
     real(dp), intent(out), optional :: acceleration(s%nx)
 
@@ -392,7 +392,7 @@ contains
   !> Velocities [m/s], and accelerations without inertia [m/s2].
   pure subroutine velocities(s, t, q, w, v, acceleration)
     type(condensed_t), intent(in) :: s
-    real(dp), intent(in) :: t                 !! [s]
+    real(dp), intent(in) :: t                 !! time [s]
     real(dp), intent(in) :: q(s%nx, 2)        !! u [m], y
     type(work_t), intent(inout) :: w
     real(dp), intent(out) :: v(s%nx)
@@ -404,7 +404,7 @@ contains
     if (present(acceleration)) call accelerate(s, f, w%others, acceleration)
   end subroutine velocities
 
-  !> The decomposed matrix of a step, for increments of u, with increments of y eliminated.
+  !> Decomposes the matrix of a step for increments of u. Increments of y are eliminated.
   pure subroutine prepare(s, inverse, slopes, lu, pivot)
     type(condensed_t), intent(in) :: s
     real(dp), intent(in) :: inverse             !! 1/(gamma h) [1/s]
@@ -429,7 +429,7 @@ contains
     type(slopes_t), intent(in) :: slopes
     real(dp), intent(in) :: lu(s%nx, s%nx)
     integer, intent(in) :: pivot(s%nx)
-    real(dp), intent(inout) :: k(s%nx, 2)       !! right side, then increments
+    real(dp), intent(inout) :: k(s%nx, 2)       !! on entry the right side, on return increments
     real(dp) :: rest(s%nx)
 
     rest = (k(:, Y) - slopes%x_v*k(:, U))/(inverse - slopes%x_y)
@@ -438,12 +438,12 @@ contains
     k(:, Y) = rest + slopes%x_v*inverse/(inverse - slopes%x_y)*k(:, U)
   end subroutine increments
 
-  !> One step: the state at its end, polynomials inside the step, and the error over the allowed error.
+  !> Makes one step: the state at the end of the step, polynomials inside the step, and the error over the allowed error.
   pure subroutine step(s, limits, t, h, q, w, error)
     type(condensed_t), intent(in) :: s
     type(limits_t), intent(in) :: limits
-    real(dp), intent(in) :: t                     !! [s]
-    real(dp), intent(in) :: h                     !! [s]
+    real(dp), intent(in) :: t                     !! time [s]
+    real(dp), intent(in) :: h                     !! length of the step [s]
     real(dp), intent(in) :: q(s%nx, 2)            !! u [m], y
     type(work_t), intent(inout) :: w              !! q_new and poly are set
     real(dp), intent(out) :: error
@@ -531,8 +531,8 @@ contains
 
   !> Length of the next step, after a step of length h with this error.
   pure function next_length(h, error) result(next)
-    real(dp), intent(in) :: h              !! [s]
-    real(dp), intent(in) :: error          !! over the allowed error
+    real(dp), intent(in) :: h              !! length of the step [s]
+    real(dp), intent(in) :: error          !! error over the allowed error
     real(dp) :: next, change(1)
 
     change = min(max(error, 1e-10_dp), 1e10_dp)
@@ -546,8 +546,8 @@ contains
   pure subroutine advance_phase(s, limits, n_points, times, w, phase, points, passages, status)
     type(condensed_t), intent(in) :: s
     type(limits_t), intent(in) :: limits
-    integer, intent(in) :: n_points                       !! of the curve
-    real(dp), intent(in) :: times(n_points)               !! ascending, since the beginning [s]
+    integer, intent(in) :: n_points                       !! number of points of the curve
+    real(dp), intent(in) :: times(n_points)               !! times of the points since the beginning, ascending [s]
     type(work_t), intent(inout) :: w
     type(phase_t), intent(inout) :: phase
     real(dp), intent(inout) :: points(s%nx, 2, n_points)  !! u [m], y
@@ -591,8 +591,8 @@ contains
   pure subroutine share_within(s, limits, t, h, q, w, low)
     type(condensed_t), intent(in) :: s
     type(limits_t), intent(in) :: limits
-    real(dp), intent(in) :: t                  !! [s]
-    real(dp), intent(in) :: h                  !! [s]
+    real(dp), intent(in) :: t                  !! time [s]
+    real(dp), intent(in) :: h                  !! length of the step [s]
     real(dp), intent(in) :: q(s%nx, 2)
     type(work_t), intent(inout) :: w
     real(dp), intent(out) :: low
@@ -615,7 +615,7 @@ contains
   pure subroutine find_passages(s, phase, h, share, w, passages)
     type(condensed_t), intent(in) :: s
     type(phase_t), intent(in) :: phase         !! at the beginning of the step
-    real(dp), intent(in) :: h                  !! [s]
+    real(dp), intent(in) :: h                  !! length of the step [s]
     real(dp), intent(in) :: share
     type(work_t), intent(inout) :: w
     type(passages_t), intent(inout) :: passages
@@ -647,14 +647,15 @@ contains
     if (phase%steps <= size(passages%sums, 2)) passages%sums(:, phase%steps) = [phase%t + share*h, abs(total)]
   end subroutine find_passages
 
-  !> The share of a step at which a block has this speed, by regula falsi; an end that stays loses weight each time.
+  !> The share of a step at which a block has the speed `threshold`, by regula falsi. An end of the interval that does not move
+  !> loses weight in each iteration.
   pure subroutine pass(s, phase, h, share, i, threshold, speeds, w, at)
     type(condensed_t), intent(in) :: s
     type(phase_t), intent(in) :: phase         !! at the beginning of the step
-    real(dp), intent(in) :: h                  !! [s]
+    real(dp), intent(in) :: h                  !! length of the step [s]
     real(dp), intent(in) :: share
     integer, intent(in) :: i                   !! block
-    real(dp), intent(in) :: threshold          !! [m/s]
+    real(dp), intent(in) :: threshold          !! speed above which a block is fast [m/s]
     real(dp), intent(in) :: speeds(2)          !! at the beginning and at the share [m/s]
     type(work_t), intent(inout) :: w
     real(dp), intent(out) :: at
@@ -682,7 +683,7 @@ contains
   !> Normal force of a block [N].
   pure function normal_force(s, t, q, i) result(p)
     type(condensed_t), intent(in) :: s
-    real(dp), intent(in) :: t                 !! [s]
+    real(dp), intent(in) :: t                 !! time [s]
     real(dp), intent(in) :: q(s%nx, 2)        !! u [m], y
     integer, intent(in) :: i
     real(dp) :: p
@@ -694,18 +695,18 @@ contains
     end do
   end function normal_force
 
-  !> Stores a share of a step: points in it, the last time on the grid, and the state at its end.
+  !> Stores a share of a step: points inside the share, the last time on the grid, and the state at the end of the share.
   pure subroutine take(nx, limits, h, share, q_new, poly, at_end, phase, n_points, times, points)
     integer, intent(in) :: nx
     type(limits_t), intent(in) :: limits
-    real(dp), intent(in) :: h                  !! [s]
+    real(dp), intent(in) :: h                  !! length of the step [s]
     real(dp), intent(in) :: share
     real(dp), intent(in) :: q_new(nx, 2)
     real(dp), intent(in) :: poly(nx, 2, 3)
-    logical, intent(in) :: at_end              !! of the phase
+    logical, intent(in) :: at_end              !! whether the share ends at the end of the phase
     type(phase_t), intent(inout) :: phase
     integer, intent(in) :: n_points
-    real(dp), intent(in) :: times(n_points)               !! [s]
+    real(dp), intent(in) :: times(n_points)               !! times of the points [s]
     real(dp), intent(inout) :: points(nx, 2, n_points)
     real(dp) :: t_new, on_grid
 

@@ -13,7 +13,7 @@ module pyfric_status
   integer(ip), parameter :: NO_MEMORY = 4  !! nothing was done: memory could not be allocated
   integer(ip), parameter :: STRAINED = 5   !! stopped early, after a step: a cell may be turned inside out
   integer(ip), parameter :: UNKNOWN_LAW = 13 !! nothing was done: the friction law is not known
-  !> Codes of sequences of static states, which also have DONE, LOG_FULL and NO_MEMORY.
+  !> Codes of quasi-static sequences, which also use DONE, LOG_FULL and NO_MEMORY.
   integer(ip), parameter :: PAUSED = 6       !! stopped early: the number of changes asked for was made
   integer(ip), parameter :: UNSETTLED = 7    !! contact states do not settle
   integer(ip), parameter :: IDLE = 8         !! slip goes on without end, in events of no length

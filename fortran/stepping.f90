@@ -19,34 +19,34 @@ module pyfric_stepping
   private
   public :: method_t, run_t, advance_steps
 
-  !> How steps are made.
+  !> The method of the steps.
   type :: method_t
     type(table_t) :: table       !! the stepper
-    logical :: located           !! locate switches inside the step; otherwise they occur at its end
-    real(dp) :: rtol             !! adaptive: error of a sub-step, over the effect of F_N/N_x on the stiffest spring
+    logical :: located           !! whether switches are located inside the step; if not, they occur at its end
+    real(dp) :: rtol             !! allowed error of an adaptive sub-step, over the effect of F_N/N_x on the stiffest spring
     real(dp) :: t0               !! time of step 0 [s]
     real(dp) :: dt               !! step [s]
-    integer :: n_steps           !! steps to make
-    integer :: n_threads         !! threads to ask for; each gets its own rows
+    integer :: n_steps           !! largest number of steps
+    integer :: n_threads         !! largest number of threads; each thread owns some rows
     logical :: keep_budget       !! whether to integrate work and dissipation
   end type method_t
 
-  !> Progress of the steps. All threads share it. Only the first thread changes it, between steps.
+  !> Progress of the steps, which all threads share. Only the first thread changes the numbers here, between steps.
   type :: run_t
     real(dp) :: step                     !! steps made since step 0
     real(dp) :: sub                      !! length of the step or sub-step; adaptive: the longest that the error allows [s]
     real(dp) :: t = 0.0_dp               !! start of the step; after a failure, time of the failure [s]
-    real(dp) :: tried = 0.0_dp           !! steps and sub-steps computed; a rejected one counts by the share of rows computed
+    real(dp) :: tried = 0.0_dp           !! steps and sub-steps computed; of a rejected sub-step, the share of its rows computed
     real(dp) :: tested_share = 1.0_dp    !! share of the rows of a step that are computed before its test
-    integer :: block = 0                 !! block of a failure, counted from 1
+    integer :: block = 0                 !! block at which a step failed, from 1
     integer(ip) :: status = DONE         !! see pyfric_status
-    real(dp) :: end_step = 0.0_dp        !! step at which to end
-    logical :: goes_on = .false.         !! make one more step
-    logical :: no_substeps = .false.     !! steps are made in one piece
-    logical :: bottom_first = .false.    !! compute the bottom rows of a sub-step first, the others only if it is accepted
+    real(dp) :: end_step = 0.0_dp        !! number of the last step
+    logical :: goes_on = .false.         !! whether one more step follows
+    logical :: no_substeps = .false.     !! whether steps have no sub-steps
+    logical :: bottom_first = .false.    !! whether bottom rows of a sub-step come first, others only if it is accepted
     integer :: current = 1               !! number of the present state, 1 or 2
     real(dp), allocatable :: err(:, :)   !! errors of u [m] and v [m/s] in each thread's rows
-    real(dp) :: error = 0.0_dp           !! largest error over the allowed one
+    real(dp) :: error = 0.0_dp           !! largest error over the allowed error
     real(dp) :: allowed(2) = 0.0_dp      !! allowed errors of u [m] and v [m/s]
     type(row_t) :: bottom_row
     type(step_control_t) :: control
@@ -70,7 +70,7 @@ contains
     complete = .true.
     call reserve(s, 8*s%nz, 1, states, complete)
     call reserve(s, 4*s%nz, 1, stage, complete)
-    call reserve(s, 2*MAX_STAGES*s%nz, 1, forces, complete)  ! untouched memory costs nothing
+    call reserve(s, 2*MAX_STAGES*s%nz, 1, forces, complete)  ! memory that is not touched takes no time
     call reserve(s, COLUMNS, method%n_threads, work, complete)
     if (.not. complete) run%status = NO_MEMORY
     if (.not. complete) return
@@ -92,7 +92,7 @@ contains
     real(dp), intent(inout) :: narrow_y(s%nx, 4, s%nz)            !! state
     real(dp), intent(inout) :: y(LB:s%n + LANES, 4, s%nz, 2)      !! work space: the state and the next one
     real(dp), intent(inout) :: stage(LB:s%n + LANES, 4, s%nz)     !! work space of tables: a stage
-    real(dp), intent(inout) :: forces(LB:s%n + LANES, 2, s%nz, MAX_STAGES)  !! and forces of all stages [N]
+    real(dp), intent(inout) :: forces(LB:s%n + LANES, 2, s%nz, MAX_STAGES)  !! work space: forces of all stages [N]
     integer, intent(in) :: n_work                                 !! work space of each thread
     real(dp), intent(inout) :: work(n_work, method%n_threads)     !! see `reserve`
     real(dp), intent(inout) :: rod(6)                             !! rod
@@ -116,7 +116,7 @@ contains
     rod = rods(:, run%current)
   end subroutine steps
 
-  !> Plans the first step.
+  !> Plans the first step of a call.
   subroutine prepare(s, method, y, contact, budget, log, run, w)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method
@@ -155,14 +155,14 @@ contains
     run%goes_on = run%step < run%end_step .and. log_has_room(s, method, log)
   end subroutine prepare
 
-  !> Makes the steps of the rows that one thread owns. The first thread also switches the contacts.
+  !> Makes the steps of the rows that a thread owns. The first thread also switches the contacts.
   subroutine thread_steps(s, method, run, y, stage, forces, n_work, work, w, rods, contact, budget, log)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method
     type(run_t), intent(inout) :: run
     real(dp), intent(inout) :: y(LB:s%n + LANES, 4, s%nz, 2)      !! the state and the next one
     real(dp), intent(inout) :: stage(LB:s%n + LANES, 4, s%nz)     !! work space of tables: a stage
-    real(dp), intent(inout) :: forces(LB:s%n + LANES, 2, s%nz, MAX_STAGES)  !! and forces of all stages [N]
+    real(dp), intent(inout) :: forces(LB:s%n + LANES, 2, s%nz, MAX_STAGES)  !! work space: forces of all stages [N]
     integer, intent(in) :: n_work                                 !! work space of each thread
     real(dp), intent(inout) :: work(n_work, method%n_threads)     !! see `reserve`
     type(row_t), intent(inout) :: w(method%n_threads)             !! one for each thread
@@ -206,7 +206,7 @@ contains
 
   contains
 
-    !> Fronts of a sweep, or a step of the table stepper.
+    !> Makes fronts of a sweep, or a step of the table stepper, on the rows of this thread.
     subroutine sweep(first, last)
       integer, intent(in) :: first
       integer, intent(in) :: last
@@ -227,11 +227,11 @@ contains
     integer, intent(in) :: last                 !! see `first`
     real(dp), intent(inout) :: y(LB:s%n + LANES, 4, s%nz, 2)      !! the state and the next one
     real(dp), intent(inout) :: stage(LB:s%n + LANES, 4, s%nz)     !! work space of tables: a stage
-    real(dp), intent(inout) :: forces(LB:s%n + LANES, 2, s%nz, MAX_STAGES)  !! and forces of all stages [N]
+    real(dp), intent(inout) :: forces(LB:s%n + LANES, 2, s%nz, MAX_STAGES)  !! work space: forces of all stages [N]
     real(dp), intent(inout) :: rods(6, 2)                         !! the rod at both states
     type(contact_t), intent(in) :: contact
     type(budget_t), intent(inout) :: budget
-    real(dp), intent(inout) :: work(LB:s%n + LANES, COLUMNS)      !! this thread's, aligned
+    real(dp), intent(inout) :: work(LB:s%n + LANES, COLUMNS)      !! work space of this thread, aligned
     type(row_t), intent(inout) :: w
     real(dp), intent(inout) :: err(2)           !! errors of u [m] and v [m/s] in these rows
     integer :: old, new
@@ -248,7 +248,7 @@ contains
     end if
   end subroutine advance_rows
 
-  !> Whether the sub-step from old to new is accepted, by its bottom rows.
+  !> Whether the bottom rows of the sub-step from old to new are accepted.
   subroutine test_step(s, method, run, old, new, work, contact)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method
@@ -314,8 +314,8 @@ contains
     run%goes_on = run%status == DONE .and. run%step < run%end_step .and. log_has_room(s, method, log)
   end subroutine complete_step
 
-  !> Whether a cell may be turned inside out. No cell is turned so if the displacements of neighbours along x and z
-  !> differ by less than l/sqrt(2). The deformation gradient of each triangle of two bonds then differs from 1 by less than 1.
+  !> Whether a cell may be turned inside out. No cell is turned inside out if displacements of neighbours along x and z differ by
+  !> less than l/sqrt(2), because the deformation gradient of each triangle of two bonds then differs from 1 by less than 1.
   pure function may_fold(s, y) result(found)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)  !! state
@@ -368,7 +368,7 @@ contains
     call log_burst(log, contact%mode, run%step, run%t, point, y(s%at(:s%nx), UX, 1))
   end subroutine watch
 
-  !> True while one more step cannot overflow the log.
+  !> Whether the log has room for the entries of one more step.
   pure function log_has_room(s, method, log) result(yes)
     type(model_t), intent(in) :: s
     type(method_t), intent(in) :: method

@@ -1,10 +1,10 @@
 !> One step of a Runge-Kutta method in a single sweep over the rows.
 !>
-!> In these methods each stage depends only on the stage before: u + c_s h v_(s-1), v + c_s h F_(s-1)/m.
+!> In a Runge-Kutta method here, each stage depends only on the stage before: u + c_s h v_(s-1), v + c_s h F_(s-1)/m.
 !> Stage s of a row needs only stage s - 1 of this row and of its neighbours. Therefore the stages follow each other up
-!> the lattice, one row apart. In one front, each stage makes one row. Data are still in the cache for any size of the
-!> lattice. A thread owns rows j0..j1. In neighbouring rows it repeats the few earlier stages that it needs. Nothing is
-!> shared during a step. Every row sees the same operations for any number of threads.
+!> the lattice, one row apart. In one front, one row of each stage is computed. Data then stay in the cache for any size of
+!> the lattice. A thread owns rows j0..j1. In neighbouring rows the thread repeats the few earlier stages that rows j0..j1 need.
+!> Threads share no data during a step. Operations on a row do not depend on the number of threads.
 module pyfric_sweep
   use pyfric_kinds, only: dp, ip
   use pyfric_layout, only: UX, UZ, VX, VZ, LB, LANES
@@ -20,14 +20,14 @@ module pyfric_sweep
 
 contains
 
-  !> The front after which the two bottom rows are complete, if there are more rows than fronts.
+  !> Number of the front after which the two bottom rows are complete, if there are more rows than fronts.
   pure integer function bottom_front(table) result(front)
     type(table_t), intent(in) :: table
 
     front = table%stages + 1
   end function bottom_front
 
-  !> Number of rows of stages that are computed up to `bottom_front`.
+  !> Total number of rows of all stages that are computed up to `bottom_front`.
   pure integer function bottom_rows(table) result(rows)
     type(table_t), intent(in) :: table
 
@@ -53,7 +53,7 @@ contains
     real(dp), intent(in) :: rod(6)                    !! X, Z, phi and their rates at the start
     real(dp), intent(inout) :: y_new(LB:s%n + LANES, 4, s%nz)   !! rows j0..j1 are written
     real(dp), intent(inout) :: rod_new(6)             !! written by the thread that owns the top row
-    type(budget_t), intent(inout) :: budget           !! entries of rows j0..j1 are advanced
+    type(budget_t), intent(inout) :: budget           !! works and heat, to which rows j0..j1 are added
     real(dp), intent(inout) :: q(LB:s%n + LANES, 4, 0:table%stages, 2:table%stages)  !! work space: rows of stages
     real(dp), intent(inout) :: carry(LB:s%n + LANES, 2, table%stages)  !! work space of finite geometry
     real(dp), intent(inout) :: b(LB:s%n + LANES, 2, N_BOND)       !! work space of finite geometry
@@ -84,7 +84,7 @@ contains
 
   contains
 
-    !> Stage `stage` of row j: forces, powers, and the row of the next stage (or of the new state).
+    !> Computes stage `stage` of row j: forces, powers, and the row of the next stage or of the new state.
     subroutine stage_of_row(dn, row, up)
       real(dp), intent(in) :: dn(LB:s%n + LANES, 4)    !! the row below at this stage
       real(dp), intent(in) :: row(LB:s%n + LANES, 4)   !! the row at this stage
@@ -253,8 +253,8 @@ contains
     end do
   end subroutine to_end_of_six
 
-  !> The two bottom rows at a share theta of a step whose sweep has passed them. In linear motion the result is that of a
-  !> step of this length. With alpha_sj = c_s c_(s-1) ... c_(s-j+1), the weights b(theta) fulfil
+  !> The two bottom rows at a share theta of a step, after front `bottom_front`. In linear motion the result equals the end of
+  !> a step of length theta h. With alpha_sj = c_s c_(s-1) ... c_(s-j+1), the weights b(theta) fulfil
   !>
   !>     sum_s b_s(theta) alpha_sj = theta^(j+1) sum_s b_s alpha_sj ,   j = 0 ... stages - 1 .
   pure subroutine share_of_step(s, table, sub, theta, y, y_new, q, rows)
@@ -286,7 +286,7 @@ contains
     end do
   end subroutine share_of_step
 
-  !> The weights of `share_of_step`. The last is found first, because alpha is triangular.
+  !> The weights of `share_of_step`, computed from the last to the first, because alpha is triangular.
   pure function share_weights(table, theta) result(b)
     type(table_t), intent(in) :: table
     real(dp), intent(in) :: theta

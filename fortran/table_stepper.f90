@@ -5,10 +5,10 @@
 !>     u_i = u + c_i h v + h^2 sum_j abar_ij F_j/m,   v_i = v + h sum_j a_ij F_j/m ,
 !>
 !> and the step ends at u + h v + h^2 sum_i bbar_i F_i/m, v + h sum_i b_i F_i/m. A thread owns rows j0..j1 and waits
-!> for the other threads between stages. Every row sees the same operations for any number of threads.
+!> for the other threads between stages. Operations on a row do not depend on the number of threads.
 !>
 !> An implicit-explicit table has one more stage, at which the step ends. Its second part is for the friction R of blocks
-!> that never rest, and for their state variable x with dx/dt = X. It adds
+!> that never rest, and for their state variable x with dx/dt = X. This part adds
 !>
 !>     u_i: + h^2 sum_j dbar_ij R_j/m ,   v_i: + h sum_j d_ij R_j/m ,   x_i = x + h sum_j s_ij X_j ,   d = s - a, dbar = a d .
 !>
@@ -28,7 +28,7 @@ module pyfric_table_stepper
 
   type :: table_t
     integer :: stages = 0
-    logical :: swept = .false.             !! made in a single sweep (pyfric_sweep), from c and b alone
+    logical :: swept = .false.             !! whether a single sweep makes a step (pyfric_sweep), from c and b alone
     real(dp) :: c(MAX_STAGES) = 0.0_dp
     real(dp) :: b(MAX_STAGES) = 0.0_dp
     real(dp) :: bbar(MAX_STAGES) = 0.0_dp
@@ -36,7 +36,7 @@ module pyfric_table_stepper
     real(dp) :: ebar(MAX_STAGES) = 0.0_dp  !! bbar minus bbar of the embedded method
     real(dp) :: a(MAX_STAGES, MAX_STAGES) = 0.0_dp
     real(dp) :: abar(MAX_STAGES, MAX_STAGES) = 0.0_dp
-    logical :: implicit = .false.          !! the last stage is the end of the step
+    logical :: implicit = .false.          !! whether the stepper is implicit; a step then ends at the last stage
     real(dp) :: d(MAX_STAGES, MAX_STAGES) = 0.0_dp
     real(dp) :: dbar(MAX_STAGES, MAX_STAGES) = 0.0_dp
     real(dp) :: s(MAX_STAGES, MAX_STAGES) = 0.0_dp
@@ -44,8 +44,8 @@ module pyfric_table_stepper
 
 contains
 
-  !> The table from the columns that Python passes: c, b; if it is not swept, also bbar, e, ebar, a, abar; if it is implicit,
-  !> also d, dbar, s.
+  !> The table from the columns that Python passes: c, b; for a stepper that is not swept also bbar, e, ebar, a, abar; for an
+  !> implicit stepper also d, dbar, s.
   pure function new_table(stages, columns) result(table)
     integer, intent(in) :: stages                !! at most MAX_STAGES
     real(dp), intent(in) :: columns(:, :)
@@ -76,17 +76,17 @@ contains
     real(dp), intent(in) :: sub                       !! length of the step or sub-step [s]
     integer, intent(in) :: j0                         !! first row of this thread
     integer, intent(in) :: j1                         !! last row of this thread
-    logical, intent(in) :: keep_budget                !! also integrate works and dissipations
+    logical, intent(in) :: keep_budget                !! whether to integrate works and dissipations
     integer(ip), intent(in) :: mode(s%nx)             !! contact states
     real(dp), intent(in) :: memory(s%law%n_memory, s%nx)      !! see pyfric_law
     real(dp), intent(in) :: y(LB:s%n + LANES, 4, s%nz)          !! state at the start
     real(dp), intent(in) :: rod(6)                    !! X, Z, phi and their rates at the start
     real(dp), intent(inout) :: y_new(LB:s%n + LANES, 4, s%nz)   !! rows j0..j1 are written
     real(dp), intent(inout) :: rod_new(6)             !! written by the thread that owns the top row
-    type(budget_t), intent(inout) :: budget           !! entries of rows j0..j1 are advanced
+    type(budget_t), intent(inout) :: budget           !! works and heat, to which rows j0..j1 are added
     real(dp), intent(inout) :: f(LB:s%n + LANES, 2, s%nz, MAX_STAGES)  !! forces of the stages, shared [N]
     real(dp), intent(inout) :: q(LB:s%n + LANES, 4, s%nz)       !! a stage, shared
-    real(dp), intent(inout) :: work(LB:s%n + LANES, COLUMNS)    !! work space, bonds zero at first
+    real(dp), intent(inout) :: work(LB:s%n + LANES, COLUMNS)    !! work space, in which columns of bonds are zero on entry
     type(row_t), intent(inout) :: w
     real(dp), intent(out) :: err(2)                   !! largest error of u [m] and of v [m/s] in these rows
     real(dp) :: rod_a(3, MAX_STAGES), rod_stage(6)
@@ -138,11 +138,11 @@ contains
 
   contains
 
-    !> Forces and powers of a stage, on rows j0..j1. In finite geometry, row j0 - 1 is evaluated first, for its forces on row j0.
+    !> Computes forces and powers of a stage on rows j0..j1. In finite geometry, row j0 - 1 comes first, for its forces on row j0.
     subroutine sweep(t_stage, y_stage, memory_stage)
       real(dp), intent(in) :: t_stage                    !! time [s]
       real(dp), intent(in) :: y_stage(LB:s%n + LANES, 4, s%nz) !! the stage
-      real(dp), intent(in) :: memory_stage(s%law%n_memory, s%nx) !! its state variables
+      real(dp), intent(in) :: memory_stage(s%law%n_memory, s%nx) !! state variables of the stage
       integer :: below, above
 
       work(:, CARRY:CARRY + 1) = 0.0_dp
@@ -167,7 +167,7 @@ contains
     end subroutine sweep
   end subroutine table_step
 
-  !> The bottom row at an implicit stage. Adds the part of the table for friction, and solves for velocities.
+  !> Computes the bottom row at an implicit stage: adds the part of the table for friction, and solves for velocities.
   pure subroutine implicit_row(s, table, stage, sub, shares, v, x, friction, rate, q, memory)
     type(model_t), intent(in) :: s
     type(table_t), intent(in) :: table
@@ -178,7 +178,7 @@ contains
     real(dp), intent(in) :: x(s%nx)                    !! state variables at the start, see pyfric_rate_state
     real(dp), intent(in) :: friction(s%nx, MAX_STAGES) !! R of the stages before, over the shares of whole blocks [N]
     real(dp), intent(inout) :: rate(s%nx, MAX_STAGES)  !! X of the stages before; X of this stage is added
-    real(dp), intent(inout) :: q(LB:s%n + LANES, 4)    !! the row by the explicit part alone; then with friction
+    real(dp), intent(inout) :: q(LB:s%n + LANES, 4)    !! on entry the row by the explicit part alone, on return with friction
     real(dp), intent(inout) :: memory(s%law%n_memory, s%nx) !! theta is set [s]
     real(dp) :: p(s%nx), m(s%nx), v_0(s%nx), x_0(s%nx), theta(s%nx)
     integer :: i, k
@@ -200,14 +200,14 @@ contains
     call close_state(s, q)
   end subroutine implicit_row
 
-  !> Row j at a stage or at the end of the step, from the first n stages. The rod sets the top row.
+  !> Computes row j at a stage or at the end of the step, from the first n stages. The rod sets the top row.
   pure subroutine stage_row(s, elapsed, sub, weight_u, weight_v, n, j, y, rod, f, rod_a, to, rod_to)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: elapsed                    !! time of the stage from the start of the step [s]
     real(dp), intent(in) :: sub                        !! length of the step or sub-step [s]
     real(dp), intent(in) :: weight_u(MAX_STAGES)
     real(dp), intent(in) :: weight_v(MAX_STAGES)
-    integer, intent(in) :: n                           !! stages known
+    integer, intent(in) :: n                           !! number of stages before
     integer, intent(in) :: j                           !! row
     real(dp), intent(in) :: y(LB:s%n + LANES, 4)       !! the row at the start
     real(dp), intent(in) :: rod(6)                     !! the rod at the start
@@ -231,7 +231,7 @@ contains
     end if
   end subroutine stage_row
 
-  !> Largest difference from the embedded method in rows j0..j1. Tilt counts as displacement of the ends of the slider.
+  !> Largest differences of u and v from the embedded method in rows j0..j1. A tilt of the rod counts as displacement of its ends.
   pure function row_errors(s, table, sub, j0, j1, f, rod_a) result(err)
     type(model_t), intent(in) :: s
     type(table_t), intent(in) :: table
@@ -263,7 +263,7 @@ contains
   pure subroutine combine(n, nz, stages, j, elapsed, abar, a, y, f, q)
     integer, intent(in) :: n                         !! length of a row
     integer, intent(in) :: nz                        !! rows
-    integer, intent(in) :: stages                    !! stages known
+    integer, intent(in) :: stages                    !! number of stages before
     integer, intent(in) :: j                         !! row
     real(dp), intent(in) :: elapsed                  !! time from the start of the step [s]
     real(dp), intent(in) :: abar(MAX_STAGES)        !! times h^2/m [m/N]

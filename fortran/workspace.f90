@@ -1,4 +1,4 @@
-!> Work space of steps: rows with bounds LB:n+LANES, whose first block is aligned to a whole vector.
+!> Work space of steps: rows with bounds LB:n+LANES, whose first block is aligned to a vector of LANES elements.
 module pyfric_workspace
   use, intrinsic :: iso_c_binding, only: c_loc, c_intptr_t
   use pyfric_kinds, only: dp
@@ -11,10 +11,10 @@ module pyfric_workspace
   public :: MAX_STAGES, RINGS, FX, FZ, CARRY, BONDS, COLUMNS
 
   integer, parameter :: MAX_STAGES = 6  !! largest number of stages of a stepper
-  !> Columns of a thread's rows work(LB:n+LANES, COLUMNS). A sweep keeps rows of each stage after the first, one row more
-  !> than there are stages. Row j is last needed by the last stage of row j. The two bottom rows are needed until switches
-  !> are located. In finite geometry there are also forces carried up a row, two for each stage, and forces of bonds [N].
-  !> The last columns are forces on a row [N].
+  !> First columns of the parts of a thread's work space work(LB:n+LANES, COLUMNS). RINGS: rows of each stage after the first, whose
+  !> number is the number of stages plus 1. Row j is last needed by the last stage of row j, and the two bottom rows until switches
+  !> are located. CARRY, in finite geometry: forces on the row above, two for each stage [N]. BONDS: forces of bonds [N]. FX and FZ:
+  !> forces on a row [N].
   integer, parameter :: RINGS = 1, CARRY = RINGS + 4*(MAX_STAGES + 1)*(MAX_STAGES - 1), BONDS = CARRY + 2*MAX_STAGES, &
     FX = BONDS + 2*N_BOND, FZ = FX + 1, COLUMNS = FZ
 
@@ -23,7 +23,7 @@ contains
   !> Allocates n_rows rows for each thread, and `aligned` additional elements.
   pure subroutine reserve(s, n_rows, n_threads, memory, complete)
     type(model_t), intent(in) :: s
-    integer, intent(in) :: n_rows                          !! rows of single fields
+    integer, intent(in) :: n_rows                          !! number of rows of a single field
     integer, intent(in) :: n_threads
     real(dp), allocatable, intent(out) :: memory(:, :)
     logical, intent(inout) :: complete                     !! becomes false without memory
@@ -33,7 +33,7 @@ contains
     complete = complete .and. failed == 0
   end subroutine reserve
 
-  !> Index of the first element of a that is aligned to a vector of LANES.
+  !> Index of the first element of the array a that is aligned to a vector of LANES elements.
   function aligned(a) result(at)
     real(dp), intent(in), target :: a(:)
     integer :: at
@@ -47,7 +47,7 @@ contains
   pure subroutine widen(s, y, wide)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: y(s%nx, 4, s%nz)               !! state
-    real(dp), intent(out) :: wide(LB:s%n + LANES, 4, s%nz)     !! the same
+    real(dp), intent(out) :: wide(LB:s%n + LANES, 4, s%nz)     !! state in such rows
     integer :: j
 
     wide = 0.0_dp
@@ -61,7 +61,7 @@ contains
   pure subroutine narrow(s, wide, y)
     type(model_t), intent(in) :: s
     real(dp), intent(in) :: wide(LB:s%n + LANES, 4, s%nz)      !! state
-    real(dp), intent(out) :: y(s%nx, 4, s%nz)              !! the same
+    real(dp), intent(out) :: y(s%nx, 4, s%nz)              !! state without padding
 
     y = wide(s%at(:s%nx), :, :)
   end subroutine narrow

@@ -2,7 +2,7 @@
 
 The same Fortran sources are built for several instruction sets. At import the best build that this
 processor can run is selected. The environment variable ``PYFRIC_VARIANT`` can name another build.
-All builds give the same bits.
+Results have the same bits with all builds.
 """
 
 from __future__ import annotations
@@ -18,17 +18,18 @@ import numpy as np
 
 ENVIRONMENT = "PYFRIC_VARIANT"
 BLOCKS_PER_THREAD = 5_000
-"""Smallest number of blocks per thread for which threads save time (`python studies threads`)."""
+"""Smallest number of blocks per thread with which threads save time. `python studies threads`
+measures this number."""
 SPINS = "1000"
-"""Number of checks at a barrier before a thread sleeps, about 40 us. With the default of libgomp,
-300 000, a thread wastes 13 ms if another thread waits for its processor. This is up to 9 times the
-work itself."""
+"""Number of checks of a thread that waits at a barrier, before it sleeps. The checks take about
+40 us. With the default of libgomp, 300 000, a thread wastes 13 ms if another thread waits for its
+processor. This is up to 9 times the time of the work itself."""
 
 
 def variants() -> dict[str, bool]:
-    """Return the installed variants, best first, and whether this processor can run each."""
+    """Return installed variants -> whether this processor can run the variant, fastest first."""
     found = {"X86_V2"}
-    simd = np.show_config(mode="dicts").get("SIMD Extensions", {})  # what NumPy found at import
+    simd = np.show_config(mode="dicts").get("SIMD Extensions", {})  # as NumPy finds at import
     for names in simd.values():
         if names is not simd.get("not found"):
             found.update(names)
@@ -87,7 +88,7 @@ VARIANT = _chosen()
 
 
 def build_info(name: str = VARIANT) -> dict[str, Any]:
-    """Return compiler, flags and openmp (bool) of a variant."""
+    """Return "compiler", "flags" and "openmp" (bool: built with OpenMP) of a variant."""
     compiler, options, openmp = load_variant(name).build_info()
     flags = [
         f for f in options.decode().split() if f.startswith(("-O", "-m", "-f", "-std", "--param"))
@@ -101,7 +102,7 @@ def build_info(name: str = VARIANT) -> dict[str, Any]:
 
 
 def lacks() -> list[str]:
-    """Return the features that this build lacks, in one sentence each."""
+    """Return a sentence for each feature that this build lacks."""
     said = []
     if not build_info()["openmp"]:
         said.append("built without OpenMP: every run takes one thread")
@@ -116,12 +117,12 @@ def processors() -> int:
 
 
 def _allowed() -> set[int]:
-    """Return the processors that this process may run on; empty if the system does not tell."""
+    """Return the processors that this process may run on, empty if the system has no such list."""
     return os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set()
 
 
 class _Fork:
-    """Whether this process was made by fork, after which threads of the core would hang."""
+    """Whether fork made this process. Threads of the core would hang in such a process."""
 
     child = False
 
@@ -135,9 +136,9 @@ if hasattr(os, "register_at_fork"):
 
 
 def forked() -> bool:
-    """Return whether this process was made by fork. The core then runs on one thread.
+    """Return whether fork made this process. The core then runs on one thread.
 
-    OpenMP in the child would wait for threads that exist only in the parent.
+    OpenMP in the child process would wait for threads that exist only in the parent process.
     """
     return _Fork.child
 
@@ -150,13 +151,13 @@ def fork_notes(n_blocks: int) -> tuple[str, ...]:
 
 
 def saving_threads(n_blocks: int, threads: int | None = None) -> int:
-    """Return the number of threads that saves time, without regard to forks."""
+    """Return the number of threads with which a lattice runs fastest, without a fork."""
     limit = processors() if threads is None else threads
     return max(1, min(limit, n_blocks // BLOCKS_PER_THREAD)) if build_info()["openmp"] else 1
 
 
 def useful_threads(n_blocks: int, threads: int | None = None) -> int:
-    """Return the number of threads that saves time for a lattice of n_blocks; 1 after a fork.
+    """Return the number of threads with which a lattice of n_blocks runs fastest; 1 after a fork.
 
     Args:
         n_blocks: N_x N_z.

@@ -30,11 +30,12 @@ ENERGIES = (
     "elastic_mattress",
     "elastic_driver",
 )
-"""Energies in the order of the core. In a chain, "elastic_mattress" is the energy of k_top."""
+"""Names of the energies in the order of the core. In a chain, "elastic_mattress" is the energy of
+k_top."""
 SLIP_FINISHED = 1
-"""Largest code of slip without inertia that ended neither by a limit nor by an error."""
+"""Largest code of the core with which slip without inertia can go on: no limit, no error."""
 JUNCTIONS = "elastic_junctions"
-"""Name of the additional energy of junctions."""
+"""Name of the elastic energy of junctions."""
 
 
 def advance(
@@ -64,12 +65,13 @@ def advance(
             F_N/(N_x s), those of velocities over F_N/(N_x sqrt(s m)), with s the largest of k, k_f
             and k_top.
         budget: whether to integrate work and dissipation.
-        threads: number of threads; results do not depend on it. One if `forked`.
-        variant: build to use; results do not depend on it.
+        threads: number of threads, which does not change results. If `forked`, one thread is used.
+        variant: build to use, which does not change results.
 
     Returns:
         The reason why the call ended. After `ENDLESS` and `TOO_SHORT` the state is inside a step,
-        and no run may continue from it. `log.block` and `log.t` then give block and time.
+        and no run may continue from this state. `log.block` and `log.t` are then block and time of
+        the failure.
 
     Raises:
         ValueError: arrays do not fit the model, or a number is out of range.
@@ -139,7 +141,7 @@ def advance(
 
 
 def _check_status(status: int, shape: tuple[int, ...]) -> None:
-    """Raise an error if the core had no memory, or does not know the law.
+    """Raise MemoryError if the core had no memory, ValueError if it does not know the law.
 
     Args:
         status: status of the core.
@@ -184,8 +186,8 @@ def evaluate(
         model: from `model`, for the scene of the state.
         state: the state.
         t: time, in s.
-        variant: build to use; results do not depend on it.
-        n_times: number of evaluations, for timing.
+        variant: build to use, which does not change results.
+        n_times: number of times that the evaluation is repeated, for timing.
 
     Raises:
         ValueError: arrays do not fit the model, or n_times is less than 1.
@@ -201,7 +203,7 @@ def evaluate(
 
 
 class SlowSlip(NamedTuple):
-    """Slip without inertia up to a time on the grid of steps.
+    """Slip without inertia, up to a time on the grid of time steps.
 
     Attributes:
         t: end time since the beginning, in s.
@@ -209,12 +211,12 @@ class SlowSlip(NamedTuple):
         log_theta: ln of theta (s), shape (N_x,).
         v: velocities, shape (N_x,), in m/s.
         a: accelerations, shape (N_x,), in m/s^2.
-        points: u, ln theta and v at the times asked for that were reached, shape (n, 3, N_x).
+        points: u, ln theta and v at those requested times that were reached, shape (n, 3, N_x).
         h: length of the next step, in s.
         steps: number of steps made.
-        goes_on: whether slip ended neither by a limit nor by an error.
-        passed: passages through the threshold, shape (m, 2), in order of time: block, and its new
-            value as in `fast` of `slow_slip`. Some passages may be after t.
+        goes_on: whether slip can go on, because neither a limit nor an error ended it.
+        passed: passages through the threshold, shape (m, 2), in order of time: block, and new value
+            of the block in `fast` (see `slow_slip`). Some passages may be after t.
         passed_at: for each passage, time since the beginning (s), normal force of the block (N),
             and displacements of all blocks (m), shape (m, N_x + 2).
         sums: time (s) and |sum of velocities| (m/s) at the ends of steps, shape (steps, 2); empty
@@ -239,17 +241,17 @@ class SlowLimits(NamedTuple):
     """Limits that end slip without inertia, and its accuracy.
 
     Attributes:
-        end: end time since the beginning, in s. The last step is shortened to end there.
+        end: end time since the beginning, in s, to which the last step is shortened.
         dt: spacing of the time grid, and shortest step, in s.
         relative: relative error of a step, in displacements and ln theta.
         u: additional absolute error of displacements, in m.
         log_theta: additional absolute error of ln theta.
         inertia: largest sum of loads by inertia over the interface, in N.
         speed: speed that no block may reach, in m/s.
-        least: slip ends if steps are shorter than this (s) and do not grow, because they save no
+        least: step length below which slip ends if steps do not grow, in s. Shorter steps save no
             work.
-        last: time at which the state is wanted, in s, on the grid. The first step that reaches it
-            is the last, and is not shortened.
+        last: requested time of the final state, in s, on the grid. The first step that reaches this
+            time is the last step, and is not shortened.
         steps: largest number of steps.
     """
 
@@ -282,28 +284,29 @@ def slow_slip(
     fast: np.ndarray | None = None,
     variant: str = VARIANT,
 ) -> SlowSlip:
-    """Slip without inertia under rate-and-state friction (pyfric_slow_slip in Fortran).
+    """Return slip without inertia under rate-and-state friction (pyfric_slow_slip in Fortran).
 
     Args:
         model: from `model`, for a scene with rate-and-state friction.
         load: load on each block along +x, in N: its value, first and second time derivative, shape
             (N_x, 3), and its derivatives by displacements, shape (N_x, N_x).
-        p: the same for the normal force.
+        p: normal force with the derivatives of `load`.
         log_theta: ln of theta (s) at the beginning, shape (N_x,).
         limits: limits and accuracy.
         viscous: derivatives of load and normal force by velocities, shapes (N_x, N_x), in N s/m;
             None means 0.
-        inertial: the same by accelerations, in kg; None means 0.
+        inertial: derivatives of load and normal force by accelerations, shapes (N_x, N_x), in kg;
+            None means 0.
         v: velocities at the beginning, shape (N_x,), in m/s, needed if the state evolves with
             stress; None means velocities that balance the loads.
         closed: blocks in contact, shape (N_x,), bool; None means all.
         times: times of points, ascending, in s.
         h: length of the first step, in s; 0 means dt.
-        threshold: speed above which a block is fast, in m/s; 0 means no threshold. Slip ends early,
-            and may go on, if there is no more room for passages.
+        threshold: speed above which a block is fast, in m/s; 0 means no threshold. Slip ends early
+            if there is no more room for passages, and can then go on in another call.
         fast: +1 or -1 for blocks that are fast to the right or left at the beginning, 0 for others,
             shape (N_x,), int32; None means 0.
-        variant: build to use; results do not depend on it.
+        variant: build to use, which does not change results.
 
     Raises:
         ValueError: arrays do not fit the model, or the model has another law.
@@ -363,7 +366,7 @@ def bond_forces(scene: Scene, geometry: Geometry) -> Callable[[np.ndarray], np.n
     """
     bare = springs(scene, geometry, 1.0)
     memory = np.zeros((bare.n_memory, scene.N_x), order="F")
-    # accelerations are forces: m = 1
+    # m = 1: accelerations equal forces
     y, rod = np.zeros((scene.N_z, 4, scene.N_x)), np.zeros(6)
     mode = np.full(scene.N_x, OPEN, dtype=np.int32)
 
@@ -379,9 +382,9 @@ def bond_forces(scene: Scene, geometry: Geometry) -> Callable[[np.ndarray], np.n
 def curve_point(model: Model, state: State, t: float, budget: bool = True) -> np.ndarray:
     """Return a point of the loading curve at time t (s), shape (16,).
 
-    It has F_T (N), and in J: seven energies; the works of driver and load; heat of bonds, heat of
-    friction, loss by switches and two parts of the friction heat; and the part of the heat of bonds
-    that absorbing walls took. Without `budget` all numbers except F_T are 0.
+    The first number is F_T (N). All others are in J: seven energies; the works of driver and load;
+    heat of bonds, heat of friction, loss by switches and two parts of the friction heat; and the
+    part of the heat of bonds that absorbing walls took. Without `budget` all these are 0.
 
     Raises:
         ValueError: arrays do not fit the model.
@@ -397,7 +400,7 @@ def curve_point(model: Model, state: State, t: float, budget: bool = True) -> np
 def energies(model: Model, state: State, t: float) -> dict[str, float]:
     """Return the energies of a state at time t (s), in J, by the names of `ENERGIES`.
 
-    On junctions there is the additional energy "elastic_junctions".
+    On junctions the result also has the energy "elastic_junctions".
 
     Raises:
         ValueError: arrays do not fit the model.

@@ -9,15 +9,16 @@ import numpy as np
 
 Switching = Literal["step_end", "located"]
 POINTS = 512
-"""Room for points of the loading curve, large enough that calls take little of the time."""
+"""Largest number of points of the loading curve in one call of the core. With this number, calls
+take little time compared with steps."""
 POINT = 16
-"""Numbers in a point of the loading curve; see `pyfric.core.curve_point`."""
+"""How many numbers a point of the loading curve has; see `pyfric.core.curve_point`."""
 
 
 def room_of_step(N_x: int, switching: Switching) -> tuple[int, int]:
-    """Return the largest numbers of switches, and of starts and ends of slip, in one step.
+    """Return the largest number of switches, and of starts and ends of slip, in one step.
 
-    They are the same as in pyfric_location.
+    pyfric_location in Fortran has the same numbers.
     """
     return (8 * N_x + 200, 64) if switching == "located" else (N_x, 1)
 
@@ -25,19 +26,19 @@ def room_of_step(N_x: int, switching: Switching) -> tuple[int, int]:
 class Log:
     """Buffers for switches, starts and ends of slip (see `pyfric.record.episodes`), and the curve.
 
-    With a threshold, they also hold passages of blocks through this speed, in the form of switches,
-    and starts and ends of fast slip.
+    With a threshold of speed, the buffers also hold passages of blocks through the threshold, in
+    the form of switches, and starts and ends of fast slip.
 
     Args:
         N_x: number of blocks along the interface.
-        switches: room for switches; None means enough for many steps.
+        switches: room for switches; None means room for many steps.
         quiet: room for starts and ends of slip.
         every: number of steps between two points of the loading curve; 0 means no points.
         threshold: speed above which a block is fast, in m/s; 0 means no threshold.
 
     Attributes:
-        tried: number of steps and sub-steps that the last call computed. A rejected step counts by
-            the share of the lattice that was computed.
+        tried: number of steps and sub-steps that the last call computed. Of a rejected step, the
+            computed share of the lattice is added.
         block: block at which the last call failed, counted from 0; -1 if it did not fail.
         t: time at which the last call failed, in s.
         fast: shape (2, N_x), int32. Row 0: +1 or -1 for blocks that are fast to the right or left,
@@ -62,7 +63,7 @@ class Log:
         self.quiet_r = np.zeros((N_x + 2 + POINT, quiet), order="F")
         self.every, self.threshold = every, threshold
         self.points = np.zeros((POINT, POINTS if every else 0), order="F")
-        crossings, bursts = (switches, quiet) if threshold else (1, 1)  # f2py takes no empty ones
+        crossings, bursts = (switches, quiet) if threshold else (1, 1)  # f2py takes no empty arrays
         self.fast, self.speeds = np.zeros((2, N_x), dtype=np.int32), np.zeros(N_x + 1)
         self.crossing_i = np.zeros((4, crossings), dtype=np.int32, order="F")
         self.crossing_r = np.zeros((4, crossings), order="F")
@@ -71,7 +72,7 @@ class Log:
         self.n_switch = self.n_quiet = self.n_point = self.n_crossing = self.n_burst = 0
 
     def switches(self) -> dict[str, np.ndarray]:
-        """Return the columns of the switch log, as copies."""
+        """Return the columns of the log of switches, as copies."""
         return of_blocks(self.switch_i[:, : self.n_switch], self.switch_r[:, : self.n_switch])
 
     def crossings(self) -> dict[str, np.ndarray]:
@@ -80,7 +81,7 @@ class Log:
         return of_blocks(self.crossing_i[:, :n], self.crossing_r[:, :n])
 
     def quiet(self) -> dict[str, np.ndarray]:
-        """Return the columns of the quiet log, as copies."""
+        """Return the columns of the log of starts and ends of slip, as copies."""
         i, r = self.quiet_i[:, : self.n_quiet], self.quiet_r[:, : self.n_quiet]
         return of_all(i, r, r[2 + POINT :])
 
@@ -97,7 +98,7 @@ class Log:
 
 
 def of_blocks(i: np.ndarray, r: np.ndarray) -> dict[str, np.ndarray]:
-    """Return columns of a log of single blocks."""
+    """Return the columns of a log of single blocks from its integers `i` and numbers `r`."""
     return {
         "step": r[0].astype(np.int64),
         "block": i[0].astype(np.int64),
@@ -111,7 +112,7 @@ def of_blocks(i: np.ndarray, r: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def of_all(i: np.ndarray, r: np.ndarray, u_x: np.ndarray) -> dict[str, np.ndarray]:
-    """Return columns of a log of the whole interface."""
+    """Return the columns of a log of the interface from integers `i`, numbers `r` and u_x."""
     return {
         "step": r[0].astype(np.int64),
         "t": r[1].copy(),

@@ -12,17 +12,18 @@ CONTAINERS = (
     ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current"),
     ("/sys/fs/cgroup/memory/memory.limit_in_bytes", "/sys/fs/cgroup/memory/memory.usage_in_bytes"),
 )
-"""Files with the limit and the use of memory of a container."""
+"""Files with the memory limit of a container, and files with the memory in use."""
 LIMITS = ((resource.RLIMIT_AS, 0), (resource.RLIMIT_DATA, 5))
-"""Limits of a process, and the index of the limited number in /proc/self/statm, in pages."""
+"""Memory limits of a process, each with the index in /proc/self/statm of the memory in use, in
+pages."""
 
 
 def available() -> float:
     """Return the available memory, in bytes.
 
-    It is the smallest of three values: the available memory of the machine, the rest of the limit
-    of its container, and the rest of the limits of this process (`ulimit -v` and `ulimit -d`). It
-    is inf if the system does not report these values.
+    The result is the smallest of three values: the available memory of the machine, the rest of the
+    limit of its container, and the rest of the limits of this process (`ulimit -v` and
+    `ulimit -d`). If the system reports none of these values, the result is inf.
     """
     found = [np.inf]
     for files in CONTAINERS:

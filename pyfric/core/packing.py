@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 CORNER_SHARE = 0.02
 """Normal force, over F_N/N_x, below which a start of slip is a corner episode."""
 BEYOND = {"free": 0, "mirrored": 1, "absorbing": 2, "held": 3}
-"""Codes of the core for conditions at the sides and the top (pyfric_model)."""
+"""Codes of the core for boundary conditions at the sides and the top (pyfric_model in Fortran)."""
 
 
 class Counts(NamedTuple):
@@ -46,9 +46,9 @@ class Counts(NamedTuple):
 
 
 class Constants(NamedTuple):
-    """Numbers that the core takes, in SI units, in the order of `constants_t` (pyfric_model).
+    """Numbers that the core takes, in SI units, in the order of `constants_t`.
 
-    pyfric_model describes each number and its unit.
+    pyfric_model in Fortran describes each number and its unit.
     """
 
     l: float
@@ -79,20 +79,21 @@ OF_BLOCKS = (
     *("x", "load", "shear", "push", "push_rate", "k_f", "gap"),
     *("mu_s", "mu_k", "d_c", "alpha", "bare", "limit", "limit_rate"),
 )
-"""Numbers that a `Model` has for each block of the interface, in order. The fields of friction are
-those of `CoulombLaw`; other laws have their own."""
+"""Names of the numbers that a `Model` has for each block of the interface, in order. From mu_s on,
+they are the fields of `CoulombLaw`; other laws have other fields."""
 
 
 class Model(NamedTuple):
-    """A scene in the form that the core takes; `model` makes and checks it.
+    """A scene in the form that the core takes, from the function `model`.
 
     Attributes:
         counts: `Counts`, int32.
-        numbers: the following numbers, one after the other. `Constants`. u_drv0 of each driven
-            block minus their mean (m). `OF_BLOCKS`, N_x numbers each: x (m), load (p if prescribed)
-            and shear (N), pushes on the bottom row at t_seg (N) and their rates (N/s), k_f (N/m),
-            gap (m), and fields of the friction law, with limits of mu at t_seg and their rates
-            (1/s). Other numbers of the law. x and y of each knot of tables of the law.
+        numbers: five groups of numbers, one after the other. First, `Constants`. Second, u_drv0 of
+            each driven block minus the mean of u_drv0 (m). Third, `OF_BLOCKS`, N_x numbers each: x
+            (m), load (p if prescribed) and shear (N), pushes on the bottom row at t_seg (N) and
+            their rates (N/s), k_f (N/m), gap (m), and fields of the friction law, with limits of mu
+            at t_seg and their rates (1/s). Fourth, other numbers of the law. Fifth, x and y of each
+            knot of the law's tables.
     """
 
     counts: np.ndarray
@@ -221,7 +222,7 @@ def model(scene: Scene, geometry: Geometry, u_drv0: OnDriven, t: float = 0.0) ->
 def _interface(
     scene: Scene, t: float, begin: float
 ) -> tuple[list[np.ndarray], dict[str, int], list[np.ndarray]]:
-    """Return the fields of the interface, the numbers of knots of its law, and the knots."""
+    """Return fields of the interface, numbers of knots of the law's tables, and the knots."""
     law, N_x = scene.law, scene.N_x
     fields = (scene.k_f, scene.gap, *law.core_fields(scene.limit_at(t, begin)))
     rows = [np.broadcast_to(np.asarray(field, dtype=float), (N_x,)) for field in fields]
@@ -233,7 +234,7 @@ def _interface(
 def springs(
     scene: Scene, geometry: Geometry, m: float | None = None, *, viscous: bool = False
 ) -> Model:
-    """Return the free lattice, without foundation, loads, driver and rod.
+    """Return the model of the free lattice, without foundation, loads, driver and rod.
 
     Args:
         scene: the scene with the lattice.

@@ -1,8 +1,8 @@
 """A part of a chain, from one block to another, in the form that the core takes.
 
-A block of a chain touches only its neighbours. A stuck block between stuck blocks stays at rest,
-and only the driver changes the force on it. If its outermost blocks rest, a part therefore makes
-the same steps as in the whole chain.
+In a chain, forces act only between neighbours. A stuck block between stuck blocks stays at rest,
+and only the driver changes the force on this block. If the outermost blocks of a part rest, the
+part therefore makes the same steps as in the whole chain.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pyfric.core.packing import BEYOND, OF_BLOCKS, Constants, Counts, Model
 from pyfric.core.state import State
 
 ROWS, MU_S = len(OF_BLOCKS), OF_BLOCKS.index("mu_s")
-"""Number of rows of N_x numbers in a `Model`, and the row of the static friction coefficient."""
+"""Number of rows of N_x numbers in a `Model`, and index of the row of mu_s."""
 
 
 class Part:
@@ -24,7 +24,7 @@ class Part:
 
     Args:
         model: the chain.
-        first, end: the blocks.
+        first, end: index of the first block, and index after the last block.
     """
 
     def __init__(self, model: Model, first: int, end: int) -> None:
@@ -55,27 +55,27 @@ class Part:
         self.model = Model(np.array(counts, dtype=np.int32), numbers)
 
     def state(self, whole: State) -> State:
-        """Return a copy of the state of these blocks, without the driver."""
+        """Return a copy of the state of this part, without the numbers of the driver."""
         at = slice(self.first, self.end)
         values = {name: getattr(whole, name)[..., at].copy() for name in BY_BLOCK}
         copied = {name: getattr(whole, name).copy() for name in OF_ROWS}
         return dataclasses.replace(whole, **values, **copied, u_drv0=0.0, spring=np.zeros(4))
 
     def put(self, part: State, whole: State) -> None:
-        """Copy the state of these blocks into the whole."""
+        """Copy the state of this part to the state of the whole chain."""
         at = slice(self.first, self.end)
         for name in BY_BLOCK:
             getattr(whole, name)[..., at] = getattr(part, name)
         whole.step, whole.drive = part.step, part.drive
 
     def switched(self, log: Log) -> bool:
-        """Return whether one of the two outermost blocks at a cut has switched."""
+        """Return whether one of the last two blocks before a cut has switched."""
         blocks = log.switch_i[0, : log.n_switch]
         near = (blocks < 2) & (self.first > 0)
         return bool((near | ((blocks >= self.end - self.first - 2) & (self.end < self.N_x))).any())
 
     def log(self, part: Log, whole: Log, state: State) -> None:
-        """Fill the log of the whole chain, except F_T; `state` is the state before these steps."""
+        """Fill the log of the whole chain, except F_T; `state` is its state before the steps."""
         n, m, at = part.n_switch, part.n_quiet, slice(self.first, self.end)
         whole.n_switch, whole.n_quiet, whole.n_point = n, m, part.n_point
         whole.switch_i[:, :n], whole.switch_r[:, :n] = part.switch_i[:, :n], part.switch_r[:, :n]
@@ -94,6 +94,6 @@ class Part:
 
 
 BY_BLOCK = "y", "mode", "corner", "margin", "memory", "loss", "heat", "parts", "phase"
-"""Arrays of a state whose last index counts blocks."""
+"""Names of the arrays of a state whose last index counts blocks."""
 OF_ROWS = "rod", "dissipated", "radiated", "work"
-"""Other arrays of a state."""
+"""Names of the other arrays of a state."""

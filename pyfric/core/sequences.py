@@ -14,17 +14,20 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 KEPT = 2
-"""Number of tables with all blocks held that the core stores for a run (pyfric_pivots)."""
+"""Number of tables of the slider with all blocks held that the core stores for a run
+(pyfric_pivots)."""
 COUNTS = (
     *("leg", "phase", "step", "tried", "rests", "grown", "events", "starts", "releases"),
     *("block", "new", "slips", "gradual", "route", "base"),
 )
-"""Integers that are stored for a run between calls, in the order of the core (pyfric_sequences)."""
+"""Names of the integers that a run stores between calls, in the order of the core
+(pyfric_sequences)."""
 MOVES, IN_EVENT, PASSES = 2, 3, 5
-"""Phases of a run: before a change between events, inside an event, and before the next change
-while slip grows (pyfric_sequence)."""
+"""Codes of phases of a run: before a change between events, inside an event, and before the next
+change while slip grows (pyfric_sequence)."""
 QUIET, POINTS = 256, 512
-"""Room of each run in a call, for starts and ends of slip and for points of the curve."""
+"""Largest numbers of starts and ends of slip, and of points of the curve, that a run logs in a
+call."""
 
 
 class CondensedSlider(NamedTuple):
@@ -36,11 +39,13 @@ class CondensedSlider(NamedTuple):
         unit: F_N/N_x, in N.
         rounded: largest violation of conditions by rounding, over `unit`.
         least: normal force below which a block does not stick, in N.
-        lost: violation by rounding, in N, above which nothing holds the slider.
+        lost: violation of conditions by rounding, in N, above which the slider counts as not held.
         S: stiffness of u_x and u_z, shape (2 N_x, 2 N_x), in N/m.
-        drive: load on the interface per drive, shape (2 N_x,), in N/m.
-        loads: load per drive (N/m) and constant load (N) of each route, shape (n, 2 N_x, 2).
-        F_T: the same for F_T at u = 0, shape (n, 2).
+        drive: load on the interface per motion of the driver, shape (2 N_x,), in N/m.
+        loads: load per motion of the driver (N/m) and constant load (N), for each route of the
+            loads, shape (n, 2 N_x, 2).
+        F_T: F_T at u = 0, per motion of the driver (N/m) and constant (N), for each route, shape
+            (n, 2).
     """
 
     k: float
@@ -63,8 +68,8 @@ class Rules(NamedTuple):
         idle: largest number of successive changes of contact state without motion of
             the driver.
         growth: largest number of changes while slip grows in a leg, over N_x.
-        rate: rate of a force, over stiffness times rate of displacement, below which it is
-            rounding.
+        rate: rate of a force, over stiffness times rate of displacement, below which the rate is a
+            rounding error.
         definite: definiteness below which slip may not be unique.
         p_corner: normal force below which slip begins as a corner episode, in N.
     """
@@ -80,7 +85,7 @@ class Rules(NamedTuple):
 class CoreLeg(NamedTuple):
     """A leg of a protocol: see `pyfric.scene.Leg` and `pyfric.statics.Stretch`.
 
-    `route` is the number of its loads, from 1; 0 means the loads of the leg before.
+    `route` is the number of the leg's loads, from 1; 0 means the loads of the leg before.
     """
 
     t: float
@@ -104,7 +109,7 @@ class Interfaces(NamedTuple):
         mode: contact states, shape (n, N_x).
         u_x: positions of held blocks, shape (n, N_x), in m.
         drive: positions of the driver, shape (n,), in m.
-        offset: offset of the positions of the driver in all legs, shape (n,), in m.
+        offset: length that is added to the driver's positions in all legs, shape (n,), in m.
         gradual: whether slip grows, mu_s = mu_k, shape (n,).
     """
 
@@ -118,7 +123,7 @@ class Interfaces(NamedTuple):
 
 
 class SequenceLog(NamedTuple):
-    """Log of a run in a call.
+    """Log of a run from one call of the core.
 
     Attributes:
         switches, quiet: columns as in `pyfric.core.Log`.
@@ -151,15 +156,15 @@ class Sequences:
 
     Args:
         slider: the slider.
-        rules: limits.
+        rules: limits of the sequences.
         legs: the protocol.
         interfaces: the interfaces and states of the runs.
-        switches: room for switches of each run; None means enough for many changes.
+        switches: room for switches of each run; None means room for many changes.
 
     Attributes:
         status: reason why each run stopped, a `Status`, shape (n,).
         counts: integers of each run, shape (n, 15); see `COUNTS`.
-        mode: contact states as logged, shape (n, N_x).
+        mode: contact states after the last logged change, shape (n, N_x).
     """
 
     def __init__(
@@ -203,7 +208,7 @@ class Sequences:
         return len(self.status)
 
     def part(self, which: np.ndarray) -> Self:
-        """Return some of the runs, with copies of their data; which: shape (n,), bool."""
+        """Return the runs `which`, shape (n,), bool, with copies of their data."""
         part = object.__new__(type(self))
         part.slider, part.rules, part.legs = self.slider, self.rules, self.legs
         for name in ("fields", "kinds", "states", "columns", "tables", "counts", "numbers"):
@@ -219,12 +224,13 @@ class Sequences:
 
         Args:
             max_changes: largest number of changes of each run, at least 1.
-            stops: whether to stop before each change between events; `ahead` then has the position.
+            stops: whether to stop before each change between events; `ahead` is then the position
+                of the driver at this change.
             threads: number of threads; one if `forked`.
-            variant: build to use; results do not depend on it.
+            variant: build to use, which does not change results.
 
         Returns:
-            `status`. Runs that end with `PAUSED` or `LOG_FULL` go on in the next call.
+            `status`. Runs with the status `PAUSED` or `LOG_FULL` go on in the next call.
 
         Raises:
             ValueError: a number is out of range.
@@ -265,7 +271,7 @@ class Sequences:
         return self.status
 
     def count(self, name: str) -> np.ndarray:
-        """Return an integer of each run, shape (n,); see `COUNTS`."""
+        """Return the integer `name` of `COUNTS` for each run, shape (n,)."""
         return self.counts[:, COUNTS.index(name)]
 
     @property
@@ -285,7 +291,7 @@ class Sequences:
 
     @property
     def slipping(self) -> np.ndarray:
-        """Column of the block that slips next, -1 if none does, shape (n,)."""
+        """Column of the block that slips at the next change, -1 if no block does, shape (n,)."""
         slips = (self.count("phase") == MOVES) & (np.abs(self.count("new")) == 1)
         return np.where(slips, self.count("block") - 1, -1)
 
@@ -301,7 +307,7 @@ class Sequences:
         return float(row @ column)
 
     def log(self, run: int) -> SequenceLog:
-        """Return the log of a run in the last call, as copies."""
+        """Return a copy of the log of a run from the last call."""
         n_switch, n_quiet, n_point = self.n_log[run].tolist()
         switches = of_blocks(self.switch_i[run, :n_switch].T, self.switch_r[run, :n_switch].T)
         of_quiet, N_x = self.quiet_r[run, :n_quiet], self.states.shape[2]

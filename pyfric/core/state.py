@@ -32,7 +32,7 @@ REAL, WHOLE = np.dtype(np.float64), np.dtype(np.int32)
 
 
 SIDES = {"left": 1, "right": -1, "pull right": 2, "pull left": -2, "top": 3}
-"""Numbers of driven sides in `State.spring`."""
+"""Codes of driven sides in `State.spring`."""
 
 
 class StateError(ValueError):
@@ -40,7 +40,7 @@ class StateError(ValueError):
 
 
 def spring_of(scene: Scene) -> np.ndarray:
-    """Return `State.spring`: K and side of the driver, and the rows that it pushes."""
+    """Return `State.spring` of a scene, shape (4,): K (N/m), code of the side, and driven rows."""
     side = SIDES[scene.driver.side]
     return np.array([scene.driver.K, side, scene.j_h, scene.j_h_top], dtype=float)
 
@@ -56,17 +56,17 @@ class State:
         mode: contact states of the bottom blocks, shape (N_x,), int32: 0 stuck, +1 or -1 slip in
             that direction, 2 open.
         corner: 1 if the present or last slip is a corner episode, shape (N_x,), int32.
-        margin: what a block lacks before it slips, at the last step, shape (N_x,), in the unit and
-            with the meaning of `scene.law.margin`: a force in N if blocks can rest.
+        margin: margin of each block to slip at the last step, shape (N_x,), in the unit and with
+            the meaning of `scene.law.margin`: a force in N if blocks can rest.
         memory: state variables of the friction law for each bottom block, shape (N_x,), a
             structured array with the names of the law; `state.s_0` is `memory["s_0"]`.
         loss: kinetic energy removed when a switch stopped a block, shape (N_x,), in J. On
             junctions: heat of breaks and of pinning.
-        dissipated: heat of the bonds that start in each row, and energy that absorbing walls take
-            in this row, shape (N_z,), in J.
+        dissipated: heat of the bonds that start in each row, plus energy that absorbing walls take
+            from this row, shape (N_z,), in J.
         heat: friction heat under each block, shape (N_x,), in J.
-        work: work of the driver, and of other external forces (load, shear, push), shape (2,), in
-            J.
+        work: work of the driver, and work of other external forces (load, shear, push), shape
+            (2,), in J.
         step: number of steps since t0.
         t0: time of step 0, in s.
         dt: time step, in s.
@@ -74,19 +74,19 @@ class State:
             its blocks at which no spring is strained, row by row, shape (n_driven,).
         drive: displacement of the driver, in m.
         parts: parts of `heat` from friction above mu_k p and from alpha, shape (2, N_x), in J. On
-            junctions: heat of dragging, and work of changes of their stiffness. None means 0.
-        spring: K (N/m) and side of the driver (`SIDES`), the lowest and the highest row that it
-            pushes, shape (4,). None means zeros: the driver is unknown.
+            junctions: heat of dragging, and work of changes of stiffness. None means 0.
+        spring: K (N/m) and side of the driver (`SIDES`), the lowest and the highest driven row,
+            shape (4,). None means zeros: the driver is unknown.
         radiated: part of `dissipated` that absorbing walls take, shape (N_z,), in J. None means 0.
         sub: longest sub-step that the error of the adaptive stepper allows, in s; 0 means dt. In a
             phase of slow slip: length of its first slow step.
         since: number of steps since the present phase of slow slip began; 0 without such a phase.
-        phase: u_x (m), theta (s) and v_x (m/s) at the start of this phase, shape (3, N_x). None
-            means 0.
+        phase: u_x (m), theta (s) and v_x (m/s) at the start of the present phase of slow slip,
+            shape (3, N_x). None means 0.
 
     `scene.law.state` lists the state variables with units and meanings. State variables of
-    junctions have the shape (N_x, n_s). An open block keeps its s_0 (see `slip`), because motion
-    without contact is not slip.
+    junctions have the shape (N_x, n_s). While a block is open, its s_0 (see `slip`) does not
+    change, because motion without contact is not slip.
     """
 
     y: np.ndarray
@@ -162,13 +162,13 @@ class State:
     _repr_html_ = html
 
     def values(self) -> dict[str, Any]:
-        """Return arrays and numbers by name, as in files, with an array for each state variable."""
+        """Return the arrays and numbers of the state by name, as in files."""
         names = [field.name for field in dataclasses.fields(self) if field.name != "memory"]
         return {name: getattr(self, name) for name in (*names, *self.memory.dtype.names)}
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Self:
-        """Return the state with these `values`.
+        """Return the state whose `values` are these.
 
         Raises:
             KeyError: a value is missing.
@@ -190,7 +190,7 @@ class State:
         )
 
     def with_dt(self, dt: float) -> Self:
-        """Return a copy with another time step; an equal dt keeps the step count."""
+        """Return a copy with time step dt (s). If dt is new, steps are counted from now on."""
         new = self.copy()
         if dt != self.dt:
             new.t0, new.step, new.dt, new.sub = self.t, 0, float(dt), 0.0
@@ -198,15 +198,15 @@ class State:
         return new
 
     def out_of_phase(self) -> None:
-        """Forget the present phase of slow slip."""
+        """Set `since` and `phase` to zero: no phase of slow slip has begun."""
         self.since, self.phase = 0, np.zeros_like(self.phase)
 
     def under(self, scene: Scene) -> Self:
         """Return a copy for a run under another protocol or driver, with the same F_T.
 
         Times of protocols count from t = 0. If the new protocol gives another driver position at t,
-        or if K differs, u_drv0 is shifted so that F_T does not jump. If other blocks are driven,
-        they share F_T evenly.
+        or if K differs, u_drv0 is shifted so that F_T does not jump. If the driven blocks differ,
+        F_T is divided evenly among the new driven blocks.
 
         Raises:
             StateError: the driver is on the other side, or the state is damaged.
@@ -222,7 +222,7 @@ class State:
         return new
 
     def _taken_over(self, scene: Scene, drive: float) -> OnDriven:
-        """Return u_drv0 of another driver at `drive` (m) with the same F_T."""
+        """Return u_drv0 (m) of the driver of a scene at `drive` (m), for the present F_T."""
         K, side, low, high = self.spring
         if side != SIDES[scene.driver.side]:
             known = {number: name for name, number in SIDES.items()}.get(int(side), side)
@@ -239,7 +239,7 @@ class State:
         return float(home[0]) if scene.n_driven == 1 else home
 
     def check(self, N_x: int, N_z: int | None = None, n_memory: int | None = None) -> None:
-        """Check shapes and types, on which the core relies.
+        """Raise StateError if shapes or types of arrays do not fit the core.
 
         Args:
             N_x: number of blocks along the interface.
@@ -305,7 +305,7 @@ class State:
             raise StateError(f"state.memory: {needed}")
 
     def check_physics(self, scene: Scene) -> None:
-        """Check a state from a user or a file before a run continues from it.
+        """Raise StateError if a run of a scene cannot continue from the state.
 
         Raises:
             StateError: the state does not fit the scene, a value is not finite, a contact state is
@@ -339,8 +339,8 @@ class State:
 
         Raises:
             OSError: the file cannot be written. The message names path and reason.
-            SceneError: the file exists and `overwrite` is not True; the state was then saved beside
-                it. Or the name has the suffix of another format.
+            SceneError: the name has the suffix of another format. Or the file exists and
+                `overwrite` is not True; the state was then saved in another file beside it.
         """
         check_free(path, overwrite, self.save)
         content = io.BytesIO()

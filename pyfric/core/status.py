@@ -15,7 +15,7 @@ class Status(enum.IntEnum):
     NO_MEMORY = 4  # nothing was done: memory could not be allocated
     STRAINED = 5  # stopped early, after a step: a cell may be turned inside out
     UNKNOWN_LAW = 13  # nothing was done: the friction law is not known
-    # the following are of sequences of static states
+    # the codes below belong to quasi-static sequences
     PAUSED = 6  # stopped early: the number of changes asked for was made
     UNSETTLED = 7  # contact states do not settle
     IDLE = 8  # slip goes on without end, in events of no length

@@ -6,10 +6,10 @@ the forces at stages j < i. Stage i is at
     u_i = u + c_i h v + h^2 sum_j abar_ij F_j/M ,   v_i = v + h sum_j a_ij F_j/M .
 
 The step ends at u + h v + h^2 sum_i bbar_i F_i/M and v + h sum_i b_i F_i/M. An error estimate comes
-from an embedded method. Its weights are b - e and bbar - ebar.
+from an embedded method, whose weights are b - e and bbar - ebar.
 
-An implicit-explicit stepper has a second lower triangle s, with a diagonal, for the friction of
-blocks that never rest. A step ends at the last stage.
+An implicit-explicit stepper has a second table s for the friction of blocks that never rest. s is a
+lower triangle with a diagonal. A step ends at the last stage.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 
 
 def _product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return left @ right, added in a fixed order, so that all processors give the same bits."""
+    """Return left @ right with sums in a fixed order, so that all processors give the same bits."""
     total = np.zeros((*left.shape[:-1], right.shape[-1]))
     for k in range(len(right)):
         total += left[..., k, None] * right[k]
@@ -33,19 +33,20 @@ def _product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Stepper:
-    """A stepper.
+    """The coefficients of a stepper with n stages.
 
     Attributes:
         name: its name in options.
-        order: order of the error at the end of a run without switches.
+        order: power of the step with which the error at the end of a run without switches falls.
         c, b, a: coefficients, shapes (n,), (n,), (n, n).
-        bbar, abar: b and a for displacements. None means those of a Runge-Kutta method.
+        bbar, abar: coefficients b and a for displacements. None means b a and a a, as in a
+            Runge-Kutta method.
         e: b minus b of the embedded method, shape (n,); None for steps of fixed length.
         s: implicit coefficients, shape (n, n), with zeros in the first column and one number on
             the rest of the diagonal; None for explicit steppers. The last rows of s and a end the
             step, so that the last stage needs no forces.
-        swept: whether each stage depends only on the stage before. One sweep of the core then makes
-            a step. The core has sweeps for four and for six stages.
+        swept: whether each stage depends only on the stage before. The core then makes a step in
+            one sweep over the lattice. It has sweeps for four and for six stages.
         growth: R(z), the factor by which exp(lambda t) grows in a step, with z = lambda h. None for
             steppers that treat u and v differently.
     """
@@ -84,7 +85,7 @@ class Stepper:
 
     @functools.cached_property
     def linear_order(self) -> int:
-        """Order in linear motion: up to this power of z, R(z) and exp(z) agree."""
+        """Order in linear motion: the largest power of z up to which R(z) and exp(z) agree."""
         terms = [] if self.growth is None else self.growth.coef
         right = [math.isclose(a * math.factorial(n), 1, rel_tol=1e-9) for n, a in enumerate(terms)]
         return len(list(itertools.takewhile(bool, right))) - 1 if right else self.order
@@ -101,7 +102,11 @@ class Stepper:
 
     @functools.cached_property
     def columns(self) -> np.ndarray:
-        """Coefficients for the core: c, b; if not swept bbar, e, ebar, a, abar; implicit ones."""
+        """Coefficients in the order of the core, as columns, shape (n, n_columns).
+
+        Columns are c and b; if the stepper is not swept, bbar, e, ebar, a and abar; if it is
+        implicit, s - a, a (s - a) and s.
+        """
         columns = [self.c, self.b]
         if not self.swept:
             columns += [self.bbar, self.e, _product(self.e, self.a), self.a, self.abar]
@@ -131,13 +136,13 @@ class Stepper:
 
 
 def _nested(name: str, c: str, b: str) -> Stepper:
-    """Return a stepper of order 4 from c and b; each stage depends only on the stage before."""
+    """Return a swept stepper of order 4, from texts of c and b."""
     of_c, of_b = (np.array(text.split(), dtype=float) for text in (c, b))
     return Stepper(name, order=4, c=of_c, b=of_b, a=np.diag(of_c[1:], -1), swept=True)
 
 
 def _lower(*rows: list[float]) -> np.ndarray:
-    """Return a strictly lower triangle."""
+    """Return a strictly lower triangular matrix from its rows after the first."""
     a = np.zeros((len(rows) + 1,) * 2)
     for i, row in enumerate(rows, 1):
         a[i, : len(row)] = row
@@ -158,9 +163,9 @@ STEPPERS: dict[str, Stepper] = {
             swept=True,
         ),
         # Six stages, each of which depends only on the stage before. The order in linear motion is
-        # 6: R(z) = 1 + z + ... + z^6/720. This and eight conditions of order 4 leave a family of
-        # one parameter. In this member all b are positive and all c between 0 and 1. It has nearly
-        # the smallest errors in nonlinear motion. Undamped motion grows by |z|^8/5760 in a step.
+        # 6: R(z) = 1 + z + ... + z^6/720. This R(z) and eight conditions of order 4 leave a family
+        # of one parameter. The member here has only positive b, c between 0 and 1, and nearly the
+        # smallest errors in nonlinear motion. Undamped motion grows by |z|^8/5760 in a step.
         _nested(
             "rk46",
             c="0 .215698616936814233 .589123227484637551 .887069754615658149 .1643 "
@@ -178,8 +183,8 @@ STEPPERS: dict[str, Stepper] = {
             b=".137085190131006644 .024058266856017584 .0245763656183909007 .491341862869562718 "
             ".246267357324908651 .0766709572001135015",
         ),
-        # u' = u + h (v + h F_1/2m), v' = v + h (F_1 + F_2)/2m. F_2 is evaluated at u'. Its viscous
-        # forces are evaluated at the predicted velocity v + h F_1/m.
+        # u' = u + h (v + h F_1/2m), v' = v + h (F_1 + F_2)/2m. F_2 is evaluated at u' and, for
+        # viscous forces, at the predicted velocity v + h F_1/m.
         Stepper(
             "verlet",
             order=2,

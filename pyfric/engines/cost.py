@@ -27,47 +27,48 @@ if TYPE_CHECKING:
     from pyfric.scene import Geometry, Scene
 
 EVALUATION, BOTTOM, BLOCK = 1.3e-6, 5e-9, {"linear": 3.5e-9, "finite": 8.5e-9}
-"""Time of one force evaluation, in s: a constant, which includes checks of states, a part for each
-bottom block, and a part for each block of the lattice."""
+"""Time of one force evaluation, in s: a constant, a part for each bottom block, and a part for each
+block of the lattice. The constant includes checks of states."""
 BEYOND, CLOSED = 2.0**-8, 10e-9
-"""Strain beyond which the core also computes bonds in closed form, and the additional time of one
-force evaluation for each block, in s. Below it, a series in (r^2 - l0^2)/l0^2, about twice the
-strain, is accurate up to 2^-7."""
+"""Strain beyond which the core also computes bonds in closed form, and additional time of one force
+evaluation for each block, in s. Below this strain, a series in (r^2 - l0^2)/l0^2 is accurate. This
+variable is about twice the strain, and its limit 2^-7."""
 JUNCTION = 1.25e-9
 """Additional time of one force evaluation for each junction, in s."""
 RATED, SLOW_STEP = (7e-7, 9e-8), (2e-4, 2.5e-7)
-"""Rate-and-state friction: additional time of one force evaluation, in s, a constant and a part for
-each bottom block; and time of one step of slow slip, in s, a constant and a part over N_x^2."""
+"""Times for rate-and-state friction, in s. Additional time of one force evaluation: a constant, and
+a part for each bottom block. Time of one step of slow slip: a constant, and a part over N_x^2."""
 CALL = 1.5e-4
 """Time of one call of the core, in s. Runs with conditions, or with a law that records motion, need
-a call for each point of the loading curve. Recording motion takes the same time again."""
+a call for each point of the loading curve. Recording motion doubles the time of a call."""
 ATTEMPT = {"linear": (0.5e-3, 0.2e-8), "finite": (1.0e-3, 1.0e-8)}
 LANDING = {"linear": (0.5e-3, 0.4e-8), "finite": (1.2e-3, 1.2e-8)}
-"""Time of an attempt to jump before its end is predicted, and time of each predicted end, in s: a
-constant, and a part for each number of a banded factor. They include the calls of the core around a
-jump."""
+"""Time of an attempt to jump before the end of the jump is predicted, and time of one prediction of
+this end, in s. Each time is a constant, and a part for each number of a banded factor. The times
+include the calls of the core before and after a jump."""
 SLIDE = (1.4e-2, 6e-8)
-"""Additional time of one attempt to jump over slip, in s."""
+"""Additional time of an attempt to jump if blocks slip, in s: a constant, and a part for each
+number of a banded factor."""
 EVENT_STEPS = 130.0
-"""Work of the hybrid engine for each main event, in time steps of the scene without viscosity. It
-was 34 to 570 in 20 of 21 runs of all sizes. The work is inversely proportional to the step."""
+"""Work of the hybrid engine for each main event, in time steps of the scene without viscosity. In
+20 of 21 runs of all sizes it was 34 to 570. The work is inversely proportional to the step."""
 POINTS = 5000
 """Default number of points of the loading curve."""
 RUN = 0.015
-"""Time of a run before and after its steps, in s."""
+"""Time that a run takes before its first step and after its last step, in s."""
 RELEASE, STATIC_EVENT = 2.2e-9, 4e-6
-"""Time of the quasi-static engine to release a block, over N_x^2, and for one event, in s."""
+"""Times of the quasi-static engine, in s: for the release of a block, over N_x^2; for an event."""
 FLOPS, UNKNOWN, MODES = 8e9, 3e-6, 13e-6
-"""Operations per second of a banded factorisation, including its solutions; and remaining seconds
-for each unknown, of the loaded state and of the modes of one set of contact states."""
+"""Operations per second in a banded factorisation and in solutions with its factor; and, for each
+unknown, remaining time (s) of the loaded state and of the modes of one set of contact states."""
 TIMED = 250
-"""Number of time steps that `machine_speed` measures."""
+"""Number of time steps whose time `machine_speed` measures."""
 FASTEST, SLOWEST = 0.2, 10.0
-"""Limits of `machine_speed`. Values beyond them come from disturbed measurements."""
+"""Smallest and largest result of `machine_speed`. Values beyond these limits are errors."""
 
 
 class SetUp(NamedTuple):
-    """Work (s), and largest memory (bytes)."""
+    """Work (s) and largest memory (bytes) of an engine before its first step."""
 
     work: float
     bytes: float
@@ -104,19 +105,19 @@ def work(scene: Scene, geometry: Geometry, counts: Mapping[str, float]) -> float
 
 
 def work_of_step(scene: Scene, geometry: Geometry, stepper: str) -> float:
-    """Return the work of one step, in s."""
+    """Return the work of one step without located transitions, in s."""
     return work(scene, geometry, full_counts(scene, 1.0, 1.0, stepper))
 
 
 def work_so_far(record: Record) -> float:
-    """Return the work of a run with time steps, in s."""
+    """Return the work that a run with time steps has done, in s."""
     return work(record.scene, record.method.geometry, record.counts)
 
 
 def full_counts(
     scene: Scene, dt: float, lasts: float, stepper: str, calls: int = 0
 ) -> dict[str, float]:
-    """Return the operations of full dynamics with steps dt over a time `lasts`, both in s.
+    """Return the counts of operations of full dynamics with steps dt (s) over `lasts` (s).
 
     Steps that locate transitions are not counted, because their number is unknown before the run.
     """
@@ -126,7 +127,7 @@ def full_counts(
 
 
 def located(scene: Scene, counts: Mapping[str, float], stepper: str) -> float:
-    """Return the block evaluations that locate transitions: all except those of whole steps."""
+    """Return the number of block evaluations that located transitions, outside of whole steps."""
     of_steps = STEPPERS[stepper].evaluations * counts["steps"] * scene.N_x * scene.N_z
     return max(counts["block_evaluations"] - of_steps, 0.0)
 
@@ -134,9 +135,9 @@ def located(scene: Scene, counts: Mapping[str, float], stepper: str) -> float:
 def finer_counts(
     scene: Scene, counts: Mapping[str, float], ratio: float, old: str, new: str
 ) -> dict[str, float]:
-    """Return the operations of a run with another stepper and steps shorter by a ratio.
+    """Return the counts of operations of a run with a new stepper and `ratio` times as many steps.
 
-    Numbers of jumps, calls, and steps that locate transitions stay the same.
+    Numbers of jumps, calls, and steps that locate transitions do not change.
     """
     of_steps = counts["block_evaluations"] - located(scene, counts, old)
     evaluations = counts["block_evaluations"] + (ratio - 1) * of_steps
@@ -157,7 +158,7 @@ def full_work(
 
 
 def _band(scene: Scene) -> int:
-    """Return the width of the band of a factorised lattice."""
+    """Return the number of columns in the band of a factorised stiffness matrix."""
     return 2 * min(scene.N_x, scene.N_z) + 2
 
 
@@ -170,7 +171,7 @@ def set_up(scene: Scene, fidelity: str, geometry: str) -> SetUp:
     n, band = 2 * N_x * N_z, _band(scene)
     if N_z == 1 or scene.prescribed:
         return SetUp(0.0, 1e3 * n)
-    if fidelity in ("quasistatic", "equilibrium"):  # dense rows, one after the other
+    if fidelity in ("quasistatic", "equilibrium"):  # dense matrices, one for each row of blocks
         size = 2.0 * N_x
         return SetUp(N_z * size**3 * (7 / 3) / FLOPS, 6 * 8 * size**2 + 500.0 * n)
     hybrid = fidelity == "hybrid"
@@ -182,9 +183,9 @@ def set_up(scene: Scene, fidelity: str, geometry: str) -> SetUp:
 
 @functools.cache
 def machine_speed() -> float:
-    """Return the time of steps of the paper's slider over their work; above 1 on slower machines.
+    """Return the time of steps of the paper's slider over their work; above 1 on slow machines.
 
-    Steps are made on one thread. As many steps before them are not timed.
+    Steps are made on one thread. An equal number of steps without timing comes first.
     """
     scene, dt, seconds = setup1(), 2e-7, 0.0  # the step of the paper
     state = loaded_state(scene, "finite").state(scene, dt)

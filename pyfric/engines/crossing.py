@@ -11,11 +11,11 @@ import math
 import numpy as np
 
 GONE = 1e-16
-"""A mode is dropped when its amplitude is below this share of the largest c (rounding)."""
+"""Amplitude over the largest c below which a mode is left out, because rounding is larger."""
 N_FINE = 8
 GRID = N_FINE**2
-"""Intervals of the grid on which gap functions are evaluated together. An exponential is the
-product of its value at every N_FINE-th point and of its change to the following points."""
+"""Number of intervals of the grid on which gap functions are evaluated together. An exponential is
+the product of its value at every N_FINE-th point and of its change to the following points."""
 
 
 def first_crossing(
@@ -39,7 +39,7 @@ def first_crossing(
         rate: coefficients of s, shape (n_c,), in N/s.
         modal: amplitudes, shape (n_c, n), complex, in N.
         rates: eigenvalues, shape (n,), in 1/s, with negative real part.
-        s_end: end of the search, in s; returned if no gap function crosses before.
+        s_end: end of the search, in s; returned if no gap function reaches 0.
         ds: resolution, in s. An interval of this length that may hold a zero counts as a zero.
         bend: twice the coefficients of s^2, shape (n_c,) or 0, in N/s^2.
     """
@@ -63,7 +63,7 @@ def first_crossing(
             s = min(s + leap, s_end)
             continue
         grid, alive = s + h * np.arange(GRID + 1), largest * decay > GONE * np.max(c)
-        if not alive.any():  # a parabola is left, whose zero is exact
+        if not alive.any():  # all modes have decayed: zeros of parabolas
             ahead = np.full(c.shape, np.inf)
             with np.errstate(over="ignore"):
                 np.divide(2 * np.maximum(low, 0.0), fall, out=ahead, where=falls)

@@ -1,7 +1,8 @@
 """Declaration of an option: its owner, meaning, unit, allowed values and default, in one place.
 
 From these declarations follow the documentation of `pyfric.Options` and the options of the command
-line. The declarations also decide which options an engine refuses, and which a continued run keeps.
+line. The declarations also decide which options an engine refuses, and which options a continued
+run takes over.
 """
 
 from __future__ import annotations
@@ -24,15 +25,17 @@ if TYPE_CHECKING:
     from pyfric.values import Written
 
 Owner = Literal["plan", "run", "events", "steps", "energies", "machine"]
-"""Owner of an option: the choice of the engine; every run; runs that find events, make time steps,
-or can compute energies; or the machine, which does not change results."""
+"""Owner of an option, which decides the runs that have the option. "plan": the choice of the
+engine. "run": every run. "events", "steps", "energies": runs that find events, make time steps, or
+can compute energies. "machine": every run; the option does not change results."""
 LACKS: dict[Owner, str] = {
     "run": "does not have it",
     "events": "finds no event whose error could be measured",
     "steps": "makes no time steps",
     "energies": "does not follow all energies",
 }
-"""Owner -> ability that an engine without these options lacks. Engines have all other options."""
+"""Owner -> reason, in words, why an engine lacks the owner's options. All engines have the options
+of the other owners."""
 REGISTERED: dict[str, Any] = {}
 """All engines by name; see `ENGINES`."""
 
@@ -42,14 +45,14 @@ class Option:
     """Declaration of an option.
 
     Args:
-        owner: its owner.
-        meaning: its meaning. The first sentence also stands in the help of the command line.
+        owner: the owner of the option.
+        meaning: text of its meaning. The help of the command line shows the first sentence.
         unless: meaning of None; "" if obvious.
-        nothing: a value that asks for nothing, like None.
-        kept: function that returns the value of a continued run from the method of its record; None
-            if a continued run may change the option.
-        default: its default.
-        mark: annotation of its values.
+        nothing: a value with the same effect as None.
+        kept: function that returns the value of the option in a continued run, from the method of
+            the record; None if a continued run may change the option.
+        default: the default of the option.
+        mark: annotation of the values of the option.
     """
 
     owner: Owner
@@ -62,16 +65,16 @@ class Option:
 
     @property
     def of_engine(self) -> bool:
-        """Whether engines decide if a run can have it."""
+        """Whether some engines lack the option."""
         return self.owner in LACKS
 
     def asks(self, value: Any) -> bool:
-        """Return whether a value asks for something."""
+        """Return whether a value differs from None, from the default and from `nothing`."""
         return value is not None and value not in (self.default, self.nothing)
 
     @property
     def lack(self) -> str:
-        """The ability that an engine without the option lacks, in words."""
+        """Reason, in words, why an engine lacks the option."""
         return LACKS[self.owner]
 
     @property
@@ -96,7 +99,7 @@ def option(default: Any, owner: Owner, meaning: str, **more: Any) -> Any:
 
 
 def documented(head: str, options: dict[str, Option], tail: str) -> str:
-    """Return the documentation of a class with these options."""
+    """Return the docstring of a class: `head`, a list of the options, and `tail`."""
     lines = [
         textwrap.fill(
             f"{name}: {declared.text}", 100, initial_indent=" " * 8, subsequent_indent=" " * 12
@@ -149,7 +152,7 @@ class YesNo(Annotation):
 
 @dataclasses.dataclass(frozen=True)
 class Budget(Quantity):
-    """Annotation of a processor time, or a multiple of the time of a run, such as "3 x"."""
+    """Annotation of a processor time, or of a multiple of the time of a run, such as "3 x"."""
 
     unit: str = "s"
     gt: float | None = 0.0
@@ -167,7 +170,7 @@ class Budget(Quantity):
 
 
 def multiple(budget: Any) -> float | None:
-    """Return the number of a multiple such as "3 x"; None if the text is no multiple."""
+    """Return the factor in a multiple such as "3 x"; None if the value is no such text."""
     if not (isinstance(budget, str) and budget.rstrip().endswith("x")):
         return None
     try:

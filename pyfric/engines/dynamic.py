@@ -1,8 +1,8 @@
 """Full dynamics, the reference engine.
 
 The whole lattice is integrated with a uniform step. The paper's method is classical RK4 with
-contact states that switch at the end of a step. Other steppers, and switches located inside the
-step, are options.
+contact states that switch at the end of a step. Options select other steppers, and switches that
+are located inside the step.
 
 Source: PRL 107, 074301 (2011).
 """

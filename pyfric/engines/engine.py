@@ -3,7 +3,8 @@
     DYNAMIC = Engine(name="dynamic", models="dynamics throughout", options=..., follow=...)
 
 Each option declares its owner (`pyfric.engines.options`), which decides the engines that have it.
-An engine refuses options that it lacks. The error names the option, and the engines that have it.
+An engine refuses options that it lacks. The error names the option, and the engines that have this
+option.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
 
 
 class Counted(Protocol):
-    """A run in progress, with counts of its operations."""
+    """A run in progress that counts its operations."""
 
     @property
     def counts(self) -> dict[str, int]: ...
@@ -65,13 +66,13 @@ class Engine:
     """An engine.
 
     Args:
-        name: its name, the value of the option `fidelity`.
-        models: what it models.
-        leaves_out: what it leaves out.
-        options: names of options that it has.
-        geometries: geometries of bonds that it has.
-        steppers: steppers that it has; () if it makes no time steps.
-        jumps: whether it makes jumps.
+        name: name of the engine, a value of the option `fidelity`.
+        models: the physics that the engine models, in words.
+        leaves_out: the effects that the engine leaves out, in words.
+        options: names of the allowed options.
+        geometries: allowed geometries of bonds.
+        steppers: allowed steppers; () if the engine makes no time steps.
+        jumps: whether the engine makes jumps.
         check: function that raises SceneError for a scene that the engine cannot run.
         follow: function that runs a scene.
     """
@@ -88,12 +89,12 @@ class Engine:
 
     @property
     def steps(self) -> bool:
-        """Whether it makes time steps. Its runs can then continue a `State`."""
+        """Whether the engine makes time steps, so that its runs can continue a `State`."""
         return bool(self.steppers)
 
     @property
     def energies(self) -> bool:
-        """Whether it can compute the energy budget."""
+        """Whether the engine can compute the energy budget."""
         return "energies" in self.options
 
     def cannot(self, scene: Scene) -> str:
@@ -105,14 +106,14 @@ class Engine:
         return ""
 
     def has(self, name: str, value: Any) -> bool:
-        """Return whether the engine has an option with this value; None is always allowed."""
+        """Return whether the engine allows an option this value. None is always allowed."""
         if name in self._values:
             return value is None or value in self._values[name]
         return name in self.options
 
     @property
     def _values(self) -> dict[str, tuple[str, ...]]:
-        """Options of which the engine has only some values."""
+        """Allowed values of the options "geometry" and "stepper", if the engine has them."""
         values = {"geometry": self.geometries, "stepper": self.steppers}
         return {name: known for name, known in values.items() if name in self.options}
 
@@ -210,4 +211,4 @@ class Engine:
 
 
 ENGINES: dict[str, Engine] = REGISTERED
-"""All engines by name, the cheapest first."""
+"""All engines by name, in order of increasing work."""

@@ -2,7 +2,7 @@
 
 A stuck block has mu_s p + f and mu_s p - f, with the normal force p and the friction force f. A
 block in contact without friction has p. An open block has k_f z at its height z = u_z + gap. Blocks
-that never touch the foundation have none.
+that never touch the foundation have no gap functions.
 
 The part of a motion outside the space of slow shapes has an energy E, which cannot grow. By the
 Cauchy-Schwarz inequality, E bounds the change of contact forces by this part at any later time.
@@ -53,11 +53,11 @@ class GapFunctions:
         return np.concatenate([strength + f, strength - f, lifted])
 
     def at(self, q: np.ndarray, forces: np.ndarray, v: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return changes of gap functions by q, (n_q,), and forces on stuck blocks, (n_stuck,)."""
+        """Return changes of gap functions (N) by q, (n_q,), and by `forces`, shape (n_stuck,)."""
         return self.of(q, -forces, v)
 
     def whole(self, q: np.ndarray, forces: np.ndarray, v: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return the gap functions at q, (n_q,), with forces on the stuck blocks, (n_stuck,)."""
+        """Return the gap functions (N) at q, (n_q,), with `forces` on stuck blocks, (n_stuck,)."""
         return self.at(q, forces, v) + self.unmoved
 
     @functools.cached_property
@@ -70,7 +70,7 @@ class GapFunctions:
 
     @functools.cached_property
     def steady(self) -> tuple[np.ndarray, np.ndarray]:
-        """Gap functions of `drift` (N/m) and `lag` (N s/m) at a steady speed, shape (n_c,)."""
+        """Gap functions of `Space.drift` (N/m) and of `Space.lag` (N s/m), shape (n_c,) each."""
         space = self.space
         pull = space.solver.push, -(space.C @ space.drift)
         return tuple(
@@ -99,8 +99,8 @@ class GapFunctions:
     def strengthened(self, age: np.ndarray, *rows: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return gap functions, or parts of them, of blocks that have been stuck for `age`.
 
-        Strength grows with contact time, so that the present strength bounds later strength from
-        below. The sum of the two gap functions of a block, mu_s p + f and mu_s p - f, gives p.
+        Strength grows with contact time, so that a block is never weaker than now. The sum of the
+        two gap functions of a block, mu_s p + f and mu_s p - f, gives p.
 
         Args:
             age: time since each block stuck, shape (N_x,), in s.

@@ -10,8 +10,7 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
 
 ON_GRID = 1e-9
-"""A breakpoint of a protocol coincides with the end of a step if they are closer than this, over
-dt."""
+"""Largest distance, over dt, at which a breakpoint of a protocol counts as the end of a step."""
 
 
 def last_of_run(scene: Scene, state: State, t_end: float) -> int:
@@ -32,7 +31,7 @@ def last_step(t0: float, dt: float, t: float) -> int:
 
 
 def just_after(state: State) -> float:
-    """Return a time (s) just after the state, which selects the next piece of a protocol."""
+    """Return a time (s) just after the state. At a breakpoint it lies in the next piece."""
     return state.t + ON_GRID * state.dt
 
 
@@ -43,7 +42,7 @@ def next_corner(scene: Scene, state: State) -> float:
 
 
 def piece_ends(scene: Scene, state: State, last: int) -> int:
-    """Return the last step that a skip may reach, at most `last`, before any breakpoint."""
+    """Return the number of the last step, at most `last`, before the next breakpoint."""
     corner = next_corner(scene, state)
     if math.isinf(corner):
         return last

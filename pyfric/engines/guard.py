@@ -36,7 +36,8 @@ if TYPE_CHECKING:
     from pyfric.statics import Equilibrium
 
 STEPS = 250
-"""Steps between two checks of energy and lattice. A run that fails returns to the last check."""
+"""Steps between two checks of energy and lattice. A run that fails a check returns to the last
+state that passed."""
 MARGIN = 0.1
 """Relative energy that errors of steps may add between two checks."""
 
@@ -50,13 +51,13 @@ class Trouble(NamedTuple):
 
 
 class Energy(NamedTuple):
-    """Energy of a state at a step and time (s).
+    """Energy of a state, and works up to its time.
 
     Attributes:
         t: time, in s.
         stored: energy G, in J.
         shear: work of constant shear forces, in J.
-        changes: bound of the work of changes of loads, relative to u = 0, in J.
+        changes: bound of the work that changes of loads do from u = 0 on, in J.
     """
 
     t: float
@@ -99,7 +100,7 @@ class Guard:
         return float(scene.load @ state.y[-1, 1]) + weight
 
     def energy(self, state: State, model: core.Model | None = None) -> Energy:
-        """Return the energy of a state; `model` belongs to its time, if loads changed since."""
+        """Return the energy of a state; `model` is the model at its time, None the present one."""
         stored = sum(core.energies(model or self.model, state, state.t).values())
         scene, u = self.scene, state.y[:, 0]
         shear = float(scene.shear @ u[scene.j_shear] + scene.push_at(state.t)[0] @ u[0])
@@ -109,9 +110,9 @@ class Guard:
     def _of_changes(self, state: State) -> float:
         """Return a bound of the work (J) that changes of loads do until a state.
 
-        The potential uses F_N and T at t = 0. The bound is the largest change of these loads over
-        the whole protocol, of pushes, and of forces of a moving plate on the top, times the largest
-        displacement. Between two states, both bounds are added.
+        The potential uses F_N and T at t = 0. The bound is a sum over loads: the largest change of
+        a load in its protocol, times the largest displacement. The loads are F_N, T, pushes, and
+        forces of a moving plate on the top. Between two states, both bounds are added.
         """
         top, parts = self.scene.top, 0.0
         for protocol, first, c in ((top.protocol, self.scene.F_N, 1), (top.T_protocol, 0.0, 0)):
@@ -125,7 +126,7 @@ class Guard:
         return 2 * parts
 
     def missing(self, curve: pd.DataFrame) -> float:
-        """Return the relative error of the energy budget of a curve; 0 if it may be rounding."""
+        """Return the relative error of the energy budget of a curve, 0 if rounding explains it."""
         small = budget_left(curve).abs().max() <= self.rounding
         return 0.0 if small else budget_error(curve)
 
@@ -138,7 +139,7 @@ class Guard:
             base: energy of an earlier state; None means that only the numbers are checked.
         """
         if not (np.isfinite(after.y).all() and np.isfinite(after.rod).all()):
-            return Trouble("the motion is not finite", *_fastest(before))  # before it spread
+            return Trouble("the motion is not finite", *_fastest(before))  # before NaN spread
         if base is None:
             return None
         t_0, G_0, W_0, changes_0 = base

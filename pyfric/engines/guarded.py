@@ -25,17 +25,17 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
 
 CALL_SECONDS = 0.02
-"""Work of one call of the core, in s. Limits and Ctrl-C are checked between calls."""
+"""Work of one call of the core, in s. Ctrl-C and limits of the run are checked between calls."""
 UNFINISHED = (Status.ENDLESS, Status.TOO_SHORT)
 """Status codes of the core for a step that it could not finish."""
 
 
 class Failure(RuntimeError):
-    """A step could not be finished, or its state failed a check. The run is before this step."""
+    """A step could not be finished, or its state failed a check; the run ends before this step."""
 
 
 class Good(NamedTuple):
-    """A state that passed the checks of `Guard`, its model, and a mark of the recorder."""
+    """A state that passed the checks of `Guard`, its model, and the result of `Recorder.mark`."""
 
     state: State
     model: Model
@@ -43,15 +43,15 @@ class Good(NamedTuple):
 
 
 class GuardedSteps:
-    """The steps of one run.
+    """The checked time steps of one run.
 
     Args:
         recorder: recorder of the run.
-        state: the state, which steps change in place.
+        state: the present state, which steps change in place.
         model: the scene in the form that the core takes.
 
     Attributes:
-        good: the state to which a run that fails returns; None means the present state.
+        good: the state to which a failed run returns; None means the present state.
         longest: largest number of steps of one call.
         in_core: function of model, state, log and number of steps that makes steps in the core.
     """
@@ -62,8 +62,8 @@ class GuardedSteps:
         self._piece: int | None = None  # piece of the protocols in the model
         scene, stages = self.scene, core.STEPPERS[self.method.stepper].evaluations
         self._per_step = stages * scene.N_x * scene.N_z
-        # The length of a call follows from counted work, because it decides when a skip is tried
-        # and when a pilot run ends.
+        # The length of a call decides when a skip is tried and when a pilot run ends. It follows
+        # from counted work, so that it is the same on every machine.
         each = work(scene, self.method.geometry, {"block_evaluations": self._per_step})
         self.longest = min(max(int(CALL_SECONDS / each), 1), STEPS)
         self.guard = Guard(scene, model, self.method.geometry, recorder.known.loaded)
@@ -71,7 +71,7 @@ class GuardedSteps:
         self.in_core: Callable[[Model, State, Log, int], Status] = self._whole
 
     def _whole(self, model: Model, state: State, log: Log, n_steps: int) -> Status:
-        """Make up to n_steps of the whole lattice."""
+        """Make up to n_steps of the whole lattice; return the status of the core."""
         return core.advance(
             model,
             state,
@@ -121,7 +121,7 @@ class GuardedSteps:
             self._check(due=True)
 
     def skipped(self, span: Span) -> None:
-        """Go on from the end of a span; the state has already been set to it."""
+        """Count the steps of a span, at whose end the state already is."""
         made, self.good = self.recorder.made, None
         self.state.step += span.n
         made["jumps"] += 1
@@ -146,7 +146,7 @@ class GuardedSteps:
         return status
 
     def _make(self, n_steps: int) -> Status:
-        """Let the core make up to n_steps and record them; return its status."""
+        """Make up to n_steps in the core, and record these steps; return the status of the core."""
         state, recorder, step = self.state, self.recorder, self.state.step
         start = time.perf_counter()
         status = self.make_steps(state, n_steps)
@@ -175,7 +175,7 @@ class GuardedSteps:
             self.good = None
 
     def _fail(self) -> None:
-        """Return to the last step that passes all checks and raise Failure for the next one."""
+        """Return to the last step that passes all checks; raise Failure for the step after it."""
         recorder, after, trouble = self.recorder, self.good.state.copy(), None
         base = self.guard.energy(after, self.good.model)
         log, recorder.log = recorder.log, core.Log(self.scene.N_x)

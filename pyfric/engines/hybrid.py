@@ -32,12 +32,12 @@ SKIPS = (SlowSlip, StableSlip, RingDown)
 
 
 def kind_of(scene: Scene) -> type[RingDown | SlowSlip]:
-    """Return the skip of a scene."""
+    """Return the first class of `SKIPS` that fits a scene."""
     return next((kind for kind in SKIPS if kind.fits(scene)), SKIPS[-1])
 
 
 def skip_of(steps: GuardedSteps) -> Skip:
-    """Return the skip of a run; long chains then make steps of their moving part alone."""
+    """Return the skip of a run. In long chains, let steps compute the moving part alone."""
     scene, method = steps.scene, steps.method
     if has_parts(scene) and not (method.budget or method.threshold):
         parts = MovingParts(steps.recorder.known, method)

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 STATIC_SECONDS, STATIC_SHARE = 1.0, 0.1
 """Least work between two computations of static forces of new events: in s, and over the work so
-far. These computations leave little to do at the end of a run."""
+far. Computations during a run shorten its end."""
 SHOWN = 0.1
 """Shortest time between two reports of progress, in s."""
 OPEN_BUDGET = 1e-3
@@ -78,7 +78,7 @@ def integrate(
         engine: name of the engine.
         scene: the scene.
         t_end: end of the run, in s.
-        options: options, all of which the engine has.
+        options: the options of the run.
         skip_of: function that returns the skip; None for no skip.
         initial: state or record that the run continues.
         progress: as in `pyfric.simulate`.
@@ -97,7 +97,7 @@ def integrate(
     t_end = check_number("t_end", t_end, "s", ge=t_begin)
     method = ENGINES[engine].settled(scene, options, t_begin, t_end)
 
-    # One BLAS thread from here on, because more slow down banded matrices and small products.
+    # One BLAS thread from here on: more threads slow down banded matrices and small products.
     with run_bar(progress, scene.name, t_begin, t_end) as show, one_thread():
         start = time.perf_counter()
         solver = loaded_solver(scene, method.geometry, None if initial is None else initial.u_drv0)
@@ -198,7 +198,7 @@ class Run:
         return min(max(wait, 1), self.steps.longest)
 
     def _take(self, span: Span) -> None:
-        """Record a span, and go to its end."""
+        """Record a span, and set the state to its end or make steps to this end."""
         steps, recorder, state = self.steps, self.recorder, self.steps.state
         end = state.step + span.n
         recorder.add_span(span, state)
@@ -224,7 +224,7 @@ class Run:
             recorder.look(steps.state, steps.model)
 
     def _progress(self, last: int) -> Progress:
-        """Return the progress of the run towards a step."""
+        """Return the progress of the run towards step number `last`."""
         state, recorder = self.steps.state, self.recorder
         force, begin = recorder.history.last[1] / self.scene.F_N, recorder.history.begin
         rate = recorder.made["steps"] / recorder.seconds if recorder.seconds else 0.0
@@ -232,7 +232,7 @@ class Run:
         return Progress(state.t, begin, end, force, recorder.events, rate)
 
     def record(self, status: str, *, late: bool = True) -> Record:
-        """Return the record of the run so far; `late` adds slow columns of events."""
+        """Return the record of the run so far; `late` adds event columns that take much time."""
         return self.recorder.record(
             status, self.steps.state, self.steps.follow(), self._notes, late=late
         )

@@ -5,15 +5,15 @@ oscillates about it (`path`, `modes`):
 
     q(s) = q_0 + q_1 s + q_2 s^2/2 + l_0 + l_1 s + w(s) .
 
-In linear geometry this is exact except for errors of the modes. In finite geometry it is a
+In linear geometry q(s) is exact except for errors of the modes. In finite geometry q(s) is a
 prediction. The residual of the equation of motion at the end of the jump,
 
     D = forces(q) - C q' - M q'' ,
 
 corresponds to a displacement K^-1 D, which is added to the path as a quadratic term. This
 correction is refined once, with the tangent at the end of the jump. The jump ends just before a gap
-function reaches zero. Until the truncated part has decayed, its expected change of gap functions is
-subtracted from them.
+function reaches zero. The truncated part is the motion outside the modes. Until it has decayed, its
+expected change of gap functions is subtracted from them.
 
 The estimated error of a jump is a change of gap functions with three causes:
 
@@ -44,12 +44,12 @@ if TYPE_CHECKING:
     from pyfric.engines.modes import Modes, Motion
 
 LONGEST = 2**30
-"""Longest wait, in steps: the most steps of one call of the core."""
+"""Longest wait, in steps: the largest number of steps in one call of the core."""
 TRUNCATED = 0.1
 """Expected change of gap functions by the truncated part, over the largest change that its energy
 allows. In attempts on fine lattices the largest ratio was 0.02 to 0.33."""
 CORRECTED = 0.1
-"""Largest error after corrections, over the accuracy. It adds little to the error of a jump."""
+"""Largest error after corrections, over the accuracy: a small part of the error of a jump."""
 SAMPLED = (0.01, 0.25)
 """Times at which the residual of modes is computed, over the length of a jump."""
 
@@ -84,7 +84,7 @@ def steps_to_fall(times: float, decay: float, longest: float = LONGEST) -> int:
 
     Args:
         times: the factor; inf gives 0 steps.
-        decay: decay in one step.
+        decay: negative logarithm of the factor in one step.
         longest: largest number of steps.
     """
     steps = math.log(times) / decay if decay > 0 and times < math.inf else 0.0
@@ -113,7 +113,7 @@ class Jump:
         accuracy: largest estimated error of contact forces, in N.
         least: smallest number of steps of a jump.
         wait: smallest number of steps of a wait.
-        loose: accuracy of a jump that only the end of the run ends, in N; None means `accuracy`.
+        loose: accuracy of a jump that ends with the run, in N; None means `accuracy`.
 
     Attributes:
         predicted: number of landings that were predicted.
@@ -162,7 +162,7 @@ class Jump:
                 return self._wait(left / self.accuracy, self.motion.decay, n)
             alive = self.ringing.alive(s, CORRECTED * self.accuracy)
             if self._inexact(s, alive):
-                self.ringing.correct(alive)  # all together, which is faster
+                self.ringing.correct(alive)  # all at once, which is faster
             if not round_:
                 end = self.space.stiffer(at(self.path.q, s))
                 follows = self.ringing.alive(s, len(self.motion.a) * self.accuracy)
@@ -250,7 +250,7 @@ class Jump:
         """Return the number of steps, from n to n_max, until just before gap functions reach zero.
 
         Args:
-            n, n_max: numbers of steps.
+            n, n_max: smallest and largest result.
             gaps: polynomials of the gap functions, see `Path`, shape (3, n_c).
             waves: amplitudes at s = 0, shape (n_c, n), complex, in N.
             rates: rates of the amplitudes, shape (n,), in 1/s.
@@ -261,7 +261,7 @@ class Jump:
         return min(n + math.floor(found / self.dt), n_max)
 
     def _lost(self, s: float) -> float:
-        """Return the error of gap functions at s (s) without the truncated part, in N."""
+        """Return the error (N) of gap functions at s (s) if the truncated part is left out."""
         return self._left(s) + self._driven(s)
 
     def _left(self, s: float) -> float:
@@ -289,7 +289,7 @@ class Jump:
         return float((np.abs(self.modes.gaps) @ a).max(initial=0.0))
 
     def _inexact(self, s: float, alive: np.ndarray) -> bool:
-        """Return whether errors of rates matter at s (s), for modes that have not decayed."""
+        """Return whether errors of rates of the modes `alive` exceed their limit at s (s)."""
         wrong = self.ringing.late(s, alive).max(axis=0, initial=0.0)
         return bool((wrong * math.sqrt(len(alive)) > CORRECTED * self.accuracy).any())
 

@@ -1,4 +1,4 @@
-"""The slider, linear about a state with blocks held: condensed onto its interface, and its waves.
+"""The slider linearised about a state: condensed onto its interface, and its waves.
 
 Let K, C, M be stiffness, viscosity and masses of the slider, q its coordinates, and u those of the
 blocks in contact. If u changes slowly, the other coordinates w follow their static state,
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from pyfric.statics import StaticSolver
 
 COLUMNS = 64
-"""Most columns that are solved for together, which limits memory."""
+"""Largest number of right-hand sides in one solution. It limits the memory."""
 LARGE = 500.0
 """Argument above which ln(I_0(x)) is taken as x, so that I_0 does not overflow."""
 
@@ -42,7 +42,7 @@ def after(
 ) -> np.ndarray:
     """Return a part of an `Interface` at s (s) after displacements (m), shape (N_x,).
 
-    At n times s the displacements have the shape (n, N_x); the first axis of the result is theirs.
+    For n times s, displacements have the shape (n, N_x), and the result has n rows.
     """
     return _over(part, (1.0, s, s * s / 2), moved)
 
@@ -61,9 +61,10 @@ class Interface(NamedTuple):
         load: load on each block along +x, in N: its value, first and second derivative by time with
             blocks in contact held, shape (N_x, 3); and its derivatives by displacements of blocks,
             shape (N_x, N_x).
-        p: the same for the normal force; for an open block -k_f u_z, which is negative.
-        F_T: the same for the force of the driver, shapes (3,) and (N_x,).
-        u: the same for u_x of all blocks, in m; open blocks move with the others.
+        p: normal force with the derivatives of `load`; for an open block -k_f u_z, which is
+            negative.
+        F_T: force of the driver with these derivatives, shapes (3,) and (N_x,).
+        u: u_x of all blocks with these derivatives, in m; open blocks move with blocks in contact.
     """
 
     load: tuple[np.ndarray, np.ndarray]
@@ -79,9 +80,9 @@ class Interface(NamedTuple):
     def moving(
         self, s: float | np.ndarray, moved: np.ndarray, v: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return u_x (m) and v_x (m/s) of all blocks, from those of the blocks in contact.
+        """Return u_x (m) and v_x (m/s) of all blocks, from values of the blocks in contact.
 
-        Shapes are those of `after`.
+        Shapes are as in `after`.
         """
         return after(self.u, s, moved), _over(self.u, (0.0, 1.0, s), v)
 
@@ -146,7 +147,7 @@ class Linearised:
         known: static states of the scene.
         closed: blocks in contact, shape (N_x,), bool.
         q: coordinates of the state, shape (n_q,), in m; None means the loaded state, whose factor
-            is kept.
+            is stored.
 
     Attributes:
         K, C: stiffness (N/m) and viscosity (N s/m), shape (n_q, n_q).
@@ -169,29 +170,29 @@ class Linearised:
         self.C = known.damping(q)
 
     def answer(self, force: np.ndarray) -> np.ndarray:
-        """Return displacements (m) under forces (N), interface held, (n_q,) or (n_q, n)."""
+        """Return displacements (m) by forces (N) on the slider with held interface, (n_q[, n])."""
         found = np.zeros(force.shape)
         found[self.inside] = self._inner.solve(force[self.inside])
         return found
 
     def moving(self, v_x: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """Return velocities of static states (m/s), shape (n_q,).
+        """Return the velocities (m/s) of the slider in static motion, shape (n_q,).
 
-        They follow from rates of forces (N/s) and v_x of blocks in contact: K q' = b' for all other
-        coordinates.
+        They follow from rates of forces (N/s) and v_x of blocks in contact: all other coordinates
+        obey K q' = b'.
         """
         q = np.zeros(self.K.shape[0])
         q[: len(v_x)] = np.where(self.closed, v_x, 0.0)
         return q + self.answer(force - self.K @ q)
 
     def resistance(self, rates: np.ndarray | None, gains: np.ndarray | None = None) -> np.ndarray:
-        """Return the forces of viscosity and inertia, -C q' - M q'' (N), (n_q,) or (n_q, n)."""
+        """Return the forces of viscosity and inertia, -C q' - M q'' (N), shape (n_q[, n])."""
         of_v = 0.0 if rates is None else self.C @ rates
         of_a = 0.0 if gains is None else (self.M * gains.T).T
         return -of_v - of_a
 
     def loads(self, q: np.ndarray, force: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
-        """Return loads on blocks and their p (N), (N_x, ...), at displacements and forces."""
+        """Return loads and normal forces of blocks (N), (N_x, ...), for q (m) and forces (N)."""
         held, k_f = self.closed, self._k_f
         if q.ndim > 1:
             held, k_f = held[:, None], k_f[:, None]
@@ -234,7 +235,7 @@ class Linearised:
     def _resisted(
         self, force_of: Callable[[np.ndarray], np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return loads and normal forces by forces that resist a block's motion, (N_x, N_x)."""
+        """Return loads and normal forces by forces that resist unit motions, (N_x, N_x) each."""
         load, p = np.zeros((2, len(self.closed), len(self.closed)))
         for part, q in self._shapes():
             force = force_of(q)
@@ -245,8 +246,9 @@ class Linearised:
     def interface(self, at: Values, outside: Outside, bends: np.ndarray | float = 0.0) -> Interface:
         """Return the condensed slider about a static state, under driver and loads.
 
-        It includes viscosity of the motion by driver and loads with the interface held. `bends` are
-        second derivatives of spring forces during this motion, shape (n_q,), in N/s^2.
+        Driver and loads also move the slider while its interface is held. The result includes
+        viscous forces of this motion. `bends` are second derivatives of spring forces during this
+        motion, shape (n_q,), in N/s^2.
         """
         N_x, K, push = len(self.closed), self.known.scene.driver.K, self.known.push
         load, p, u = np.zeros((3, N_x, 3))

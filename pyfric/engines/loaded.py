@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pyfric.scene import Geometry, OnDriven, Scene
 
 FOLDING = 0.2
-"""If no loaded state is found at a strain of bonds above this, F_N is reported as too large."""
+"""Strain of bonds above which a missing loaded state means that F_N is too large."""
 _KEPT: ContextVar[dict[tuple[Scene, Geometry], StaticSolver] | None] = ContextVar(
     "kept", default=None
 )
@@ -32,7 +32,7 @@ def shared_statics() -> Iterator[None]:
 
 
 def loaded_solver(scene: Scene, geometry: Geometry, u_drv0: OnDriven | None) -> StaticSolver:
-    """Return the static solver with the loaded slider, from the last run if it was the same."""
+    """Return the static solver with the loaded slider, shared with an equal run just before."""
     kept = _KEPT.get()
     if kept is None or u_drv0 is not None:
         return _found(scene, geometry, u_drv0)

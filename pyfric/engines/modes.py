@@ -4,7 +4,7 @@ In the space B of slow shapes (`space`), with B'M B = 1 and w = B y (Galerkin's 
 
     y'' + (B'C B) y' + (B'K B) y = 0 ,    y = Re sum_k a_k x_k exp(lambda_k s) .
 
-Of each conjugate pair of eigenvectors, one is kept, multiplied by two. At the end of a jump, the
+Of each conjugate pair, one eigenvector is stored, multiplied by two. At the end of a jump, the
 static response to the residual of a mode is subtracted. The corrected shape is, with phi = B x,
 phi - K^-1 (K + lambda C + lambda^2 M) phi. Rayleigh's functional of this shape corrects lambda.
 
@@ -150,7 +150,7 @@ class Modes:
     # --- corrections -----------------------------------------------------------------------------
 
     def corrected(self, which: np.ndarray) -> list[Corrected]:
-        """Return modes with these indices, corrected. Corrections are cached.
+        """Return the corrected modes with these indices.
 
         With Q(lambda) = K + lambda C + lambda^2 M and a shape phi, Rayleigh's functional gives the
         error of a rate, delta lambda = phi.Q phi/(phi.C phi + 2 lambda phi.M phi). `off` is the
@@ -171,7 +171,7 @@ class Modes:
     def _correct(
         self, x: np.ndarray, psi: np.ndarray, rates: np.ndarray, norm: np.ndarray
     ) -> Iterator[Corrected]:
-        """Correct modes, given by their right and left eigenvectors, rates and norms."""
+        """Return corrected modes, from right and left eigenvectors, rates and norms."""
         phi = applied(self.space.B.dot, x)
         left = self._residual(phi, rates)
         shift = -applied(self.space.answer, left)
@@ -274,7 +274,7 @@ def modes_of(space: Space, dt: float | None = None, stepper: str = "rk4") -> Mod
 def modes_at(
     gap_functions: GapFunctions, tangent: Tangent, dt: float | None, stepper: str
 ) -> Modes:
-    """Return the modes at a tangent; see `Modes`."""
+    """Return the modes of a slider that is linearised at a tangent."""
     space = gap_functions.space
     B, held = space.B, space.held
     KB, CB, r = tangent.K @ B, tangent.C @ B, B.shape[1]

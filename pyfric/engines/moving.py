@@ -26,16 +26,16 @@ if TYPE_CHECKING:
     from pyfric.statics import StaticSolver
 
 ASIDE = 16
-"""Resting blocks on each side of the blocks that may slip, at first. It is also the number of steps
-between two choices of the moving part, because a wave takes more than a step to the next block.
-With more of them, steps take longer. With fewer, the number is doubled more often. Results depend
-on the number only by rounding."""
+"""Initial number of resting blocks on each side of the blocks that may slip. It is also the number
+of steps between two choices of the moving part, because a wave takes more than a step to the next
+block. A larger number lengthens the time of a step, a smaller number is doubled more often. Results
+depend on the number only by rounding."""
 
 
 LEAST = 160
-"""Least number of blocks of a chain whose moving part takes less time than the whole. A policy:
-results depend on it by rounding. Time of the moving part over time of the whole, preset `chain`:
-1.1 with 57 blocks, 1.03 with 110, 0.84 with 200, 0.58 with 300."""
+"""Least number of blocks of a chain whose moving part takes less time than the whole. It is a
+policy: results depend on it only by rounding. In the preset `chain`, time of the moving part over
+time of the whole is 1.1 with 57 blocks, 1.03 with 110, 0.84 with 200, and 0.58 with 300."""
 
 
 def has_parts(scene: Scene) -> bool:
@@ -47,14 +47,14 @@ def has_parts(scene: Scene) -> bool:
 
 
 def may_slip(scene: Scene, space: Space, state: State, n_steps: int) -> np.ndarray:
-    """Return which blocks move, or may be released in n steps while all others rest; (N_x,), bool.
+    """Return which blocks move, or may begin to slip within n_steps, shape (N_x,), bool.
 
-    The margin of a resting block to slip is concave in time under a steady driver. It is therefore
-    smallest at the beginning or at the end.
+    Under a steady driver, the margin of a resting block to slip is concave in time while all other
+    blocks rest. The margin is therefore smallest at the beginning or at the end.
 
     Args:
         scene: a scene that `has_parts`.
-        space: static forces of the chain.
+        space: static solutions of the chain.
         state: its state.
         n_steps: number of steps.
     """
@@ -85,7 +85,7 @@ class MovingParts:
     """
 
     longest = ASIDE
-    """Most steps of one call."""
+    """Largest number of steps of one call."""
 
     def __init__(self, known: StaticSolver, method: Method) -> None:
         self.known = known
@@ -112,7 +112,7 @@ class MovingParts:
 
 
 def _take(scene: Scene, part: core.Part, own: tuple[State, Log], whole: tuple[State, Log]) -> None:
-    """Copy steps of a part into the whole; add the driver's forces on the blocks at rest."""
+    """Copy the state and log of a part to the whole, with the driver's forces on other blocks."""
     state, log = whole
     begin = state.step
     part.log(own[1], log, state)

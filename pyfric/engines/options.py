@@ -43,19 +43,19 @@ if TYPE_CHECKING:
     from pyfric.scene import Number, Scene
 
 RTOL = 1e-6
-"""Default of rtol. With located switching, the error of rupture times of a short front is 2e-11 s;
-with 1e-3 it is 7e-9 s for 1.3 times less work."""
+"""Default of the option `rtol`. With located switching, rupture times of a short front have an
+error of 2e-11 s. With rtol = 1e-3 the error is 7e-9 s, and the work is less by a factor of 1.3."""
 FINEST = 1e-9
-"""Smallest accuracy."""
+"""Smallest value of the option `accuracy`."""
 MAX_THREADS = 4096
 """Largest allowed number of threads."""
 
 Fidelity = Literal["auto", "equilibrium", "quasistatic", "hybrid", "dynamic"]
-"""The engine, or "auto" for the cheapest one that is accurate enough."""
+"""The engine, or "auto" for the engine with the least work that is accurate enough."""
 Want = Literal["loading_curve", "precursors", "stress", "front_speed", "motion"]
-"""The quantity that is wanted from a run."""
+"""The quantity whose error a run limits."""
 Verify = Literal["none", "sample", "full", "shared"]
-"""How errors are measured."""
+"""Method by which the errors of a run are measured."""
 StepperName = Literal["rk4", "rk46", "rk46_waves", "verlet", "symplectic_euler", "adaptive", "imex"]
 """The name of a stepper."""
 
@@ -86,7 +86,7 @@ class Keywords(TypedDict, total=False):
 
 
 METHOD_PAPER = {"stepper": (None, "rk4"), "switching": (None, "step_end"), "dt": ("auto",)}
-"""Values of options that are allowed with method = "paper"."""
+"""Options -> values that are allowed with method = "paper"."""
 
 
 @part
@@ -294,7 +294,7 @@ class Options:
         return {name: value for name, value in values.items() if value != getattr(Options, name)}
 
     def on(self, scene: Scene) -> Options:
-        """Return the options with the conditions of a scene, unless conditions were given.
+        """Return the options, with the end conditions of a scene if none were given.
 
         With the paper's method, the default engine is full dynamics.
 
@@ -316,7 +316,7 @@ class Options:
         return dataclasses.replace(self, stop_when=ends, fidelity=engine)
 
     def steps_on(self, scene: Scene) -> tuple[float, Switching]:
-        """Return the time step (s), and where contacts switch."""
+        """Return the time step (s), and the value of `switching`, for a scene."""
         dt = self.dt if self.method is None else paper_step(scene)
         if dt is None:
             allowed = "None for loads that are prescribed, which are not the paper's"
@@ -326,7 +326,7 @@ class Options:
         return step_size(scene, dt, self.stepper_on(scene), accuracy, switching), switching
 
     def stepper_on(self, scene: Scene) -> StepperName:
-        """Return the stepper.
+        """Return the stepper for a scene.
 
         Raises:
             SceneError: the stepper does not fit the law. Rate-and-state friction needs an implicit
@@ -372,12 +372,12 @@ def kept(method: Method) -> dict[str, Any]:
 
 
 def check_kept(scene: Scene, method: Method, given: Mapping[str, Any]) -> None:
-    """Raise SceneError if a given option differs from the option of the record to continue.
+    """Raise SceneError if a given option differs from the method of the record to continue.
 
     Args:
         scene: the scene.
         method: method of the record that is continued.
-        given: names of options to values; None means not given.
+        given: values of options by name; None means not given.
     """
     for name, held in {"fidelity": method.engine, **kept(method)}.items():
         if given.get(name) is None:

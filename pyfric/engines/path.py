@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from pyfric.statics import StaticSolver
 
 ROUNDS = 8
-"""Most corrections of one path. Corrections either converge in fewer rounds, or diverge."""
+"""Largest number of corrections of one path. Corrections converge in fewer rounds, or diverge."""
 
 
 class Outside:
-    """Driver and loads from a time on, up to the next breakpoint of a protocol.
+    """Driver and loads from a time up to the next breakpoint of a protocol.
 
     Args:
         solver: static states of the scene in its geometry.

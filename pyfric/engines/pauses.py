@@ -34,23 +34,24 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
 
 DRIVER_SHARE, RING_DOWN = 0.9e-3, 4.0
-"""Fitted to the paper's scenes; `docs/explanation/numbers.md` tells their effect."""
+"""Numbers fitted to the paper's scenes; `docs/explanation/numbers.md` describes their effect."""
 SLOWEST = 10
-"""Number of slowest undamped modes, among which the slowest decay is found."""
+"""Number of slowest undamped modes from which the slowest decay is computed."""
 AT_REST = 0.05
-"""Increase of F_T during a relaxation time, over F_N, above which a quasi-static run has a note. A
-policy."""
+"""Increase of F_T during a relaxation time, over F_N, above which a quasi-static run has a note.
+The number is a policy."""
 _known: Memory[float] = Memory(64)
-"""Relaxation times by scene without friction."""
+"""Stored relaxation times, by the parts of a scene on which they depend."""
 BLOCKS, COLUMNS = 5_000, 250
-"""Most blocks, and most columns of blocks, of a lattice that is not coarsened."""
+"""Largest number of blocks, and of columns of blocks, of a lattice that is not coarsened."""
 
 
 def longest_pause(scene: Scene) -> float:
     """Return the default of t_gap for a scene, in s.
 
-    The module says which times of the scene determine it. The ring-down does not count in a chain,
-    whose stuck blocks cannot move, or without viscosity, because then it never ends.
+    The docstring of the module lists the times that determine it. The ring-down does not count in a
+    chain, because stuck blocks cannot move. It does not count without viscosity, because it never
+    ends.
     """
     driver, transits = scene.driver, pause_of_waves(scene)
     if driver.K * driver.fastest == 0:
@@ -101,7 +102,7 @@ def relaxation_time(scene: Scene) -> float:
 
 def _relaxation_time(scene: Scene) -> float:
     """Return the decay time of a scene; see `relaxation_time`."""
-    known, mu = scene.interface, 1.0  # only the absence of friction matters
+    known, mu = scene.interface, 1.0  # only blocks without friction differ
     if scene.bare.any():
         mu = tuple(np.where(scene.bare, 0.0, 1.0)[np.argsort(scene.n_of_i)].tolist())
     foundation = Interface(mu_s=mu, mu_k=mu, k_f=known.k_f, contact=known.contact)
@@ -169,7 +170,7 @@ def coarser(scene: Scene) -> Scene:
 
 
 def _on(scene: Scene, N_x: int, **parts: Any) -> Scene:
-    """Return a scene with other parts and N_x columns, with the same k_top per length."""
+    """Return a scene with new parts and N_x columns; k_top per length does not change."""
     if scene.k_top:
         k_top = scene.k_top * scene.N_x / N_x
         parts["top"] = dataclasses.replace(scene.top, k_top=k_top)
@@ -177,7 +178,7 @@ def _on(scene: Scene, N_x: int, **parts: Any) -> Scene:
 
 
 def _coarser_chain(scene: Scene) -> Scene:
-    """Return a chain of fewer blocks: the same rod under the same forces per length."""
+    """Return the chain with fewer blocks, of equal elasticity and equal forces per length."""
     slider, top, N_x, N = scene.slider, scene.top, scene.N_x, COLUMNS
     q, at = (N_x - 1) / (N - 1), np.linspace(0, N_x - 1, N)
     p, tau = (

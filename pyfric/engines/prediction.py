@@ -67,7 +67,7 @@ def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
     driver = dataclasses.replace(scene.driver, V=V)
     with naming(where="mu_s = mu_k here"):
         scene = dataclasses.replace(scene, interface=interface, driver=driver)
-    run = QuasistaticRun(scene, t_gap=math.inf)  # no pause divides one growth
+    run = QuasistaticRun(scene, t_gap=math.inf)  # a pause does not end the event
     _warn_if_ambiguous(run.contact)
     start = time.perf_counter()
     run.sample()
@@ -78,7 +78,7 @@ def prediction_curve(scene: SceneLike, mu: float | None = None) -> Record:
 
 
 def _reached(run: QuasistaticRun) -> list[float]:
-    """Return L_p/L at points of the curve: the part where all blocks have slipped or are open."""
+    """Return L_p/L at the points of the curve; see `prediction_curve`."""
     run.pass_on()
     scene, order = run.scene, np.argsort(run.scene.n_of_i)
     log, mode, n = run.history.logs(scene.N_x)["switches"], run.mode_0.copy(), 0

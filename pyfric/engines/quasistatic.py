@@ -89,7 +89,7 @@ IDLE = 200
 """Largest number of successive changes of contact state without motion of the driver."""
 
 IN_A_CALL = 4_000_000
-"""Changes of contact state in a call of the core, times N_x^2: a few milliseconds of work."""
+"""Changes of contact state in a call of the core, times N_x^2. They take a few milliseconds."""
 ENDLESS = "at t = {t:.6g} s slip goes on without end, in events of no length"
 OF_EVENT = "the quasi-static event at t = {t:.6g} s: {what}"
 AMBIGUOUS = "ended where slip may not be unique"
@@ -104,7 +104,8 @@ WHY = {
 """Status of the core -> reason why it could not go on."""
 
 BENDS = 32
-"""Straight parts of the curve between two changes of contact state, if the driver accelerates."""
+"""Number of straight parts of the curve between two changes of contact state while the driver
+accelerates."""
 
 
 def _columns(rows: list[tuple[Any, ...]], kinds: Mapping[str, np.dtype]) -> dict[str, np.ndarray]:
@@ -113,7 +114,7 @@ def _columns(rows: list[tuple[Any, ...]], kinds: Mapping[str, np.dtype]) -> dict
 
 
 def changes_in_a_call(N_x: int) -> int:
-    """Return the most changes of contact state in a call of the core, for N_x blocks."""
+    """Return the largest number of changes of contact state in a call of the core."""
     return max(IN_A_CALL // N_x**2, 1)
 
 
@@ -156,7 +157,7 @@ class QuasistaticRun:
         scene: the scene.
         t_gap: longest pause inside an event, in s; None means `longest_pause`.
         stopping: conditions that end the run.
-        in_core: whether the core follows the sequence; None means if it can.
+        in_core: whether the core follows the sequence; None means whenever it can.
 
     Raises:
         EquilibriumError: the scene has no loaded equilibrium.
@@ -189,7 +190,7 @@ class QuasistaticRun:
         self.switches: list[tuple[Any, ...]] = []  # rows of logs not yet in the history
         self.quiet: list[tuple[Any, ...]] = []
         self.steps: list[int] = []  # changes before each point of the curve
-        self.statics: list[tuple[Any, ...]] = []  # F_T, f and p at each row of the quiet log
+        self.statics: list[tuple[Any, ...]] = []  # F_T, f, p at starts and ends of slip
         self.stretch = Stretch(scene.legs(0.0)[0], self.drive_0)  # present part of the protocol
         self.ending = ""  # status of a run that ends before t_end
         self.t_quiet = -math.inf  # no slip before this time
@@ -216,7 +217,7 @@ class QuasistaticRun:
         self.point(self.t, self.contact.values().F_T)
 
     def point(self, t: float, F_T: float) -> None:
-        """Add a point to the curve, at t (s), in N."""
+        """Add the point t (s), F_T (N) to the curve."""
         self.history.add(np.array([[t, F_T]]))
         self.steps.append(self.changes)
 
@@ -237,7 +238,7 @@ class QuasistaticRun:
             corner = self.corner[i]
             self.switches.append((self.changes, i, old[i], new[i], corner, t, at.u_x[i], at.p[i]))
         self.mode, was = new, self.slips
-        self.slips = bool(((np.abs(new) == 1) & ~self.corner).any())  # corner slip left out
+        self.slips = bool(((np.abs(new) == 1) & ~self.corner).any())  # without corner slip
         if self.slips != was:
             kind, mode, at = (-1, new, now) if was else (1, old, before)
             self.quiet.append((self.changes, t, kind, at.F_T, at.u_x.copy(), mode))
@@ -335,7 +336,7 @@ class QuasistaticRun:
         return True
 
     def _take(self, runs: Sequences) -> None:
-        """Add the logs of the core, and read its counts."""
+        """Add the logs of the last call of the core to the history, and copy its counts."""
         log = runs.log(0)
         self.history.add(log.points[:, :2])
         self.steps += log.points[:, 2].astype(int).tolist()
@@ -415,7 +416,7 @@ class QuasistaticRun:
         )
 
     def _note_continuous(self) -> None:
-        """Add a note that slip is continuous although friction weakens a little."""
+        """Add a note that slip is continuous, if mu_s exceeds mu_k by a negligible amount."""
         law = self.contact.law
         if np.any(law.drop > 0):
             self.notes += (
@@ -474,7 +475,7 @@ class QuasistaticRun:
         self.log(t)
 
     def known_statics(self) -> Statics:
-        """Return the static states at the rows of the quiet log."""
+        """Return the static states at the logged starts and ends of slip."""
         if not self.statics:
             nothing = np.zeros((0, self.scene.N_x))
             return Statics(np.zeros(0), nothing, nothing)
@@ -561,8 +562,8 @@ def static_sequence(
 ) -> Record:
     """Follow a scene through static states to t_end (s); see `pyfric.simulate`.
 
-    A run that continues a record is computed again from its start, which gives the same bits. A run
-    ends with status "interrupted" as soon as `enough` returns true.
+    A run that continues a record is computed again from t = 0, with the same bits. A run ends with
+    status "interrupted" as soon as `enough` returns true.
     """
     if not isinstance(initial, Record | None):
         raise StateError(f"initial: the {kind.name} engine continues records only")

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from pyfric.statics import StaticSolver
 
 MAX_EVERY = 2**30
-"""Largest number of steps between two points of the curve that the core samples itself."""
+"""Largest number of steps between two points of the curve if the core samples the curve."""
 
 
 def kept_notes(before: Record | None) -> tuple[str, ...]:
@@ -56,7 +56,7 @@ class Recorder:
 
     Args:
         scene: the scene.
-        method: how it is run.
+        method: the method of the run.
         known: static states of the scene in its geometry.
         state: its state at the beginning.
         before: record that the run continues.
@@ -65,9 +65,9 @@ class Recorder:
     Attributes:
         history: the curve, motion at its points, and the logs.
         log: buffers of the core, whose contents `take` adds to the logs.
-        every: steps between two points of the curve that the core samples; 0: none.
-        moving: whether motion is kept.
-        made: counts of this run alone.
+        every: steps between two points of the curve that the core samples; 0: it samples no points.
+        moving: whether motion of the interface is recorded at the points of the curve.
+        made: counts of this run, without the run that it continues.
         ending: status of a run that a condition ended, or "".
         events, last_slip: number of events, and time of the last start or end of slip, in s.
         solver: static states for the catalogue.
@@ -111,7 +111,7 @@ class Recorder:
 
     @property
     def logged(self) -> tuple[str, ...]:
-        """Names of the logs: those of contact, and of slip faster than a threshold."""
+        """Names of the logs: of contact, and with a threshold also of fast slip."""
         return ("switches", "quiet", *["crossings", "bursts"][: 2 * bool(self.method.threshold)])
 
     # --- the curve, and motion at its points -----------------------------------------------------
@@ -136,7 +136,7 @@ class Recorder:
             self.add_motion({name: values[None] for name, values in motion.items()})
 
     def add_motion(self, motion: Mapping[str, np.ndarray]) -> None:
-        """Add quantities of the interface in motion at the last n points of the curve, (n, N_x)."""
+        """Add arrays of the interface, (n, N_x), at the last n points of the curve."""
         types = held_in("motion")
         kept = [values.astype(types[name].dtype) for name, values in motion.items()]
         self.history.motion += [
@@ -144,7 +144,7 @@ class Recorder:
         ]
 
     def _add_points(self, t: float | np.ndarray, points: np.ndarray) -> None:
-        """Add n points of the loading curve of the core, shape (16, n), at times t (s)."""
+        """Add n points of the loading curve from the core, shape (16, n), at times t (s)."""
         columns = np.broadcast_to(t, points.shape[1]), points[0], *self._budget_columns(points)
         self.history.add(np.column_stack(columns))
 
@@ -159,7 +159,7 @@ class Recorder:
         return [*columns, radiated] if self.scene.walls.absorb else columns
 
     def add_span(self, span: Span, state: State) -> None:
-        """Add the points of the curve in a span that begins in a state, with NaN as energies."""
+        """Add the points of the curve in a span that begins in `state`. Energies are NaN."""
         begin, every = state.step, self.method.sample
         reach = span.n if span.reach is None else span.reach
         first = ((begin + span.done) // every + 1) * every
@@ -186,7 +186,7 @@ class Recorder:
             if self.before is not None and len(self.before.crossings):
                 known = self.before.crossings
                 past = known["step"] <= state.step
-                log.fast[1, known["block"][past]] = known["corner"][past]  # the latest is kept
+                log.fast[1, known["block"][past]] = known["corner"][past]  # the latest remains
                 begun = self.before.bursts["t"][self.before.bursts["kind"] > 0].max(initial=0.0)
                 sums = self.before.motion["v_x"][self.before.curve["t"] >= begun].sum(axis=1)
                 log.speeds[N_x] = np.abs(sums).max(initial=0.0) * log.fast[0].any()
@@ -203,7 +203,7 @@ class Recorder:
             self.take_logs()
 
     def take_logs(self) -> None:
-        """Add the contents of the buffers to the logs."""
+        """Add the contents of the core's buffers to the logs."""
         logs = {name: getattr(self.log, name)() for name in self.logged}
         for name in self.logged[1::2]:
             spent = self._budget_columns(self.log.points_of(name))
@@ -211,7 +211,7 @@ class Recorder:
         self.add_logs(logs)
 
     def add_logs(self, logs: Mapping[str, Mapping[str, np.ndarray]]) -> None:
-        """Add entries to the logs, by name."""
+        """Add entries to the logs: name of a log -> name of a column -> values."""
         self.history.log(**logs)
         switches, quiet = (logs[name] for name in self.logged[-2:])
         if self.stopping is not None:
@@ -223,11 +223,11 @@ class Recorder:
     # --- going back ------------------------------------------------------------------------------
 
     def mark(self) -> tuple[Any, ...]:
-        """Return a mark, to which `back` can return."""
+        """Return the amount of collected data, for a later call of `back`."""
         return self.history.mark(), self.made.copy(), self.log.fast.copy(), self.log.speeds.copy()
 
     def back(self, mark: tuple[Any, ...]) -> None:
-        """Discard the data collected since a mark."""
+        """Discard the data collected since the call of `mark` that returned `mark`."""
         recorded, made, fast, speeds = mark
         self.history.back(recorded)
         self.made.update(made)
@@ -236,15 +236,15 @@ class Recorder:
     # --- conditions ------------------------------------------------------------------------------
 
     def look(self, state: State, model: Model) -> None:
-        """End the run if a condition holds in a state at a point of the curve."""
+        """Set `ending` if a condition holds in a state at a point of the curve."""
         if self.stopping is not None:
             self._show(state, model)
             self.ending = self.stopping.status()
 
     def due(self, state: State, model: Model, last: int) -> tuple[int, str]:
-        """Return the step at which a condition ends the run if nothing slips, and its status.
+        """Return the step at which a condition ends the run if nothing slips, and the run's status.
 
-        The step is at a point of the curve after a state. If no condition ends the run up to step
+        The step is at a point of the curve after `state`. If no condition ends the run up to step
         `last`, return `last` and "".
         """
         if self.stopping is None:
@@ -298,7 +298,7 @@ class Recorder:
         Args:
             status: how the run ended.
             state: the state.
-            model: the scene at its time in the form that the core takes.
+            model: the scene at the time of the state, in the form that the core takes.
             notes: function that returns notes on the run, once the curve is complete.
             late: whether to compute columns of the event table that take long.
         """

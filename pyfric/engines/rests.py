@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 BALANCED = 1e-10
 """Largest error of a contact force in static states of events, over F_N."""
 KEPT, KEPT_SLIPS, PATHS = 8, 3, 1e8
-"""Largest numbers of sets of contact states whose modes are stored, and of sets of slipping blocks
-whose shapes are stored; and memory for paths of static states, in bytes."""
+"""Largest number of sets of contact states whose modes are stored; largest number of sets of
+slipping blocks whose shapes are stored; memory for stored paths of static states, in bytes."""
 
 
 class Start(NamedTuple):
@@ -93,7 +93,7 @@ class RestStates:
         return self._modes.made(stuck.tobytes(), lambda: self._found(stuck))
 
     def _found(self, stuck: np.ndarray) -> Modes:
-        """Return the modes; if few blocks were released, extend the space of the loaded slider."""
+        """Return new modes. If few blocks were released, extend the space of the loaded slider."""
         self.made["modal_bases"] += 1
         if (stuck == self._loaded).all():
             return modes_of(loaded_space(self.known), self.dt, self.stepper)
@@ -104,12 +104,12 @@ class RestStates:
         return modes_of(Space(self.known, stuck, near), self.dt, self.stepper)
 
     def renew(self, stuck: np.ndarray, q: np.ndarray) -> Modes:
-        """Return the modes at the tangent of a state q, and keep them for later calls."""
+        """Return the modes at the tangent of a state q (m), and store these modes."""
         renewed = self._modes[stuck.tobytes()] = self.modes(stuck).at(q)
         return renewed
 
     def start(self, stuck: np.ndarray) -> Start:
-        """Return the start of searches, at first the loaded state."""
+        """Return the start of searches at contact states; at first, the loaded state."""
         known = self.known
 
         def loaded() -> Start:
@@ -129,9 +129,9 @@ class RestStates:
     ) -> tuple[np.ndarray, np.ndarray] | None:
         """Return coordinates (m) and forces (N) of the static state, or None if none is found.
 
-        The search starts on the stored path with the same stuck blocks at the same positions.
-        Without such a path, it starts from the latest state with these contact states, to which the
-        slip of few blocks is added. If many blocks have slipped, it starts from `near` (m).
+        The search starts on a stored path with these stuck blocks at these positions. Without such
+        a path, the start is the latest state with these contact states, plus the slip of few
+        blocks. If many blocks have slipped, the start is `near` (m).
         """
         key = stuck.tobytes()
         if key in self._unstable:
@@ -162,7 +162,7 @@ class RestStates:
         return q, forces
 
     def keep(self, u_x: np.ndarray, stuck: np.ndarray, landing: Landing) -> None:
-        """Store the path of a jump if only the driver moves, as static states lie on this path."""
+        """Store the path of a jump if only the driver moves. Static states lie on this path."""
         jump, key = landing.jump, stuck.tobytes()
         outside, drift = jump.outside, jump.drift_at(landing.n * self.dt)
         if drift is not None:

@@ -1,7 +1,7 @@
 """Ring-down as a skip: closed forms from the end of an event to just before the next event.
 
-While nothing slips, the run jumps to the last step before a contact state can change (`jump`). It
-continues from there with the remaining oscillation. Jumps end at the breakpoints of a protocol.
+While nothing slips, the run jumps to the last step before a contact state can change (`jump`). The
+run then goes on with the remaining oscillation. Jumps end at the breakpoints of a protocol.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ largest estimated error of a jump."""
 
 
 class RingDown:
-    """The skip over times of rest.
+    """The skip over times in which no block slips.
 
     Args:
         steps: steps of the run.
@@ -52,14 +52,14 @@ class RingDown:
         self.scene, self.method, self.known = steps.scene, steps.method, self.recorder.known
         _, quiet = core.room_of_step(self.scene.N_x, self.method.switching)
         self.recorder.log = self.recorder.new_log(steps.state, quiet)
-        self.accuracy = self.method.accuracy * self.scene.F_N / AMPLIFIED  # error of one jump, N
+        self.accuracy = self.method.accuracy * self.scene.F_N / AMPLIFIED  # of one jump, in N
         self.schedule = Schedule(self.recorder, steps.state.step)
         self.rests = self._rests_of(self.known)
         self.recorder.solver = RememberedStates(self.rests)
         self.limits = Limits(self.known)
 
     def _rests_of(self, known: StaticSolver) -> RestStates:
-        """Return static states under present limits of friction."""
+        """Return the static states of a solver, for jumps."""
         return RestStates(known, self.method.dt, self.method.stepper, self.recorder.made)
 
     @staticmethod
@@ -104,7 +104,7 @@ class RingDown:
         return span
 
     def _tried(self, state: State, n_max: int) -> tuple[Span | None, int]:
-        """Return a jump of n_max steps at most, or None; and the number of steps to wait after."""
+        """Return a jump of n_max steps at most, or None, and the number of steps to wait then."""
         wait, closed = self._shortest_wait(state), state.mode != OPEN
         if n_max <= 0:
             return None, 1
@@ -159,7 +159,7 @@ class RingDown:
         start: tuple[np.ndarray, np.ndarray],
         n_max: int,
     ) -> Landing | Wait | Stale:
-        """Return the end of a jump from a state, or a reason to wait."""
+        """Return the end of a jump from a state, or the wait before the next attempt."""
         slips = len(modes.space.slips)
         drift = None if slips else self.rests.start(modes.space.stuck).drift
         path = path_from(modes, outside, *start, drift)
@@ -181,7 +181,7 @@ class RingDown:
         start: tuple[np.ndarray, np.ndarray],
         landing: Landing,
     ) -> Span:
-        """Return a jump up to its landing, or up to an earlier end of the run by a condition."""
+        """Return a jump to its landing, or to an earlier step at which a condition ends the run."""
         whole = landing
         end, ending = self.recorder.due(state, self.steps.model, state.step + whole.n)
         if ending:
@@ -192,7 +192,7 @@ class RingDown:
             return self.scene.driver.K * (outside.drive_at(s) - self.scene.d * moved)
 
         def motion(s: np.ndarray) -> dict[str, np.ndarray]:
-            """Return a motion that is linear between the ends; f is not known."""
+            """Return a motion that is linear between the ends of the jump; f is NaN."""
             begin, lasts = state.y[0, 0], whole.n * state.dt
             moves, end_x = state.mode != STUCK, self.known.displacements(whole.q)[0][0, 0]
             v = np.where(moves, end_x - begin, 0.0) / lasts

@@ -14,7 +14,7 @@ class Ringing:
     """Amplitudes of modes over a time s, with rates that change along the path in finite geometry.
 
     Each amplitude is a sqrt(lambda(0)/lambda(s)) exp(int_0^s lambda), with lambda linear in s (the
-    WKB approximation). Rates and shapes are those of `modes` until `correct` replaces them.
+    WKB approximation). `correct` replaces the rates and shapes of `modes`.
 
     Args:
         modes: the modes.

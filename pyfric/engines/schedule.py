@@ -1,4 +1,4 @@
-"""The schedule of attempts to leave out steps, which limits their work."""
+"""The schedule of attempts to leave out steps. It limits the work of attempts."""
 
 from __future__ import annotations
 
@@ -14,14 +14,16 @@ SPENT = 1 / 4
 """Largest work of all attempts to jump, over the work of full dynamics up to the same time. No run
 therefore takes much longer than full dynamics."""
 COUNTED = ("attempts", "landings", "slides", "modal_bases")
-"""Operations of attempts."""
+"""Counted operations that attempts to jump consist of."""
 
 
 class Schedule:
-    """Times of attempts to jump: each waits until the work of earlier attempts is a small share.
+    """Times of attempts to jump.
+
+    An attempt waits until the work of earlier attempts is a small share of all work.
 
     Args:
-        recorder: recorder of the run, with counts of these operations.
+        recorder: recorder of the run, whose counts include the operations `COUNTED`.
         step: first step of the run.
 
     Attributes:
@@ -41,20 +43,20 @@ class Schedule:
         )
 
     def left(self, step: int) -> int:
-        """Return the number of steps from this one until the next attempt."""
+        """Return the number of steps from step number `step` to the next attempt."""
         return max(self._next - step, 0)
 
     def put_off(self, step: int, wait: int) -> None:
-        """Put off the next attempt until at least `wait` steps after one that ended at a step."""
+        """Put off the next attempt to step number `step` + `wait` or later."""
         self._asked, self._next = step, max(step + wait, self._paid_off())
 
     def forget(self, step: int) -> None:
-        """Cancel the wait after the last attempt, because an event came since."""
+        """Cancel the wait after the last attempt, if blocks slip after that attempt."""
         if step > self._asked:
             self._next = self._paid_off()
 
     def _paid_off(self) -> int:
-        """Return the step by which all attempts so far take a share `SPENT` of the work.
+        """Return the step at which the work of all attempts has fallen to the share `SPENT`.
 
         Attempts of a run that this run continues are included.
         """

@@ -5,8 +5,8 @@ Between steps, a run asks its skip:
     wait(state)        number of steps before the next attempt, or 0
     span(state, last)  the motion over the steps that can be left out now, or None
 
-Ring-down, stable slip and slow slip are skips. An attempt takes work itself. Each skip waits until
-its attempts take no more than a set share of the work of steps (`Prices`).
+Ring-down, stable slip and slow slip are skips. An attempt also takes work. Each skip therefore
+waits until its attempts are a small share of the work of steps (`Prices`).
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
 
 MOSTLY = 0.5
-"""The record has a note if a larger share of the time than this was integrated step by step."""
+"""Share of the time integrated step by step above which the record has a note."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Span:
-    """Steps that can be left out.
+    """A solution that replaces a number of steps.
 
     Args:
         n: number of steps.
-        F_T: function of times since its beginning (s), at the points of the curve, that returns the
-            forces of the driver, in N.
-        motion: function of the same times that returns the motion of the interface, arrays over
-            times and blocks.
-        put: function that sets a state to the end of the span, energies included; None: the end is
-            not known well enough, and steps lead to it.
-        reach: number of steps up to which `F_T` is asked; None: n.
-        done: number of steps that a run before this one has recorded.
+        F_T: function that returns the forces of the driver (N) at times since the beginning of the
+            span (s), the times of the points of the curve.
+        motion: function that returns the motion of the interface at such times, arrays over times
+            and blocks.
+        put: function that sets a state to the end of the span, energies included; None: steps lead
+            to the end, because the solution is not accurate enough there.
+        reach: number of steps up to which `F_T` holds; None: n.
+        done: number of steps that the continued run has already recorded.
         ending: status of a run that ends with the span, or "".
     """
 
@@ -66,7 +66,7 @@ class Skip(Protocol):
         ...
 
     def notes(self, counts: Mapping[str, int]) -> tuple[str, ...]:
-        """Return notes on the steps that were left out."""
+        """Return notes for the record on the use of the skip, from counts of operations."""
         ...
 
 
@@ -75,7 +75,7 @@ class Prices:
 
     Args:
         scene: the scene.
-        method: how it is run.
+        method: the method of the run.
     """
 
     def __init__(self, scene: Scene, method: Method) -> None:
@@ -88,7 +88,7 @@ class Prices:
 
 
 def mostly_stepped(counts: Mapping[str, int], why: str) -> tuple[str, ...]:
-    """Return a note if most of the time was integrated step by step, as in full dynamics."""
+    """Return a note with the reason `why` if most of the time was integrated step by step."""
     share = counts["steps"] / max(counts["steps"] + counts["steps_spared"], 1)
     if share <= MOSTLY or counts["steps"] < 1000:
         return ()

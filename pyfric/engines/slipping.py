@@ -85,7 +85,7 @@ class SlipSpace(Space):
             self.C = self.C + self._entries(self.alpha)
 
     def at(self, weakening: Weakening, q: np.ndarray) -> Self:
-        """Return the slider with the same slipping blocks, linearised at q (m), shape (n_q,)."""
+        """Return this slider with the friction `weakening`, linearised at q (m), shape (n_q,)."""
         now, slips = copy.copy(self), self.slips
         now.weakening, now.way = weakening, weakening.way[slips]
         now.weakens, now.rubs = now._friction(q)
@@ -96,7 +96,7 @@ class SlipSpace(Space):
         return now
 
     def _entries(self, along: np.ndarray, across: np.ndarray | None = None) -> sp.csr_array:
-        """Return a matrix of forces on u_x of slipping blocks, from their u_x and their u_z."""
+        """Return a matrix of entries in rows u_x, and columns u_x and u_z, of slipping blocks."""
         rows, columns = np.tile(self.slips, 2), np.concatenate([self.slips, self.lifted])
         values = np.concatenate([along, np.zeros_like(along) if across is None else across])
         return sp.csr_array((values, (rows, columns)), shape=(self.n_q, self.n_q))
@@ -158,7 +158,7 @@ class SlipSpace(Space):
         return Tangent(tangent.K + friction, self.damping(q), tangent.stiffer)
 
     def stiffer(self, q: np.ndarray) -> Stiffer:
-        """Return the change of the tangent from the linearisation to a state q."""
+        """Return the change of the tangent from the state of the linearisation to a state q (m)."""
         weakens, rubs = self._friction(q)
         return Stiffer(self.near.stiffer(q), weakens - self.weakens, rubs - self.rubs)
 
@@ -171,7 +171,7 @@ class SlipSpace(Space):
 
 
 class SlipGaps(GapFunctions):
-    """Gap functions with slipping blocks; see the top of this module.
+    """Gap functions with slipping blocks; see the docstring of the module.
 
     Args:
         space: the slider, linearised.
@@ -207,8 +207,8 @@ class SlipGaps(GapFunctions):
     def bound(self) -> np.ndarray:
         """Largest change of each gap function by a truncated part of 1 J, shape (n_c,), in N.
 
-        The change of k (s_knot - s) is an estimate from the bonds of one block. An estimate is
-        enough, because a knot that is passed late changes friction to second order only.
+        For k (s_knot - s) the change is an estimate from the bonds of one block. An estimate is
+        enough, because a late passage of a knot changes friction only to second order.
         """
         space, slips = self.space, self.space.slips
         paces = self._pace**2 / space.M[slips]

@@ -50,9 +50,10 @@ SPENT = 1 / 4
 KEPT = 4
 """Number of sets of contact states whose linearised slider is stored."""
 SLOW_STEPS, SLOW_POINTS, SLOW_WORK = 1000, 1000, 4e8
-"""Most slow steps, points of the curve, and steps times N_x^3 between two checks for Ctrl-C."""
+"""Largest numbers between two checks for Ctrl-C: of slow steps, of points of the curve, and of
+steps times N_x^3."""
 OF_STEP = 0.01
-"""Error of a slow step over the accuracy. About a hundred steps lead to an event."""
+"""Error of a slow step over the accuracy. An event comes after about a hundred slow steps."""
 SLIPPED, WAVES, INERTIA, BENT = 0.5, 0.05, 0.1, 0.02
 """Largest errors of loads over the accuracy: due to slip by neglected waves; due to the load of
 waves when an event begins; due to inertia during slow slip; and, in finite geometry, the difference
@@ -61,15 +62,15 @@ creeping block reaches `v_slip` is sensitive to its load."""
 
 
 class Phase(NamedTuple):
-    """Slip without inertia from a static state on.
+    """Slip without inertia that begins in a static state.
 
     Attributes:
         about: the slider, linear about the static state.
         interface: the condensed slider.
         at: the static state.
         found: solution of the core.
-        points: numbers of steps to points of the curve.
-        n_last: number of steps asked for.
+        points: number of steps from the beginning to each point of the curve.
+        n_last: number of steps up to the requested end of the solution.
         n_end: number of steps up to the end of the phase.
     """
 
@@ -88,7 +89,7 @@ def values_of(at: Equilibrium) -> Values:
 
 
 def is_bursting(fast: np.ndarray) -> bool:
-    """Return whether a block is faster than the threshold, corner slip left out; see `core.Log`."""
+    """Return whether a block is fast without corner slip; `fast` is `core.Log.fast`."""
     return bool(((fast[0] != 0) & (fast[1] == 0)).any())
 
 
@@ -108,7 +109,7 @@ class SlowSlip:
         prices, state = Prices(self.scene, self.method), steps.state
         look = prices.in_steps({"attempts": 1, "landings": 1})
         self.look_every = math.ceil(look / SPENT)
-        self.shortest = 2 * self.look_every  # least steps of a phase in finite geometry
+        self.shortest = 2 * self.look_every  # smallest number of steps in finite geometry
         self.least = prices.in_steps({"slow_steps": 1}) * state.dt
         self.pays = self.look_every * state.dt
         self.look_at = state.step  # step of the next check for waves
@@ -160,18 +161,18 @@ class SlowSlip:
         return self.steps.state
 
     def outside(self) -> Outside:
-        """Return driver and loads from now on."""
+        """Return driver and loads from the present time on."""
         return Outside(self.known, self.state.t, just_after(self.state))
 
     def about(self, closed: np.ndarray) -> Linearised:
-        """Return the slider about its loaded state; the last sets of contact states are stored."""
+        """Return the slider linearised about its loaded state, with the blocks `closed` held."""
         return self.kept.made(closed.tobytes(), lambda: Linearised(self.known, closed))
 
     def calm(self) -> np.ndarray | None:
-        """Return the changes of the interface by waves until they have decayed, or None if unknown.
+        """Return the total change of the interface by waves, or None if it is not accurate.
 
-        They are known if two conditions hold. Effects of higher order on loads are below the
-        accuracy. Slip stays slow until the load of waves has decayed to the accuracy.
+        The change is accurate if two conditions hold. Effects of higher order on loads are below
+        the accuracy. Slip stays slow until the load of waves has decayed to the accuracy.
 
         Returns:
             Changes of u_x (m) and ln theta, shape (2, N_x).
@@ -208,8 +209,8 @@ class SlowSlip:
     def slip(self, last: int, moved: np.ndarray) -> Span | None:
         """Return a span of slip without inertia, up to step `last` at most.
 
-        No slow step is shortened to end at `last`. A run that continues from there repeats the slow
-        steps of this phase. It therefore has the same bits as a run without interruption.
+        No slow step is shortened to end at `last`. A run that continues from `last` repeats the
+        slow steps of this phase, and so has the same bits as a run without interruption.
         """
         state, cut = self.state, self._moving()
         done, begin, closed = state.since, state.phase, state.mode != OPEN
@@ -235,7 +236,7 @@ class SlowSlip:
         return self._span(phase, outside, n, done, ending if state.step + n == end else "")
 
     def _span(self, phase: Phase, outside: Outside, n: int, done: int, ending: str) -> Span:
-        """Return the first n steps of a phase; an earlier run has recorded `done` of them."""
+        """Return the first n steps of a phase, of which an earlier run has recorded `done`."""
         interface, points, state = phase.interface, phase.found.points, self.state
         points = points[np.count_nonzero(phase.points <= done) :]
         by_v, _ = self.about(state.mode != OPEN).by_v
@@ -307,10 +308,10 @@ class SlowSlip:
         return phase if finite and n_last == n_end else made(n_last)
 
     def straight(self, about: Linearised, outside: Outside) -> int:
-        """Return the number of steps after which loads are no longer linear, with held interface.
+        """Return the number of steps during which loads are nearly linear, with held interface.
 
-        After these steps, the second derivative of spring forces in the loaded state changes loads
-        by the share `BENT` of the accuracy.
+        After these steps, the second derivative of spring forces in the loaded state has changed
+        loads by the share `BENT` of the accuracy.
         """
         known = self.known
         q = known.coordinates(known.loaded.u, known.loaded.rod)
@@ -320,9 +321,9 @@ class SlowSlip:
         return math.ceil(min(lasts / self.state.dt, sys.maxsize))
 
     def bent(self, phase: Phase, outside: Outside) -> bool:
-        """Return whether loads at the end of a phase differ too much from those of a static state.
+        """Return whether loads at the end of a phase differ too much from loads of a static state.
 
-        The static state has the slip, driver and loads of the end of the phase.
+        The static state has the slip of the interface, the driver and the loads at this end.
         """
         interface, at, found = phase.interface, phase.at, phase.found
         s, u_x, free = found.t, self.state.y[0, 0] + found.u, self.state.mode == OPEN
@@ -335,7 +336,7 @@ class SlowSlip:
         return float(error.sum()) > BENT * self.limit
 
     def limits(self, interface: Interface, end: float, last: float = math.inf) -> core.SlowLimits:
-        """Return limits that end slow slip, and its allowed errors; times in s."""
+        """Return limits that end slow slip, and allowed errors; see `core.SlowLimits`."""
         scene, law, N_x = self.scene, self.law, self.scene.N_x
         tolerance, unit = OF_STEP * self.method.accuracy, scene.F_N / N_x
         return core.SlowLimits(
@@ -354,7 +355,7 @@ class SlowSlip:
     def slow(
         self, interface: Interface, closed: np.ndarray, limits: core.SlowLimits, **how: Any
     ) -> core.SlowSlip:
-        """Return slip without inertia from the present state on."""
+        """Return slip without inertia that begins in the present state."""
         about = self.about(closed)
         how |= {"viscous": about.by_v, "inertial": about.by_a, "closed": closed}
         start, how["v"] = np.log(self.state.theta), self.state.y[0, 2]
@@ -365,7 +366,7 @@ class SlowSlip:
         return np.array([self.state.y[0, 0], self.state.theta, self.state.y[0, 2]])
 
     def _put_back(self, step: int, moving: np.ndarray) -> None:
-        """Set the step, and the interface to an array that `_moving` returned."""
+        """Set the step number, and the interface to an array that `_moving` returned."""
         self.state.step = step
         self.state.y[0, 0], self.state.theta[:], self.state.y[0, 2] = moving
         if self.method.threshold:

@@ -42,13 +42,14 @@ if TYPE_CHECKING:
     from pyfric.statics import StaticSolver
 
 N_MODES = 28
-"""Number of undamped modes in the space."""
+"""Number of undamped modes in a new space."""
 BLOCK, APPLIED = 16, 6
-"""Vectors in a block of block Lanczos, and number of solutions for a block. They leave an error of
-4e-4 in the squared frequency of the fastest mode. Policies."""
+"""Number of vectors in a block of block Lanczos, and number of applications of the operator to a
+block. They leave an error of 4e-4 in the squared frequency of the fastest mode. Both
+are policies."""
 FEW, KEPT = 4, 32
 """Largest number of slipped blocks for which a static state is found from stored responses, and
-number of stored responses. Events of few blocks recur at the same blocks. Policies."""
+number of stored responses. Events of few blocks recur at the same blocks. Both are policies."""
 SLOWEST = 7.0
 """Largest ratio of viscous to elastic forces in overdamped motion, in units of eta/k. It is 6 in
 plane waves; edges of a lattice raise it to 6.6."""
@@ -59,8 +60,8 @@ def ends_of_spectrum(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return eigenvalues of a symmetric operator, shape (m,), ascending, and vectors, (n, m).
 
-    They are Ritz values and vectors of block Lanczos after the operator was applied `APPLIED`
-    times. The smallest and the largest values have converged.
+    The eigenvalues are Ritz values of block Lanczos with `APPLIED` applications of the operator.
+    The smallest and the largest have converged.
 
     Args:
         apply: the operator, on vectors of shape (n, k).
@@ -77,7 +78,7 @@ def ends_of_spectrum(
         if sum(part.shape[1] for part in basis) + BLOCK > n:
             break
         block = images[-1]
-        for _ in range(2):  # twice is enough
+        for _ in range(2):  # two passes are enough
             for part in basis:
                 block = block - part @ (part.T @ block)
         block = np.linalg.qr(block)[0]
@@ -102,7 +103,7 @@ class Tangent(NamedTuple):
 class Space:
     """Static solutions and slow shapes with stuck blocks held and all other blocks open.
 
-    Blocks without friction are in contact if they are in contact in the loaded state.
+    Blocks without friction are in contact if they touch the foundation in the loaded state.
 
     Args:
         solver: static states of the scene in its geometry.
@@ -165,7 +166,7 @@ class Space:
     # --- shapes ----------------------------------------------------------------------------------
 
     def _find(self, modes: int) -> float:
-        """Find the shapes; return the largest frequency among them, in 1/s."""
+        """Set B to a new space; return the largest frequency of its undamped modes, in 1/s."""
         free, M, scene = self.free, self.M[self.free], self.solver.scene
         # Stuck blocks of a chain could only move vertically, and nothing excites that motion.
         count = min(modes, len(free) // 2) if scene.N_z > 1 else 0
@@ -185,14 +186,14 @@ class Space:
         return 1 / math.sqrt(squares[0])
 
     def _extend(self, near: Space) -> float:
-        """Extend a space with more stuck blocks; return its largest frequency, in 1/s.
+        """Set B to an extension of `near`; return the largest frequency of `near`, in 1/s.
 
         The extension consists of responses to displacements and forces of the released blocks
         (`Released`), and of their viscous corrections. Any motion w is a combination of these
         responses and of a motion w_0 with the released blocks held. The two parts are orthogonal in
-        K. If w is orthogonal in M to the new space, w'M w = w'M w_0 is at most |w| times the part
-        of w_0 outside the old modes. The elastic energy of this part is at most that of w. So no
-        such motion is slower than the modes that the old space lacks.
+        K. If w is orthogonal in M to the new space, w'M w = w'M w_0 is at most |w| times the norm
+        of the part of w_0 outside the old modes. The elastic energy of this part is at most the
+        elastic energy of w. So no such w is slower than the modes that the old space lacks.
         """
         shapes = self._factor.shapes[self.free]
         self._span(near.B[self.free], np.hstack([shapes, self._viscous(shapes)]))
@@ -205,7 +206,7 @@ class Space:
         return self._factor.solve(self.C[self.free][:, self.free] @ shapes)
 
     def _span(self, basis: np.ndarray, shapes: np.ndarray) -> None:
-        """Let B span a basis (n_free, m) and shapes (n_free, k) of the free coordinates."""
+        """Set B to a basis of the space of `basis` (n_free, m) and `shapes` (n_free, k)."""
         basis = extended(basis, shapes, self.M[self.free])
         rows = np.zeros((basis.shape[1], self.n_q))
         rows[:, self.free] = basis.T
@@ -296,7 +297,7 @@ class Space:
 
     @property
     def tangent(self) -> Tangent:
-        """The tangent that is factorised."""
+        """The factorised tangent."""
         return Tangent(self.K, self.C)
 
     def tangent_at(self, q: np.ndarray) -> Tangent:
@@ -313,7 +314,7 @@ class Space:
     def stiffer(self, q: np.ndarray) -> np.ndarray | None:
         """Return the change of bond stiffness from the factorised tangent to q, (3, n_bonds), N/m.
 
-        None in linear geometry.
+        In linear geometry, return None.
         """
         if self.solver.geometry == "linear":
             return None
@@ -350,7 +351,7 @@ class Released:
 
     A solution is the solution with these blocks stuck, plus a combination of responses: to
     displacements u_x of the released blocks, and to forces on their u_z (Woodbury's formula).
-    This spares a factorisation.
+    No new factorisation is needed.
 
     Args:
         near: the space with these blocks stuck.
@@ -381,7 +382,7 @@ class Released:
 
 
 def loaded_space(solver: StaticSolver) -> Space:
-    """Return the space of the loaded slider, shared by runs with the same solver."""
+    """Return the space of the loaded slider, which the solver stores."""
     if "space" not in solver.kept:
         stuck = ~(solver.loaded.open | solver.scene.bare)
         solver.kept["space"] = Space(solver, stuck)

@@ -23,20 +23,21 @@ such speeds only just before slip becomes unstable."""
 
 
 class StableSlip(RingDown):
-    """The skip over rest and stable slip. With the option `energies` it skips only rest, because
-    the heat of slip in jumps is unknown.
+    """The skip over rest and stable slip.
+
+    With the option `energies` only rest is skipped, because the heat of slip in jumps is unknown.
     """
 
     @staticmethod
     def fits(scene: Scene) -> bool:
-        """Return whether friction of a scene depends on slip alone, apart from a viscous part."""
+        """Return whether friction of a scene depends on slip alone, except for a viscous part."""
         return scene.law.slides
 
     def _slips_for(self, state: State) -> int:
         """Return the number of steps during which slip prevents a jump.
 
-        For a jump, slip has to be slow. No block may have started or stopped during as many steps
-        as an attempt costs.
+        For a jump, slip has to be slow. All slipping blocks must have slipped for `Schedule.slide`
+        steps or more.
         """
         slips = np.abs(state.mode) == 1
         if self.method.budget or not slips.any():

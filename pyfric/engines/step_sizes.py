@@ -17,29 +17,29 @@ if TYPE_CHECKING:
 ACCURACY = 1e-5
 """Default of the option `accuracy`: error of forces over F_N that steps and jumps may leave."""
 AUTO_SHARE = 0.5
-"""dt = "auto" over the stability limit, for steppers outside `ERRORS`, and for switches at step
-ends."""
+"""Ratio of dt = "auto" to the stability limit, for steppers outside `ERRORS` and for switches at
+step ends."""
 ERRORS = {"rk46": 1e-6, "rk46_waves": 1e-5}
-"""Largest error of forces of events over F_N, with located switches and steps of half the stability
-limit, in the scenes of `studies finer --errors`. It falls with the order of linear motion."""
+"""Stepper -> largest error of forces of events, over F_N, with located switches and steps of half
+the stability limit. `studies finer --errors` measures these errors. With shorter steps, they fall
+with the stepper's order in linear motion."""
 LONGEST = 0.9
-"""Longest step over the stability limit. The limit is computed for the lattice at rest; the margin
-is for forces and switches."""
+"""Longest step over the stability limit. The limit holds for the lattice at rest. Steps stay below
+it, because the slider is loaded and contacts switch."""
 HALVED = 2
-"""A step that is at most this many halvings too long to resolve weakening is shortened. A
-policy."""
+"""Largest number of halvings by which a step is shortened to resolve weakening, a policy."""
 DIGITS = 3
-"""Digits to which dt = "auto" over sqrt(m/k) is rounded."""
+"""Number of digits to which dt = "auto" over sqrt(m/k) is rounded."""
 ALMOST = 1e-9
-"""Relative rounding error that may not lower the last digit."""
+"""Relative increase of dt before it is rounded down, so that a rounding error changes no digit."""
 LONGEST_LOCATED = 30.0
 """Longest step of the adaptive stepper with located switching, over the stability limit of RK4."""
 MAX_STEPS = 10**14
-"""Most steps of one run. Rounding of the time is then 1 % of a step."""
+"""Largest number of steps of one run, at which rounding of the time is 1 % of a step."""
 
 
 def check_steps(t_begin: float, t_end: float, dt: float) -> None:
-    """Raise SceneError if a run between two times has too many steps; all in s."""
+    """Raise SceneError if a run between two times (s) has more than `MAX_STEPS` steps dt (s)."""
     if (t_end - t_begin) / dt > MAX_STEPS:
         allowed = f"at most {t_begin + MAX_STEPS * dt:.3g} s, {MAX_STEPS:g} steps of {dt:g} s"
         raise SceneError("t_end", t_end, "s", allowed)
@@ -51,13 +51,13 @@ def default_switching(scene: Scene, method: str | None = None) -> Switching:
 
 
 def is_auto(dt: Any) -> bool:
-    """Whether a time step is the text "auto"."""
+    """Return whether a time step is the text "auto"."""
     return isinstance(dt, str) and dt == "auto"
 
 
 @functools.lru_cache(maxsize=256)
 def default_stepper(scene: Scene, switching: Switching | None = None) -> str:
-    """Return the default of the option `stepper`, given `switching`; None means its default.
+    """Return the default of the option `stepper` for a value of `switching`, None its default.
 
     With switches at step ends, errors are proportional to the step. The long steps that six stages
     allow then gain nothing. With little viscosity, "rk46" lets waves grow unless steps are short.
@@ -71,14 +71,14 @@ def default_stepper(scene: Scene, switching: Switching | None = None) -> str:
 
 
 def keeps(stepper: str, switching: Switching) -> bool:
-    """Whether the error of steps of a stepper is known."""
+    """Return whether `ERRORS` has the error of a stepper with this switching."""
     return stepper in ERRORS and switching == "located"
 
 
 def share_of_limit(stepper: str, switching: Switching, accuracy: float) -> float:
-    """Return the step over the stability limit that leaves an error `accuracy` over F_N.
+    """Return the step, over the stability limit, whose error over F_N is `accuracy`.
 
-    If errors of the stepper are unknown, return `AUTO_SHARE`.
+    For steppers without measured errors, return `AUTO_SHARE`.
     """
     if not keeps(stepper, switching):
         return AUTO_SHARE
@@ -99,8 +99,8 @@ def step_size(
         scene: the scene, the name of a preset, or the path of a scene file.
         dt: step in s, or "auto" for `share_of_limit`, rounded down to three digits over sqrt(m/k).
             "auto" is shortened to resolve weakening of friction, by at most a factor of four. The
-            stepper "adaptive" makes sub-steps inside dt. It allows any dt, and "auto" uses the
-            limit of RK4.
+            stepper "adaptive" makes sub-steps inside dt. Any dt is allowed with it, and "auto" uses
+            the limit of RK4.
         stepper: the stepper; None means the default.
         accuracy: error of forces of events over F_N that "auto" allows.
         switching: where contacts switch; None means the default.

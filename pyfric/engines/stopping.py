@@ -1,7 +1,7 @@
 """Conditions that end a run before t_end: `stop_when`.
 
-A condition is text, "name" or "name = values". It is the same in Python, on the command line, in
-scene files and in sweep files (`pyfric.scene.ends`):
+A condition is text, "name" or "name = values". Python, the command line, scene files and sweep
+files use the same text (`pyfric.scene.ends`):
 
     pyfric.simulate("fig1", 2.0, stop_when="precursors = 3")
     pyfric.simulate(scene, 1.0, stop_when=["arrested", "reached = 50 mm"])
@@ -34,14 +34,14 @@ if TYPE_CHECKING:
 ENDED = "ended by stop_when ("
 """Beginning of the status of a run that a condition ended."""
 TRANSITS = 3.0
-"""Transits of a shear wave that fit into the shortest pause between two events; see
+"""Shortest pause between two events, over the time of a shear wave to cross the interface; see
 `pyfric.engines.pauses`."""
 CONDITIONS: dict[str, Callable[..., float]] = {}
-"""Name of a condition -> function of the history and the values of the condition."""
+"""Name of a condition -> function of the history (`Stopping`) and of the condition's values."""
 
 
 def holds(due: Callable[..., float]) -> Callable[..., float]:
-    """Register a function as a condition, under its own name."""
+    """Register a function in `CONDITIONS` under its own name."""
     CONDITIONS[due.__name__] = due
     return due
 
@@ -117,14 +117,14 @@ def slow(seen: Stopping, v: float, lasting: float) -> float:
 
 
 def ended_by_condition(record: Record) -> bool:
-    """Whether a condition of `stop_when` ended a run."""
+    """Return whether a condition of `stop_when` ended a run."""
     return record.status.startswith(ENDED)
 
 
 def force_to_come(scene: Scene, t: float, t_end: float) -> float:
     """Return the largest change of the driver force between t and t_end (s), in N.
 
-    It is inf if other loads change.
+    If other loads change, return inf.
     """
     later = [corner for corner in scene.corners if t < corner < t_end]
     ramp = any(scene.piece(what, t).slope for what in ("F_N", "T"))
@@ -146,7 +146,7 @@ def stopping_of(
 ) -> Stopping | None:
     """Return the `Stopping` of a run, or None if it has no conditions.
 
-    If a condition ended `before`, only later slip counts.
+    If a condition ended the record `before`, only slip after its end counts.
     """
     if not texts:
         return None
@@ -156,7 +156,7 @@ def stopping_of(
 
 
 class Stopping:
-    """The history of a run as conditions need it, and the check of conditions.
+    """The history of a run on which its end conditions depend, and the check of conditions.
 
     Args:
         conditions: texts of the conditions.
@@ -198,7 +198,7 @@ class Stopping:
     # --- input from a run ------------------------------------------------------------------------
 
     def begin(self, state: State) -> None:
-        """Count the blocks that slip in an initial state, from the time of this state on."""
+        """Count the slip of blocks in an initial state, from the time of this state on."""
         slipping = (np.abs(state.mode) == 1) & (state.corner == 0)
         self.slips, self.region = bool(slipping.any()), slipping
         self.begun += int(self.slips)
@@ -221,7 +221,7 @@ class Stopping:
             self.region[:] = False
         starts = (np.abs(switches["new"]) == 1) & (np.abs(switches["old"]) != 1)
         starts &= switches["t"] > self.since
-        opens = (switches["old"] == OPEN) != (switches["new"] == OPEN)  # or lands, in an event
+        opens = (switches["old"] == OPEN) != (switches["new"] == OPEN)  # or lands
         opens &= self.slips | (switches["t"] <= self.t_rest)
         free = (starts | opens) & (switches["step"] >= begin)
         self.region[switches["block"][free]] = True
@@ -271,11 +271,11 @@ class Stopping:
         return self.quiet(float(stops.iloc[math.ceil(n) - 1])) if len(stops) >= n else math.inf
 
     def most_ended(self, which: str) -> int:
-        """Return an upper bound of the ended main events with 1 in the column `which`.
+        """Return an upper bound of the number of ended main events with 1 in the column `which`.
 
         The bound needs no new catalogue. In the last catalogue, all events except the last are
-        final. Each later event may count. The present event counts only if it can have ended as a
-        main event.
+        final. The bound includes every later event, and the present event if this event has ended
+        and can be a main event.
         """
         known, wanted = self._settled.get(which, (0, 0))
         present = not self.slips and int(self.region.sum()) >= main_blocks(self.scene.N_x)
@@ -286,7 +286,7 @@ class Stopping:
         return (t + self.t_gap) * (1 + 1e-12)
 
     def rested(self) -> float:
-        """Return the time (s) from which the slider counts as at rest, if nothing slips again."""
+        """Return the time (s) from which the slider is at rest if nothing slips again."""
         if self.scene.N_z > 1:
             return self.quiet(self.t_rest)
         return min(self.quiet(self.t_rest), self.t_rest + pause_of_waves(self.scene))
@@ -294,14 +294,14 @@ class Stopping:
     def weakest(self) -> float:
         """Return the smallest additional force (N) that makes a block in contact slip.
 
-        It is -inf if none is known: without a state, or where margins (`Law.margin`) are no forces.
+        Without a state, or if margins (`Law.margin`) are not forces, return -inf.
         """
         if self.state is None or self.scene.law.margin.unit != "N":
             return -math.inf
         return float(self.state.margin[self.mode != OPEN].min(initial=math.inf))
 
     def creeps(self, more: float) -> bool:
-        """Whether slip comes to rest by itself, even if the driver adds a force `more` (N)."""
+        """Return whether slip comes to rest by itself, even if the driver adds `more` (N)."""
         if self.state is None or not more < self.weakest():
             return False
         return creeps_to_rest(self.scene, self.state, lambda: self.forces().a, more)

@@ -16,9 +16,10 @@ if TYPE_CHECKING:
     from pyfric.scene import Scene
 
 STRAIN_SHARE = 0.65
-"""Largest strain of a bond, at the driven block, over F_T/(k l). It is smaller under a plate."""
+"""Largest strain of a bond, at the driven block, over F_T/(k l). A driver that pushes a plate
+causes smaller strains."""
 LINEAR = 0.1
-"""Strain above which results of linear geometry have a note."""
+"""Strain above which a record in linear geometry has a note."""
 
 
 def folded(scene: Scene, u: np.ndarray) -> tuple[int, int] | None:
@@ -74,7 +75,7 @@ def strain_notes(scene: Scene, engine: str, F_T: float, t_end: float) -> tuple[s
 def contact_notes(
     scene: Scene, engine: str, switches: Mapping[str, np.ndarray], mode: np.ndarray | None = None
 ) -> tuple[str, ...]:
-    """Return a note if most blocks were open at some time; `mode` holds the contacts at the end."""
+    """Return a note if most blocks were open at some time; `mode` has the final contact states."""
     changes = (switches["new"] == OPEN).astype(int) - (switches["old"] == OPEN)
     number = np.cumsum(changes)
     if mode is not None and len(number):

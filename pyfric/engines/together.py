@@ -1,7 +1,7 @@
 """Quasi-static sequences of many scenes at a time, on threads, without records.
 
-Scenes that differ only in their interface share the condensed slider and the protocol. They run in
-one call of the core. Each gets the same bits as in a `QuasistaticRun` of its own. While the core
+Scenes that differ only in their interface share the condensed slider and the protocol, and run in
+one call of the core. Each run has the same bits as a `QuasistaticRun` of this scene. While the core
 follows one batch of scenes, the next batch is prepared.
 """
 
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from pyfric.statics import ContactProblem, Stretch
 
 BATCH, BATCH_BYTES = 64, 64_000_000
-"""Most scenes in a batch, and most bytes of their states and logs."""
+"""Largest number of scenes in a batch, and of bytes of their states and logs."""
 KEPT = 16
 """Number of foundations whose loaded state is stored."""
 
@@ -68,10 +68,10 @@ def outlines(
     """Yield outlines of the quasi-static sequences of scenes, in the order of scenes.
 
     Args:
-        asked: scenes that `check_ladder` accepts, or exceptions, which are passed on. They are read
-            one batch ahead.
-        threads: number of threads of the core; None means one for each processor. Results do not
-            depend on it.
+        asked: scenes that `check_ladder` accepts, or exceptions, which are passed on. The iterator
+            is read one batch ahead.
+        threads: number of threads of the core; None means one for each processor. The number does
+            not change results.
 
     Yields:
         The outline of each run, or the SceneError or EquilibriumError that prevented it.
@@ -95,15 +95,22 @@ def outlines(
 def has_outline(scene: Scene, options: Options) -> bool:
     """Return whether `outlines` can make a run: a quasi-static sequence without end conditions.
 
-    All options except `t_gap` then have no effect.
+    In such a run, all options except `t_gap` have no effect.
     """
     ends = scene.stop_when if options.stop_when is None else options.stop_when
     return options.fidelity == QUASISTATIC.name and options.verify in (None, "none") and not ends
 
 
 class _Loaded(NamedTuple):
-    """The loaded state of a slider on a foundation: condensed slider, t_gap, start of runs, and F_T
-    at the start (N). If no block slips under the load, `held` has stuck blocks and their forces."""
+    """The loaded state of a slider on a foundation.
+
+    Attributes:
+        problem: the condensed slider.
+        t_gap: longest pause inside an event, in s.
+        start: start of runs.
+        F_T: force of the driver at the start, in N.
+        held: stuck blocks, their p and f (N), and rounding (N), if no block slips under the load.
+    """
 
     problem: ContactProblem
     t_gap: float
@@ -113,7 +120,7 @@ class _Loaded(NamedTuple):
 
 
 class _Group(NamedTuple):
-    """Runs that share slider and protocol: their numbers in the batch, sequences, and logs."""
+    """Runs that share slider and protocol: indices in the batch, sequences, logs, and status."""
 
     numbers: list[int]
     runs: Sequences
@@ -125,7 +132,7 @@ class _Group(NamedTuple):
 
 
 class _Run(NamedTuple):
-    """A run of a batch: its scene, t_gap (s), first F_T (N), group, and place in the group."""
+    """A run of a batch: its scene, t_gap (s), F_T at the start (N), group, and index in it."""
 
     asked: Asked
     t_gap: float
@@ -219,7 +226,7 @@ def _group(parts: Sequence[Stretch], loaded: _Loaded, members: list[tuple[int, S
 
 
 def _follow(groups: Sequence[_Group], threads: int, stop: Event) -> None:
-    """Follow all runs of groups to their ends."""
+    """Follow all runs of groups to their ends, or until `stop` is set."""
     for group in groups:
         runs, left = group.runs, np.arange(len(group.runs))
         while len(left) and not stop.is_set():

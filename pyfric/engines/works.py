@@ -1,6 +1,6 @@
 """The energy budget of a jump over rest.
 
-While nothing slips, the motion is a polynomial plus decaying modes. Works then have closed forms.
+While nothing slips, the motion is a polynomial plus decaying modes, and works have closed forms.
 With the position x of the driver and loads b they are
 
     driver   int F_T dx = K [x^2/2 + d u_drv0 x] - K d int u_h V ds ,

@@ -478,7 +478,7 @@ def fronts(
 @folder_option("--out", required=True, metavar="DIR", help="Folder of its files.")
 @telling
 def resolved(runs: Path, out: Path, tell: Tell) -> None:
-    """Separate effects of prestress and position in fronts with a resolved zone (half an hour).
+    """Separate effects of prestress and position for a resolved cohesive zone (half an hour).
 
     Runs are kept in --runs; the next call continues from there.
     """

@@ -123,7 +123,8 @@ def limit() -> pd.DataFrame:
     """Compare the core with the highest rate of additions of this processor, on the Fig. 1 lattice.
 
     Kernels and plain additions take turns, so changes in the processor's speed affect both. Fused
-    multiply-adds would save additions, but would make bits depend on the processor.
+    multiply-adds would save additions, but the last bits of results would then depend on the
+    processor.
 
     Returns:
         Columns: what, geometry, additions (per block and evaluation), limit (ns, if only additions

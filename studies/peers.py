@@ -95,7 +95,7 @@ def numpy_forces(scene: Scene, geometry: Geometry) -> Forces:
 
 
 def _bond(scene: Scene, a: int, b: int) -> tuple[float, float, float, float]:
-    """Return stiffness (N/m), length and reference vector (m) of the bond by (a, b) blocks."""
+    """Return stiffness (N/m), length and vector (m) of the bond to a block a columns, b rows on."""
     k, l = scene.slider.k, scene.slider.l
     if a != 0 and b != 0:
         return k / 2, math.sqrt(2) * l, a * l, b * l

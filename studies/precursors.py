@@ -43,8 +43,8 @@ Lattice    The ends at l and l/2 are compared for precursors of at least four bl
            has `RESOLVED` blocks or more at the end on the finer lattice.
 Rate       Series of rate and state have a separate curve. The same criteria decide whether
            a/b = 2/3 and 1/3 agree, and whether their ends are those of slip weakening.
-Engine     Hybrid, linear geometry, accuracy 1e-3. `checks` compares with full dynamics. The engine
-           is good enough if counts are the same in all checks.
+Engine     Hybrid, linear geometry, accuracy 1e-3. `checks` repeats some runs in full dynamics. The
+           hybrid engine is good enough if counts are the same in all checks.
 
 Deviations from the rule: three and `FEW` seeds were made instead of six. Exponential weakening with
 l = 2.5 mm, rate and state with 4 mm/s and one check were left out for their time. `half` in

@@ -1,4 +1,4 @@
-"""Largest stable steps of a scene, computed and measured, and growth beyond them.
+"""Largest stable steps of a scene, computed and measured; growth of disturbances beyond them.
 
 Computed limits are from `pyfric.stability_limit`, by eigenvalues of the scene's own operator.
 Measured limits are from a slider at rest with a tiny disturbance: once stuck to the surface and, on
@@ -115,7 +115,7 @@ def _shaken(scene: Scene, stepper: str, dt: float, looks: int) -> Iterator[list[
 def stability(
     scene: SceneLike, *, budget: float = 60.0, say: Callable[[str], None] = lambda _: None
 ) -> pd.DataFrame:
-    """Compute and measure the largest stable steps of a scene, and growth beyond them.
+    """Compute and measure the largest stable steps of a scene, and growth at longer steps.
 
     Args:
         scene: the scene, the name of a preset, or the path of a scene file.

@@ -110,7 +110,7 @@ class Interfaces(NamedTuple):
         u_x: positions of held blocks, shape (n, N_x), in m.
         drive: positions of the driver, shape (n,), in m.
         offset: length that is added to the driver's positions in all legs, shape (n,), in m.
-        gradual: whether slip grows, mu_s = mu_k, shape (n,).
+        gradual: whether slip is continuous, as friction hardly weakens, shape (n,).
     """
 
     fields: np.ndarray

@@ -213,7 +213,10 @@ class Run:
         recorder.ending = span.ending
 
     def _step(self, n_steps: int) -> None:
-        """Make up to n_steps. Sample the curve and check conditions, unless the core samples."""
+        """Make up to `n_steps` time steps.
+
+        Sample the curve and check conditions, unless the core samples.
+        """
         steps, recorder, every = self.steps, self.recorder, self.method.sample
         if recorder.every:
             steps.call(n_steps)

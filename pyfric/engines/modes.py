@@ -11,7 +11,7 @@ phi - K^-1 (K + lambda C + lambda^2 M) phi. Rayleigh's functional of this shape 
 A time step multiplies a mode by R(z), z = lambda dt (`Stepper.growth`). It leaves the quasi-static
 path unchanged. The ring-down of a run with steps dt therefore has the rates log(R)/dt.
 
-In finite geometry rates follow the present tangent to first order,
+In finite geometry the tangent changes by delta K. The rates change with it, to first order by
 delta lambda = -phi.delta K phi/(phi.C phi + 2 lambda phi.M phi).
 
 Source: B. N. Parlett, The Symmetric Eigenvalue Problem (1998), Rayleigh-Ritz method.

@@ -155,7 +155,7 @@ def path_from(
     """Return the path from a static state.
 
     Args:
-        modes: the slider at its contact states.
+        modes: modes of the slider at its contact states.
         outside: driver and loads.
         q, forces: the static state (m) and the forces on it (N), shape (n_q,).
         drift: first estimate of dq/d(drive), shape (n_q,); None: that of the factorised tangent.

@@ -175,7 +175,7 @@ class Recorder:
     # --- the logs --------------------------------------------------------------------------------
 
     def new_log(self, state: State, quiet: int | None = None) -> core.Log:
-        """Return empty logs of the core, with room for some starts and ends of slip."""
+        """Return empty logs of the core; `quiet` is their room for starts and ends of slip."""
         room = {} if quiet is None else {"quiet": quiet}
         threshold, N_x = self.method.threshold or 0.0, self.scene.N_x
         log = core.Log(N_x, every=self.every, threshold=threshold, **room)

@@ -89,8 +89,9 @@ def slip_segments(record: Record) -> pd.DataFrame:
     """Return slipped regions: one row for each event and each group of neighbouring blocks.
 
     Columns: event (from 1); t_s, time of first slip, s; kind, "whole" (over the whole interface),
-    "partial" (main event) or "micro"; slipped, False for blocks that only made corner slips or
-    were open in the event; first_block, last_block, from the trailing edge; x_from, x_to, x/L.
+    "partial" (main event) or "micro"; slipped, False for blocks that slipped only while nearly
+    unloaded or were open in the event; first_block, last_block, from the trailing edge; x_from,
+    x_to, x/L.
     """
     scene, events = record.scene, record.events
     region = record.region[:, np.argsort(scene.n_of_i)]

@@ -44,9 +44,9 @@ class Errors:
     Forces of main events are over F_N, lengths over L. Stresses are root mean squares over the
     interface, over F_N/N_x. Rupture times are root mean squares over a front, over the time that
     the front takes. Front speeds are relative. Each error is the largest error of all events,
-    except the median and the 95th percentile of front speeds. `arrest` includes forces in events
-    that last to the end of the run. `curve` is the error of forces in runs without any slip. None
-    means not measured.
+    except the median and the 95th percentile of front speeds. For events that
+    have not ended when the run ends, `arrest` compares the forces during the event. `curve` is the
+    error of forces in runs without any slip. None means not measured.
 
     Attributes:
         want, tolerance: of the plan; None without a plan.

@@ -143,7 +143,7 @@ class System:
         Args:
             step: displacements of unknown coordinates, shape (n,).
             arm: their arms, shape (n,).
-            residual: largest force that the step removes, in N; it sets the unit.
+            residual: largest force that the step removes, in N; it sets the precision.
         """
         unit = 2.0 ** (np.frexp(residual / self._stiffest)[1] - LEADING)
         return np.rint(step * arm / unit) * unit / arm

@@ -59,10 +59,10 @@ class Case:
     find: Find
 
     def tried(self, run: Runner) -> tuple[list[Claim], DataFigure]:
-        """Return the measured parts, with their damaged values, and the figure.
+        """Return the measured parts, with their values in changed scenes, and the figure.
 
         Raises:
-            ValueError: a part has no damage.
+            ValueError: for a part, no change is given that must move it out of its band.
         """
         found = self.find(run)
 

@@ -123,10 +123,10 @@ class Measured(NamedTuple):
         return [replace(claim, value=float(claim.value)) for claim in found]
 
     def tried(self, runs: Runs) -> list[Claim]:
-        """Return the measured parts with their damaged values.
+        """Return the measured parts, with their values in changed runs.
 
         Raises:
-            ValueError: a part has no damage.
+            ValueError: for a part, no change is given that must move it out of its band.
         """
         claims = self(runs)
         damages = {damage.what: damage for claim in claims for damage in claim.damages}

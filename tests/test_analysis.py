@@ -454,7 +454,13 @@ def test_curves_that_cannot_be_compared_are_refused():
         ([0.0, 0.1], [np.nan, 2.0], "F_T[0]", "finite forces"),
     ):
         refused(lambda t=t, F_T=F_T: analysis.compare_curve(record, t, F_T), field, text)
-    refused(lambda: analysis.compare_curve(record, [5.0, 5.1], [1.0, 2.0]), "t", "outside the run")
+    refused(
+        lambda: analysis.compare_curve(record, [5.0, 5.1], [1.0, 2.0]),
+        "t",
+        "outside the run",
+        value=5.0,
+        unit="s",
+    )
     refused(lambda: analysis.compare_curve(record, "abc", [1.0, 2.0]), "t", "not numbers")
     refused(lambda: analysis.compare_curve(record, [0.0, 0.1], "abc"), "F_T", "not numbers")
     early = analysis.compare_curve(record, [0.06, 0.09], [1.0, 2.0], largest_shift=0.05)

@@ -308,7 +308,7 @@ contains
     type(rate_state_t), intent(in) :: of
     integer, intent(in) :: from
     integer, intent(in) :: n
-    real(dp), intent(in) :: x(n)      !! variable of the law, plus (c/b) mu if the law has a rate of stress
+    real(dp), intent(in) :: x(n)      !! variable of the law, plus (c/b) |f|/p if the law has a rate of stress
     real(dp), intent(in) :: w(n)      !! right sides of the equations [N]
     real(dp), intent(in) :: p(n)      !! normal forces [N]
     real(dp), intent(out) :: kappa(n)

@@ -44,7 +44,7 @@ class Spread:
     Each field has a stream of its own: equal seeds of two fields give independent numbers. With a
     correlation length the field is a function of the distance x from the trailing edge. The field
     depends neither on l nor on L: blocks of l/2 are on the same interface. Without a correlation
-        length, the interface differs for each l.
+    length, the interface differs for each l.
 
     The normal distribution is approximated, within 0.0023, by the sum of twelve uniform numbers
     minus 6. No independent value is further than 6 std from the mean. With `range` there is no

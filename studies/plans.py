@@ -192,6 +192,7 @@ def trial(
     tolerance: float,
     fine: float = FINE,
     verify: str | None = None,
+    budget: float | None = None,
 ) -> dict[str, Any]:
     """Return the result of one trial, as a row of the table.
 
@@ -199,8 +200,9 @@ def trial(
         scene, t_end, want, tolerance: those of the plan.
         fine: step of the reference run, as a share of the stability limit.
         verify: how the run measures its errors; None means the default.
+        budget: processor time (s) that the plan may take; None means the default.
     """
-    how = {"want": want, "tolerance": tolerance, "verify": verify}
+    how = {"want": want, "tolerance": tolerance, "verify": verify, "budget": budget}
     machine_speed.cache_clear()  # as in a new process
     start = time.process_time()
     made = simulate(scene, t_end, **how, progress=False)

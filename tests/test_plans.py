@@ -50,16 +50,17 @@ def test_a_promise_is_judged_by_the_real_error(ladder, real, measured, broken, d
     assert (row["not_measured"], row["no_front_speed"]) == (True, True)
 
 
-WRONG_TURNS = [(3, 36, 0.1, 2), (12, 33, 0.05, 1), (12, 86, 0.05, 1)]
+WRONG_TURNS = [(3, 36, 0.1, 2), (12, 33, 0.05, 2), (12, 86, 0.05, 1)]
 """Trials in which two equally strict hybrid runs were wrong: seed, number, least viscosity, and
-least number of trusted events. In the second trial there are more where the time allows full
-dynamics. In the last trial, blocks slip 346 and 344 times in the second main event of two runs."""
+least number of trusted events. In the last trial, blocks slip 346 and 344 times in the second main
+event of two runs."""
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("seed", "n", "low", "trusted"), WRONG_TURNS)
 def test_promises_hold_where_jumps_decide_the_order_of_events(seed, n, low, trusted):
-    row = plans.trial(*plans.drawn(seed, n, (low, 2.0 if low == 0.1 else 0.33)))
+    """With time for full dynamics, so that the speed of the machine does not matter."""
+    row = plans.trial(*plans.drawn(seed, n, (low, 2.0 if low == 0.1 else 0.33)), budget=60.0)
     assert not row["beyond_tolerance"]
     assert not row["beyond_measured"]
     assert row["trusted"] >= trusted
